@@ -1,0 +1,1 @@
+"""Estimators of the bending angle: arrays in, arrays out, batched over noise seeds."""

@@ -1,0 +1,114 @@
+"""Command signals: pulling distance over time, as sinusoids, decaying sinusoids, triangles, multi-sines, steps.
+
+Every signal starts at the middle of its stroke interval or on its way through it, stays inside the interval and
+is a pure function of its arguments and of the random generator.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SETTLE_SECONDS = 1.0
+
+
+def command(
+    kind: str, stroke: tuple[float, float], seconds: float, sample_time: float, rng: np.random.Generator
+) -> Array:
+    """Draw a command signal of one kind over a stroke interval.
+
+    Args:
+        kind: one of `SIGNALS`.
+        stroke: lowest and highest pulling distance [m].
+        seconds: length of the record [s]; N = seconds / sample_time samples.
+        sample_time: time between two samples [s].
+        rng: draws period, phase and levels.
+
+    Returns:
+        (N,) pulling distance [m].
+
+    Raises:
+        ValueError: the kind is unknown, the interval is empty or the record is shorter than two samples.
+    """
+    if kind not in SIGNALS:
+        raise ValueError(f"unknown signal {kind!r}; valid: {', '.join(SIGNALS)}")
+    low, high = stroke
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise ValueError(f"stroke [{low * 1e3:g}, {high * 1e3:g}] mm: the first must be below the second")
+    if not (np.isfinite([seconds, sample_time]).all() and 0 < sample_time and seconds >= 2 * sample_time):
+        raise ValueError(f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples")
+    time = np.arange(round(seconds / sample_time)) * sample_time
+    unit = SIGNALS[kind](time, rng)  # in [-1, 1]
+    return (low + high) / 2 + (high - low) / 2 * unit
+
+
+def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
+    """Return the real path from the straight endoscope at rest to the first sample of a record.
+
+    A record that starts inside a stroke needs it: the memory of the friction is part of the state. The path
+    rises with a smooth (cosine) speed profile of mean `speed` [m / s], then rests for a second.
+
+    Args:
+        start: pulling distance at the first sample [m].
+        sample_time: time between two samples [s].
+        speed: mean speed on the way [m / s].
+
+    Returns:
+        (M,) pulling distance [m], from 0 to `start`.
+    """
+    count = max(round(abs(start) / speed / sample_time), 1)
+    ramp = start * (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
+    return np.concatenate([ramp, np.full(round(SETTLE_SECONDS / sample_time), start)])
+
+
+def check_finite(pull: Array) -> None:
+    """Refuse a command with gaps.
+
+    Raises:
+        ValueError: a sample is NaN or infinite.
+    """
+    bad = np.flatnonzero(~np.isfinite(pull))
+    if bad.size:
+        raise ValueError(f"the command is {pull[bad[0]]} at sample {bad[0]}: every sample must be a finite number")
+
+
+def _sine(time: Array, rng: np.random.Generator) -> Array:
+    return np.sin(2 * np.pi * time / rng.uniform(10.0, 20.0))
+
+
+def _decaying_sine(time: Array, rng: np.random.Generator) -> Array:
+    period = rng.uniform(8.0, 15.0)
+    return np.exp(-rng.uniform(1.0, 2.0) * time / time[-1]) * np.sin(2 * np.pi * time / period)
+
+
+def _triangle(time: Array, rng: np.random.Generator) -> Array:
+    phase = time / rng.uniform(10.0, 20.0)
+    return 1 - 4 * np.abs((phase + 0.75) % 1 - 0.5)
+
+
+def _multi_sine(time: Array, rng: np.random.Generator) -> Array:
+    periods = rng.uniform(8.0, 30.0, size=4)
+    phases = rng.uniform(0, 2 * np.pi, size=4)
+    wave = np.sin(2 * np.pi * time[:, None] / periods + phases).sum(axis=1)
+    return wave / np.abs(wave).max()
+
+
+def _random_steps(time: Array, rng: np.random.Generator) -> Array:
+    """Levels reached at a bounded speed and held: steps as a motor makes them."""
+    hold, rise = 3.0, 2.0
+    count = int(np.ceil(time[-1] / (hold + rise))) + 1
+    levels = np.concatenate([[0.0], rng.uniform(-1, 1, size=count)])
+    index = np.minimum((time // (hold + rise)).astype(int), count - 1)
+    progress = np.clip((time - index * (hold + rise)) / rise, 0, 1)
+    blend = (1 - np.cos(np.pi * progress)) / 2
+    return levels[index] * (1 - blend) + levels[index + 1] * blend
+
+
+SIGNALS: dict[str, Callable[[Array, np.random.Generator], Array]] = {
+    "sine": _sine,
+    "decaying-sine": _decaying_sine,
+    "triangle": _triangle,
+    "multi-sine": _multi_sine,
+    "random-steps": _random_steps,
+}

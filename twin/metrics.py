@@ -1,0 +1,51 @@
+"""Indices of the estimation error (eq. 13 of the RAM paper), and the interval of a mean over noise seeds."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+
+
+def error_indices(error_deg: Array) -> dict[str, Array]:
+    """Return the indices of each error signal.
+
+    The paper prints MD with squares, in deg^2, but tabulates it in degrees; its values fit
+    mean |e - mean e|, which is `md_deg` here. The printed form is `md_printed_deg2`.
+
+    Args:
+        error_deg: (..., N) estimate minus truth [deg].
+
+    Returns:
+        Arrays (...) by name: `mae_deg`, `rmse_deg`, `md_deg`, `md_printed_deg2`, `var_deg2`, `bias_deg`.
+    """
+    error = np.asarray(error_deg, dtype=float)
+    bias = error.mean(axis=-1)
+    centred = error - bias[..., None]
+    square = error**2
+    return {
+        "mae_deg": np.abs(error).mean(axis=-1),
+        "rmse_deg": np.sqrt(square.mean(axis=-1)),
+        "md_deg": np.abs(centred).mean(axis=-1),
+        "md_printed_deg2": np.abs(square - bias[..., None] ** 2).mean(axis=-1),
+        "var_deg2": (centred**2).mean(axis=-1),
+        "bias_deg": bias,
+    }
+
+
+def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:
+    """Return Student's t interval of the mean of independent values.
+
+    Args:
+        values: (n,) one value per noise seed.
+        confidence: probability that the interval covers the mean.
+
+    Returns:
+        Lower and upper end; both are the value itself where n = 1 or nothing varies.
+    """
+    values = np.asarray(values, dtype=float)
+    mean = float(values.mean())
+    if values.size < 2:
+        return mean, mean
+    half = float(stats.t.ppf((1 + confidence) / 2, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
+    return mean - half, mean + half
