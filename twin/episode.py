@@ -89,7 +89,8 @@ class Episode:
         step = round(ratio)
         if step < 1 or abs(ratio - step) > 1e-6 * ratio:
             raise ValueError(
-                f"sample time {sample_time:g} s: must be a whole multiple of the record's {self.sample_time:g} s"
+                f"sample time {sample_time:g} s: "
+                f"must be a whole multiple of the record's {self.sample_time:g} s"
             )
         arrays = {
             field.name: getattr(self, field.name)[::step]

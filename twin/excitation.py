@@ -1,7 +1,7 @@
-"""Command signals: pulling distance over time, as sinusoids, decaying sinusoids, triangles, multi-sines, steps.
+"""Command signals: pulling distance over time; sinusoids, decaying ones, triangles, multi-sines and steps.
 
-Every signal starts at the middle of its stroke interval or on its way through it, stays inside the interval and
-is a pure function of its arguments and of the random generator.
+Every signal starts at the middle of its stroke interval or on its way through it, stays inside the interval
+and is a pure function of its arguments and of the random generator.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def command(
     low, high = stroke
     if not (np.isfinite([low, high]).all() and low < high):
         raise ValueError(f"stroke [{low * 1e3:g}, {high * 1e3:g}] mm: the first must be below the second")
-    if not (np.isfinite([seconds, sample_time]).all() and 0 < sample_time and seconds >= 2 * sample_time):
+    if not (np.isfinite([seconds, sample_time]).all() and sample_time > 0 and seconds >= 2 * sample_time):
         raise ValueError(f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples")
     time = np.arange(round(seconds / sample_time)) * sample_time
     unit = SIGNALS[kind](time, rng)  # in [-1, 1]
@@ -70,7 +70,8 @@ def check_finite(pull: Array) -> None:
     """
     bad = np.flatnonzero(~np.isfinite(pull))
     if bad.size:
-        raise ValueError(f"the command is {pull[bad[0]]} at sample {bad[0]}: every sample must be a finite number")
+        first = bad[0]
+        raise ValueError(f"the command is {pull[first]} at sample {first}: every sample must be finite")
 
 
 def _sine(time: Array, rng: np.random.Generator) -> Array:

@@ -1,9 +1,9 @@
-"""The Coleman-Hodgdon model of hysteresis (Coleman and Hodgdon 1986; eq. 1 of the RAM paper), over many candidates.
+"""The Coleman-Hodgdon model of hysteresis (Coleman and Hodgdon 1986; eq. 1 of the RAM paper), in batches.
 
     d theta / dt = a |v| (b l - theta) + c v,    v = dl / dt
 
-with the pulling distance l in mm and the bending angle theta in degrees, the units that the literature quotes its
-parameters in. The model does not depend on rate: only increments of l count.
+with the pulling distance l in mm and the bending angle theta in degrees, the units that the literature quotes
+its parameters in. The model does not depend on rate: only increments of l count.
 """
 
 import dataclasses

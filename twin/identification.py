@@ -1,5 +1,6 @@
-"""Identification of the Coleman-Hodgdon model: a genetic algorithm over batches of candidates, as in the paper."""
+"""Identification of the Coleman-Hodgdon model by a genetic algorithm over batches, as in the RAM paper."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -30,7 +31,7 @@ def identify(
     """Fit one model to all records by pymoo's genetic algorithm (Blank and Deb 2020).
 
     Args:
-        records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is taken as known.
+        records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
         seed: of the genetic algorithm.
         monotone: constrain c >= b / 2, so that loops of any size are monotone.
         population: candidates per generation.
@@ -60,34 +61,44 @@ def mean_square_error(model: ColemanHodgdon, records: Sequence[tuple[Array, Arra
 
     Args:
         model: parameters of shape (candidates,) or scalars.
-        records: `(pull_mm, bend_deg)` of each record.
+        records: `(pull_mm (N,), bend_deg (N,))` of each record.
 
     Returns:
-        (candidates,) or a scalar array.
+        (candidates,) or a scalar array; 1e12 where a candidate diverges.
     """
-    total, samples = np.zeros(np.shape(model.a_per_mm)), 0
-    for pull, bend in records:
-        with np.errstate(over="ignore", invalid="ignore"):
-            error = model.response(pull, bend[0]) - bend
-            total = total + (error**2).sum(axis=-1)
-        samples += len(pull)
-    return np.nan_to_num(total / samples, nan=1e12, posinf=1e12)
+    return _mean_square_error(model, _Stack(records))
+
+
+class _Stack:
+    """Records of any length side by side: shorter ones stand still at their end, with no weight there."""
+
+    def __init__(self, records: Sequence[tuple[Array, Array]]):
+        samples = max(len(pull) for pull, _ in records)
+        self.pull = np.stack([np.pad(pull, (0, samples - len(pull)), mode="edge") for pull, _ in records])
+        self.bend = np.stack([np.pad(bend, (0, samples - len(bend))) for _, bend in records])
+        self.weight = np.stack([np.arange(samples) < len(pull) for pull, _ in records])
+
+
+def _mean_square_error(model: ColemanHodgdon, stack: _Stack) -> Array:
+    a, b, c = (np.asarray(v)[..., None] for v in dataclasses.astuple(model))  # candidates before records
+    with np.errstate(over="ignore", invalid="ignore"):
+        response = ColemanHodgdon(a, b, c).response(stack.pull, stack.bend[:, 0])
+        total = np.where(stack.weight, (response - stack.bend) ** 2, 0).sum(axis=(-1, -2))
+    return np.nan_to_num(total / stack.weight.sum(), nan=1e12, posinf=1e12)
 
 
 class _FitProblem(Problem):
-    """Search space of the unit cube: a on a logarithmic scale, b, and c (as its excess over b / 2 if monotone)."""
+    """Search space of the unit cube: log a, b, and c (as its excess over b / 2 if monotone)."""
 
     def __init__(self, records: Sequence[tuple[Array, Array]], monotone: bool):
         super().__init__(n_var=3, n_obj=1, xl=0.0, xu=1.0)
-        self.records = records
+        self.stack = _Stack(records)
         self.monotone = monotone
 
     def decode(self, unit: Array) -> list[ColemanHodgdon]:
         batch = self._batch(unit)
-        return [
-            ColemanHodgdon(*map(float, p))
-            for p in zip(*(np.asarray(v) for v in (batch.a_per_mm, batch.b_deg_per_mm, batch.c_deg_per_mm)), strict=True)
-        ]
+        a, b, c = (np.asarray(v) for v in (batch.a_per_mm, batch.b_deg_per_mm, batch.c_deg_per_mm))
+        return [ColemanHodgdon(*map(float, p)) for p in zip(a, b, c, strict=True)]
 
     def _batch(self, unit: Array) -> ColemanHodgdon:
         a = LOWER[0] * (UPPER[0] / LOWER[0]) ** unit[:, 0]
@@ -96,7 +107,7 @@ class _FitProblem(Problem):
         return ColemanHodgdon(a, b, c + b / 2 if self.monotone else c)
 
     def _evaluate(self, x: Array, out: dict, *args: object, **kwargs: object) -> None:
-        out["F"] = mean_square_error(self._batch(x), self.records)[:, None]
+        out["F"] = _mean_square_error(self._batch(x), self.stack)[:, None]
 
 
 class _Progress(Callback):

@@ -47,5 +47,6 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
     mean = float(values.mean())
     if values.size < 2:
         return mean, mean
-    half = float(stats.t.ppf((1 + confidence) / 2, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
+    standard_error = values.std(ddof=1) / np.sqrt(values.size)
+    half = float(stats.t.ppf((1 + confidence) / 2, values.size - 1) * standard_error)
     return mean - half, mean + half

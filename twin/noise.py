@@ -1,4 +1,4 @@
-"""Measurement noise of the paper's experiments, in degrees: Gaussian of variance R, Poisson of expectation lambda."""
+"""Measurement noise of the RAM paper, in degrees: Gaussian of variance R, Poisson of expectation lambda."""
 
 from collections.abc import Callable
 

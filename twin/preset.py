@@ -24,7 +24,7 @@ class Preset:
     wire_offset: float = 1.3e-3
     """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
     section_stiffness: float = 0.05
-    """Moment that bends the whole section by one radian [N m / rad]; a hinge is `vertebrae` times as stiff."""
+    """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
     section_damping: float = 3e-5
     """Viscous moment per bending rate of the whole section [N m s / rad]."""
     joint_friction: float = 1e-3

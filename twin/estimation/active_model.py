@@ -1,7 +1,8 @@
 """The active model (AM): an extended Kalman filter of the bending angle and of the model's error, eqs. 4-9.
 
-The state is X = [theta, f]: the bending angle [deg] and the error of the Coleman-Hodgdon model [deg / s], a random
-walk. Everything is batched over a leading axis of filters, which may differ in command, noise and initial estimate.
+The state is X = [theta, f]: the bending angle [deg] and the error of the Coleman-Hodgdon model [deg / s],
+a random walk. Everything is batched over a leading axis of filters, which may differ in command, noise and
+initial estimate.
 """
 
 import dataclasses
@@ -24,11 +25,11 @@ class ActiveModel:
     sample_time: float
     """T [s]."""
     process_variance: tuple[float, float] = (1e-3, 1e-3)
-    """Diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; the paper's small values."""
+    """Diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small, as in the paper."""
     measurement_variance: float = 0.1
     """R [deg^2]."""
     initial_variance: tuple[float, float] = (1e-2, 1e-2)
-    """Diagonal of P at the first sample; not published, so small as Q: a filter that trusts its first estimate."""
+    """Diagonal of P at the first sample; not published, so small as Q: the first estimate is trusted."""
 
 
 class Belief(NamedTuple):
@@ -50,7 +51,9 @@ def initial_belief(active_model: ActiveModel, bend_deg: ArrayLike) -> Belief:
     return Belief(np.stack([bend, np.zeros_like(bend)], axis=-1), covariance)
 
 
-def predict(active_model: ActiveModel, belief: Belief, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Belief:
+def predict(
+    active_model: ActiveModel, belief: Belief, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
+) -> Belief:
     """Advance the belief by one sample (eqs. 6-8).
 
     Args:
@@ -61,7 +64,8 @@ def predict(active_model: ActiveModel, belief: Belief, pull_mm: ArrayLike, previ
     """
     T = active_model.sample_time
     bend, error = belief.mean[:, 0], belief.mean[:, 1]
-    mean = np.stack([active_model.model.step(bend, np.asarray(pull_mm), previous_pull_mm) + error * T, error], -1)
+    next_bend = active_model.model.step(bend, np.asarray(pull_mm), previous_pull_mm) + error * T
+    mean = np.stack([next_bend, error], axis=-1)
 
     # Sigma = dF / dX (eq. 7): T a |v| is a |increment|
     transition = np.zeros_like(belief.covariance)
@@ -76,7 +80,8 @@ def predict(active_model: ActiveModel, belief: Belief, pull_mm: ArrayLike, previ
 def update(active_model: ActiveModel, belief: Belief, measurement_deg: ArrayLike) -> Belief:
     """Condition the belief on one measurement of the angle (eqs. 8-9), with the covariance in Joseph's form.
 
-    P - P K Omega as printed is not (I - K Omega) P and loses symmetry; Joseph's form keeps P symmetric and positive.
+    P - P K Omega as printed is not (I - K Omega) P and loses symmetry; Joseph's form keeps P symmetric and
+    positive.
 
     Args:
         active_model: gives R.
@@ -114,7 +119,7 @@ def estimate_active_model(
     Args:
         active_model: model, sample time, Q, R and the first P.
         pull_mm: (N,) pulling distance [mm].
-        measurement_deg: (B, N) measured angle [deg]; the first sample is not used, as the estimate there is given.
+        measurement_deg: (B, N) measured angle [deg]; the first sample is not used: the estimate is given.
         initial_bend_deg: scalar or (B,) initial estimate [deg].
 
     Returns:

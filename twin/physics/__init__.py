@@ -1,8 +1,8 @@
 """The endoscope in MuJoCo: model, named readings, friction of the sheath, simulation and rendering."""
 
-from twin.physics import headless  # noqa: F401, I001  chooses MUJOCO_GL before dm_control is imported
+from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_control is imported
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.model import model_xml
-from twin.physics.simulation import simulate
+from twin.physics.simulation import check_sample_time, simulate
 
-__all__ = ["Endoscope", "State", "model_xml", "simulate"]
+__all__ = ["Endoscope", "State", "check_sample_time", "model_xml", "simulate"]

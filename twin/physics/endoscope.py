@@ -1,4 +1,4 @@
-"""The endoscope as a dm_control `Physics` with named readings, its load-dependent friction and its whole state."""
+"""The endoscope as a dm_control `Physics`: named readings, load-dependent friction and the whole state."""
 
 import dataclasses
 from typing import cast
@@ -83,7 +83,7 @@ class Endoscope(dm_mujoco.Physics):
 
         Raises:
             ValueError: `pull` is not finite.
-            RuntimeError: the simulation diverged.
+            FloatingPointError: the simulation diverged.
         """
         if not np.isfinite(pull):
             raise ValueError(f"commanded pulling distance {pull}: must be a finite number")
@@ -94,7 +94,7 @@ class Endoscope(dm_mujoco.Physics):
         data.ctrl[:] = (pull - data.act[0]) / preset.control_period
         self.step(self._steps)
         if data.warning.number.any():
-            raise RuntimeError(
+            raise FloatingPointError(
                 f"the simulation of {preset.name!r} diverged at {self.time():.3f} s: "
                 f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
             )
@@ -120,5 +120,5 @@ class Endoscope(dm_mujoco.Physics):
             )
         model.dof_frictionloss[self._sheath] = state.friction
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
-        # dm_control begins a step with the second half of MuJoCo's; this is the first half, from the same inputs.
+        # dm_control begins a step with the second half of MuJoCo's; this is the first, from the same inputs.
         mujoco.mj_step1(model, data)

@@ -1,9 +1,11 @@
-"""Chooses how MuJoCo draws without a screen. Imported before dm_control, which binds to a backend at import."""
+"""Chooses how MuJoCo draws without a screen. Imported before dm_control, which binds to a backend then."""
 
 import ctypes.util
 import os
 
-HOW_TO_INSTALL = "install libegl1 and libgl1-mesa-dri, or libosmesa6 (apt-get install libegl1 libgl1-mesa-dri)"
+HOW_TO_INSTALL = (
+    "install libegl1 and libgl1-mesa-dri, or libosmesa6 (apt-get install libegl1 libgl1-mesa-dri)"
+)
 
 
 def choose_backend() -> str:

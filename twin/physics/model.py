@@ -1,4 +1,4 @@
-"""The MJCF model of an endoscope: the hand-written scene, and what repeats along the bending section and the sheath.
+"""The MJCF model of an endoscope: the hand-written scene, and what repeats along section and sheath.
 
 One slide joint is the pulley. Each of the two wires runs from it through the sheath, where it is cut into
 elements that slide with friction (joints `sheath_a0`, `sheath_a1`, ..., pulley to tip), and then through
@@ -57,8 +57,8 @@ def section_inertia(preset: Preset) -> float:
 def _add_pulley(spec: mujoco.MjSpec) -> None:
     """One slide that pulls wire a and pays out wire b, driven by a servo without lag.
 
-    The integrating actuator holds the commanded distance, ramping linearly between two commands; the other one
-    feeds the commanded velocity forward, so that no error in position is needed to move.
+    The integrating actuator holds the commanded distance, ramping linearly between two commands; the other
+    one feeds the commanded velocity forward, so that no error in position is needed to move.
     """
     body = spec.worldbody.add_body(name="pulley")
     body.add_joint(name="pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
@@ -85,7 +85,7 @@ def _add_pulley(spec: mujoco.MjSpec) -> None:
 
 
 def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """The friction elements: masses that slide along the shaft, their friction rewritten as the tension changes."""
+    """The friction elements: masses that slide along the shaft; their friction follows the tension."""
     radius = 1.35 * preset.wire_offset
     spec.worldbody.add_geom(
         name="sheath",
@@ -205,7 +205,7 @@ _LEAST_FRICTION = (
 
 
 def _element_position(preset: Preset, element: int) -> float:
-    """Where an element of the sheath lies along x [m], pulley to tip; the last one near the bending section."""
+    """Where an element of the sheath lies along x [m], pulley to tip; the last is near the bending section."""
     return -preset.sheath_length * (preset.sheath_elements - element - 0.5) / preset.sheath_elements
 
 
@@ -216,5 +216,5 @@ def _make_friction_dry(joint: mujoco.MjsJoint, preset: Preset) -> None:
 
 
 def _add_point_mass(body: mujoco.MjsBody) -> None:
-    """Give a body that only slides the mass that MuJoCo demands, unseen; its inertia is the joint's armature."""
+    """Give a body that only slides the mass that MuJoCo demands; its inertia is the joint's armature."""
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[1e-3, 0, 0], mass=1e-3, rgba=[0, 0, 0, 0])

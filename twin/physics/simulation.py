@@ -31,8 +31,8 @@ def simulate(
         preset: the endoscope.
         pull: (N,) commanded pulling distance at each sample [m], linear in between.
         sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
-        state: where the run begins. Without it the run begins straight and at rest, and goes to `pull[0]` along
-            a real path that is not part of the record.
+        state: where the run begins. Without it the run begins straight and at rest, and goes to `pull[0]`
+            along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, for pictures.
 
@@ -41,16 +41,11 @@ def simulate(
 
     Raises:
         ValueError: the command is not finite, or the sample time does not fit the control period.
-        RuntimeError: the simulation diverged.
+        FloatingPointError: the simulation diverged.
     """
     pull = np.asarray(pull, dtype=float)
     check_finite(pull)
-    periods = round(sample_time / preset.control_period)
-    if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
-        raise ValueError(
-            f"sample time {sample_time:g} s: must be a whole multiple of the control period, "
-            f"{preset.control_period:g} s"
-        )
+    periods = check_sample_time(preset, sample_time)
     endoscope = endoscope or Endoscope.from_preset(preset)
     if state is not None:
         endoscope.restore_state(state)
@@ -89,3 +84,18 @@ def simulate(
         },
         attachments={"endoscope.xml": model_xml(preset).encode()},
     )
+
+
+def check_sample_time(preset: Preset, sample_time: float) -> int:
+    """Return how many control periods there are between two samples.
+
+    Raises:
+        ValueError: not a whole number.
+    """
+    periods = round(sample_time / preset.control_period) if np.isfinite(sample_time) else 0
+    if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
+        raise ValueError(
+            f"sample time {sample_time:g} s: must be a whole multiple of the control period, "
+            f"{preset.control_period:g} s"
+        )
+    return periods

@@ -1,0 +1,148 @@
+"""The two ways in which a learned policy estimates the bending angle: RAM, and direct RL without the active model.
+
+An agent is a batch of B running estimators. Training, evaluation and the online form all drive the same two calls per
+sample: `observe` takes the command and the measurement and returns what the policy sees, `act` takes
+what the policy says and returns the estimate. No agent ever sees the true angle.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.estimation.active_model import ActiveModel, Belief, active_model_step, initial_belief
+
+Array = NDArray[np.float64]
+ANGLE_LIMIT_DEG = 25.0  # largest change of the angle that direct RL can make in one sample
+ERROR_GAIN_LIMIT = 1.0  # largest K_RAM of the model error f [1 / s]
+
+
+class Agent(Protocol):
+    """A batch of estimators that a policy steers."""
+
+    observation_size: int
+    action_size: int
+
+    def reset(self, initial_bend_deg: ArrayLike) -> None:
+        """Start B estimators at their (B,) initial estimates [deg]."""
+
+    def observe(
+        self,
+        pull_mm: ArrayLike,
+        previous_pull_mm: ArrayLike,
+        measurement_deg: ArrayLike,
+        oracle_deg: ArrayLike | None = None,
+    ) -> Array:
+        """Take in one sample and return the (B, observation_size) observation.
+
+        `oracle_deg` replaces the measurement in the residual by the truth; only a labelled oracle run gives it.
+        """
+
+    def act(self, action: Array) -> Array:
+        """Apply (B, action_size) actions in [-1, 1] and return the (B,) estimates [deg]."""
+
+
+class ReinforcementActiveModel:
+    """RAM (eq. 10): after the active model's update the policy sets a second gain on the residual.
+
+        phi = y - theta_AM(k|k),    X_RAM = X_AM + K_RAM phi
+
+    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units of the
+    standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another. The action holds the two numbers
+    of K_RAM: of the angle, in [0, 1], so that the update is a convex step towards the measurement, and of the
+    model's error, in [0, 1] per second. X_RAM feeds the next prediction.
+    """
+
+    observation_size = 1
+    action_size = 2
+
+    def __init__(self, active_model: ActiveModel):
+        self.active_model = active_model
+        self.belief: Belief = initial_belief(active_model, 0.0)
+        self.residual: Array = np.zeros(1)
+        self._noise_deg = active_model.measurement_variance**0.5
+
+    def reset(self, initial_bend_deg: ArrayLike) -> None:
+        """Start B estimators at their (B,) initial estimates [deg]."""
+        self.belief = initial_belief(self.active_model, initial_bend_deg)
+
+    def observe(
+        self,
+        pull_mm: ArrayLike,
+        previous_pull_mm: ArrayLike,
+        measurement_deg: ArrayLike,
+        oracle_deg: ArrayLike | None = None,
+    ) -> Array:
+        """Run the active model by one sample and return phi / sqrt(R), on a symmetric logarithmic scale: (B, 1)."""
+        self.belief = active_model_step(self.active_model, self.belief, pull_mm, previous_pull_mm, measurement_deg)
+        reference = measurement_deg if oracle_deg is None else oracle_deg
+        self.residual = np.asarray(reference, dtype=float) - self.belief.mean[:, 0]
+        return to_log_scale(self.residual / self._noise_deg)[:, None]
+
+    def act(self, action: Array) -> Array:
+        """Apply (B, 2) actions as K_RAM = [(a0 + 1) / 2, (a1 + 1) / 2 per second] and return the estimates [deg]."""
+        gain = (np.clip(action, -1, 1) + 1) / 2 * np.array([1.0, ERROR_GAIN_LIMIT])
+        self.belief = Belief(self.belief.mean + gain * self.residual[:, None], self.belief.covariance)
+        return self.belief.mean[:, 0].copy()
+
+
+class DirectEstimator:
+    """Direct RL (Fig. 4): the policy replaces the active model and predicts the change of the angle itself.
+
+    It sees y_k - theta_(k-1) and the increment of the pulling distance, and has no model and no covariance.
+    """
+
+    observation_size = 2
+    action_size = 1
+
+    def __init__(self) -> None:
+        self.bend: Array = np.zeros(1)
+
+    def reset(self, initial_bend_deg: ArrayLike) -> None:
+        """Start B estimators at their (B,) initial estimates [deg]."""
+        self.bend = np.array(np.atleast_1d(initial_bend_deg), dtype=float)
+
+    def observe(
+        self,
+        pull_mm: ArrayLike,
+        previous_pull_mm: ArrayLike,
+        measurement_deg: ArrayLike,
+        oracle_deg: ArrayLike | None = None,
+    ) -> Array:
+        """Return y - theta on a symmetric logarithmic scale, and the increment of the pull [0.1 mm]: (B, 2)."""
+        reference = measurement_deg if oracle_deg is None else oracle_deg
+        residual = np.asarray(reference, dtype=float) - self.bend
+        increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
+        return np.stack(np.broadcast_arrays(to_log_scale(residual), increment * 10), axis=-1)
+
+    def act(self, action: Array) -> Array:
+        """Move the angle by (B, 1) actions, on the logarithmic scale of the residual, and return it [deg]."""
+        change = from_log_scale(np.clip(action[:, 0], -1, 1) * np.log1p(ANGLE_LIMIT_DEG))
+        self.bend = self.bend + change
+        return self.bend.copy()
+
+
+def to_log_scale(angle_deg: Array) -> Array:
+    """Return sign(x) log(1 + |x|): noise of 0.3 deg and a first error of 20 deg are both resolved."""
+    return np.sign(angle_deg) * np.log1p(np.abs(angle_deg))
+
+
+def from_log_scale(value: Array) -> Array:
+    """Return the angle whose `to_log_scale` is `value` [deg]."""
+    return np.sign(value) * np.expm1(np.abs(value))
+
+
+def make_agent(name: str, active_model: ActiveModel) -> Agent:
+    """Return an agent by its name on the command line.
+
+    Raises:
+        ValueError: the name is unknown.
+    """
+    if name == "ram":
+        return ReinforcementActiveModel(active_model)
+    if name == "direct":
+        return DirectEstimator()
+    raise ValueError(f"unknown agent {name!r}; valid: {', '.join(AGENTS)}")
+
+
+AGENTS = ("ram", "direct")

@@ -1,0 +1,196 @@
+"""The estimation task as environments: one for Gymnasium, and one batched over many episodes for training."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from rl.agents import AGENTS, Agent, make_agent
+from twin.estimation.active_model import ActiveModel
+from twin.hysteresis import ColemanHodgdon
+from twin.noise import draw_noise
+
+Array = NDArray[np.float64]
+ENVIRONMENT_ID = "EndoTwin/Estimation-v0"
+_OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """Recorded episodes of equal length, and what is unknown about them to the estimator."""
+
+    pull_mm: Array
+    """(records, N) pulling distance [mm]."""
+    bend_deg: Array
+    """(records, N) true bending angle [deg]: it makes measurements and rewards, never observations."""
+    noise: str = "gaussian"
+    """Kind of the measurement noise."""
+    noise_level: float = 0.1
+    """Its level: the paper trains at R = 0.1."""
+    initial_error_deg: float = 20.0
+    """The initial estimate is off by up to this, evenly drawn [deg]."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
+        """Draw episodes: (count,) records, (count, N) measurements [deg], (count,) initial estimates [deg]."""
+        record = rng.integers(len(self.pull_mm), size=count)
+        truth = self.bend_deg[record]
+        measurement = truth + draw_noise(self.noise, self.noise_level, truth.shape, rng)
+        initial = truth[:, 0] + rng.uniform(-self.initial_error_deg, self.initial_error_deg, size=count)
+        return record, measurement, initial
+
+
+def stack_records(records: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Cut `(pull_mm, bend_deg)` records to the length of the shortest and stack them: two (records, N) arrays."""
+    samples = min(len(pull) for pull, _ in records)
+    return np.stack([pull[:samples] for pull, _ in records]), np.stack([bend[:samples] for _, bend in records])
+
+
+def _observation_space(agent: Agent) -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (agent.observation_size,), np.float32)
+
+
+def _action_space(agent: Agent) -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-1.0, 1.0, (agent.action_size,), np.float32)
+
+
+class BatchEnvironment(VecEnv):
+    """Many episodes side by side for stable-baselines3: a step is arithmetic on arrays, not a loop over episodes.
+
+    The reward is eq. 11, minus the squared error of the estimate [deg^2]. An episode ends, truncated, with
+    its record; its environment then draws the next one.
+    """
+
+    def __init__(self, task: Task, agent: Agent, count: int, seed: int | None = None):
+        self.render_mode = None  # asked for by the next line
+        super().__init__(count, _observation_space(agent), _action_space(agent))
+        self.task = task
+        self.agent = agent
+        self.rng = np.random.default_rng(seed)
+
+    def reset(self) -> NDArray[np.float32]:  # type: ignore[override]
+        """Begin a new episode in every environment; returns (count, observation_size)."""
+        self.record, self.measurement, initial = self.task.draw(self.num_envs, self.rng)
+        self.agent.reset(initial)
+        self.sample = 1
+        self.episode_return = np.zeros(self.num_envs)
+        return self._observe()
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Take (count, action_size) actions."""
+        self.actions = np.asarray(actions, dtype=float)
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict]]:  # type: ignore[override]
+        """Apply them; returns observations, rewards, ends and infos, new episodes begun where one ended."""
+        estimate = self.agent.act(self.actions)
+        reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
+        self.episode_return += reward
+        self.sample += 1
+        infos: list[dict] = [{} for _ in range(self.num_envs)]
+        done = np.zeros(self.num_envs, dtype=bool)
+        # All records have one length and all episodes began together, so they end together.
+        if self.sample == self.task.pull_mm.shape[1]:
+            done[:] = True
+            last = self._last_observation
+            for index, info in enumerate(infos):
+                info["TimeLimit.truncated"] = True
+                info["terminal_observation"] = last[index]
+                info["episode"] = {"r": float(self.episode_return[index]), "l": self.sample - 1, "t": 0.0}
+            observation = self.reset()
+        else:
+            observation = self._observe()
+        return observation, reward.astype(np.float32), done, infos
+
+    def _observe(self) -> NDArray[np.float32]:
+        k, pull = self.sample, self.task.pull_mm
+        observation = self.agent.observe(
+            pull[self.record, k], pull[self.record, k - 1], self.measurement[np.arange(self.num_envs), k]
+        )
+        self._last_observation = observation.astype(np.float32)
+        return self._last_observation
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Restart the random numbers of all environments."""
+        self.rng = np.random.default_rng(seed)
+        return [seed] * self.num_envs
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute, which all environments share."""
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute, which all environments share."""
+        setattr(self, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method once and return its result for every environment asked for."""
+        return [getattr(self, method_name)(*args, **kwargs)] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No environment is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """One episode at a time, for Gymnasium's tools; the same task and agent as the batched environment.
+
+    `gymnasium.make("EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)`; without
+    records it makes a short one from the model itself, so that the id works by itself.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012  Gymnasium's own name
+
+    def __init__(
+        self,
+        records: Sequence[tuple[Array, Array]] | None = None,
+        model: ColemanHodgdon | None = None,
+        agent: str = "ram",
+        sample_time: float = 0.1,
+        render_mode: str | None = None,
+    ):
+        model = model or PAPER_MODEL
+        pull, bend = stack_records(records or [_model_record(model, sample_time)])
+        self.batch = BatchEnvironment(Task(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1)
+        self.observation_space = self.batch.observation_space
+        self.action_space = self.batch.action_space
+        self.render_mode = render_mode
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Draw a record, its noise and the error of the initial estimate."""
+        super().reset(seed=seed)
+        if seed is not None:
+            self.batch.seed(seed)
+        return self.batch.reset()[0], {}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Apply one action; `truncated` at the end of the record."""
+        observation, reward, done, infos = self.batch.step(np.asarray(action)[None])
+        ended = bool(done[0])
+        seen = infos[0]["terminal_observation"] if ended else observation[0]
+        return seen, float(reward[0]), False, ended, {}
+
+
+PAPER_MODEL = ColemanHodgdon(1.15, 22.38, 5.0)  # eq. 12
+
+
+def _model_record(model: ColemanHodgdon, sample_time: float) -> tuple[Array, Array]:
+    """One minute of the model's own loop on the paper's training stroke."""
+    pull = 3 + np.sin(2 * np.pi * np.arange(round(60 / sample_time)) * sample_time / 8)
+    return pull, model.response(pull, 60.0)
+
+
+def register_environments() -> None:
+    """Make `ENVIRONMENT_ID` known to Gymnasium."""
+    if ENVIRONMENT_ID not in gymnasium.registry:
+        gymnasium.register(ENVIRONMENT_ID, entry_point="rl.environment:EstimationEnvironment")
+
+
+__all__ = ["AGENTS", "BatchEnvironment", "EstimationEnvironment", "Task", "register_environments", "stack_records"]

@@ -1,0 +1,247 @@
+"""Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, resumable, into one run folder."""
+
+import csv
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecNormalize
+
+from rl.agents import make_agent
+from rl.environment import BatchEnvironment, Task, stack_records
+from rl.policy import export_policy
+from twin.estimation.active_model import ActiveModel
+from twin.recording.atomic import WholeFile
+
+Array = NDArray[np.float64]
+CHECKPOINTS = 10  # over a whole training
+
+
+@dataclasses.dataclass(frozen=True)
+class Training:
+    """How a policy is trained. Defaults are the paper's Table I and its protocol."""
+
+    agent: str = "ram"
+    """`ram`, or `direct` for direct RL."""
+    episodes: int = 2000
+    """Episodes in all."""
+    learning_rate: float = 2.5e-4
+    """Of Adam."""
+    horizon: int = 1024
+    """Samples between two updates, over all environments."""
+    discount: float = 0.99
+    """Discount factor gamma."""
+    minibatch: int = 128
+    """Samples in one gradient step."""
+    clip: float = 0.2
+    """Clip factor of PPO."""
+    environments: int = 32
+    """Episodes that run side by side."""
+    noise: str = "gaussian"
+    """Measurement noise during training."""
+    noise_level: float = 0.1
+    """Its level: R = 0.1 in the paper."""
+    initial_error_deg: float = 20.0
+    """The initial estimate is off by up to this [deg]."""
+    seed: int = 0
+    """Of the network, the exploration and the noise."""
+
+    def __post_init__(self) -> None:
+        """Refuse a training that cannot run.
+
+        Raises:
+            ValueError: a number is out of range, or the horizon does not divide evenly.
+        """
+        make_agent(self.agent, _ANY_ACTIVE_MODEL)
+        for name in ("episodes", "learning_rate", "horizon", "minibatch", "clip", "environments"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name} = {getattr(self, name)}: must be positive")
+        if not 0 < self.discount <= 1:
+            raise ValueError(f"discount = {self.discount}: must be above 0 and at most 1")
+        if self.horizon % self.environments or self.horizon % self.minibatch:
+            raise ValueError(
+                f"horizon = {self.horizon}: must be a multiple of environments = {self.environments} "
+                f"and of minibatch = {self.minibatch}"
+            )
+
+
+_ANY_ACTIVE_MODEL = ActiveModel(model=None, sample_time=1.0)  # type: ignore[arg-type]  only to check a name
+
+
+def train_policy(
+    records: Sequence[tuple[Array, Array]],
+    active_model: ActiveModel,
+    training: Training,
+    folder: Path,
+    on_progress: Callable[[int, int, float], None] | None = None,
+) -> Path:
+    """Train a policy and write `policy.onnx`, `config.yaml`, `progress.csv` and checkpoints into a folder.
+
+    A training that was stopped goes on from its newest whole checkpoint; one that is finished is left as it is. (A
+    resumed training draws other random numbers than an undisturbed one.)
+
+    Args:
+        records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
+        active_model: the filter inside RAM; its R is told at training.
+        training: agent, length and parameters of PPO.
+        folder: where the run is kept.
+        on_progress: told samples done, samples in all and the latest mean reward per sample [deg^2].
+
+    Returns:
+        Path of the policy.
+
+    Raises:
+        ValueError: the folder holds a run of another configuration.
+    """
+    torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
+    folder.mkdir(parents=True, exist_ok=True)
+    configuration = run_configuration(records, active_model, training)
+    policy_path = folder / "policy.onnx"
+    claim_folder(folder, configuration)
+    if policy_path.is_file():
+        return policy_path
+
+    pull, bend = stack_records(records)
+    task = Task(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
+    agent = make_agent(training.agent, active_model)
+    total = training.episodes * (pull.shape[1] - 1)
+    environment = VecNormalize(
+        BatchEnvironment(task, agent, training.environments, training.seed),
+        norm_obs=False,
+        norm_reward=True,  # eq. 11 up to a scale: the first samples of an episode are 20 deg off
+        gamma=training.discount,
+    )
+    ppo, environment = _resume(folder, environment) or (_new_ppo(environment, training), environment)
+    callback = _Progress(folder, total, on_progress)
+    if ppo.num_timesteps < total:
+        ppo.learn(total - ppo.num_timesteps, callback=callback, reset_num_timesteps=False)
+    export_policy(ppo, training.agent, configuration, policy_path)
+    return policy_path
+
+
+def run_configuration(
+    records: Sequence[tuple[Array, Array]], active_model: ActiveModel, training: Any
+) -> dict[str, Any]:
+    """Return what a run depends on, as plain values: the contents of `config.yaml`."""
+    return {
+        "training": dataclasses.asdict(training),
+        "active_model": {
+            "a_per_mm": float(np.asarray(active_model.model.a_per_mm)),
+            "b_deg_per_mm": float(np.asarray(active_model.model.b_deg_per_mm)),
+            "c_deg_per_mm": float(np.asarray(active_model.model.c_deg_per_mm)),
+            "sample_time": active_model.sample_time,
+            "process_variance": list(active_model.process_variance),
+            "measurement_variance": active_model.measurement_variance,
+            "initial_variance": list(active_model.initial_variance),
+        },
+        "records": {
+            "count": len(records),
+            "samples": [len(pull) for pull, _ in records],
+            "mean_bend_deg": float(np.mean([bend.mean() for _, bend in records])),
+        },
+    }
+
+
+def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
+    """Write `config.yaml`, or check that the run already there has the same configuration.
+
+    Raises:
+        ValueError: it has another one.
+    """
+    path = folder / "config.yaml"
+    text = yaml.safe_dump(configuration, sort_keys=False)
+    if path.is_file():
+        if path.read_text() != text:
+            raise ValueError(f"{folder} holds a run of another configuration: choose another --out or remove it")
+        return
+    with WholeFile(path) as file:
+        file.write(text.encode())
+
+
+def _new_ppo(environment: VecNormalize, training: Training) -> PPO:
+    return PPO(
+        "MlpPolicy",
+        environment,
+        learning_rate=training.learning_rate,
+        n_steps=training.horizon // training.environments,
+        batch_size=training.minibatch,
+        gamma=training.discount,
+        clip_range=training.clip,
+        seed=training.seed,
+        device="cpu",
+    )
+
+
+def _resume(folder: Path, environment: VecNormalize) -> tuple[PPO, VecNormalize] | None:
+    """Load the newest whole checkpoint; one that was cut off by a crash is passed over."""
+    for path in sorted(folder.glob("checkpoints/*.zip"), reverse=True):
+        statistics = path.with_suffix(".normalize.pkl")
+        try:
+            restored = VecNormalize.load(str(statistics), environment.venv)
+            ppo = PPO.load(path, env=restored, device="cpu")
+        except Exception:  # whatever a damaged archive raises
+            continue
+        restored.reset()
+        return ppo, restored
+    return None
+
+
+class _Progress(BaseCallback):
+    """Appends the return of finished episodes to `progress.csv` and keeps checkpoints."""
+
+    def __init__(self, folder: Path, total: int, on_progress: Callable[[int, int, float], None] | None):
+        super().__init__()
+        self.folder = folder
+        self.total = total
+        self.on_progress = on_progress
+        self.latest = float("nan")
+
+    def _on_training_start(self) -> None:
+        self.next_checkpoint = self.num_timesteps + self.total // CHECKPOINTS
+        path = self.folder / "progress.csv"
+        kept = []
+        if path.is_file():  # of a stopped run: rows after its last checkpoint will be made again
+            with path.open() as file:
+                kept = [row for row in csv.reader(file) if row and row[0].isdigit()]
+            kept = [row for row in kept if int(row[0]) <= self.num_timesteps]
+        self.file = path.open("w", newline="")
+        self.writer = csv.writer(self.file)
+        self.writer.writerows([["samples", "episode_return"], *kept])
+
+    def _on_step(self) -> bool:
+        rewards = [info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info]
+        if rewards:
+            self.latest = float(np.mean(rewards))
+            self.writer.writerow([self.num_timesteps, f"{self.latest:.6g}"])
+            self.file.flush()
+            if self.on_progress:
+                self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
+        return True
+
+    def _on_rollout_end(self) -> None:
+        # The policy of this moment has made the rollout but has not learned from it yet.
+        if self.num_timesteps >= self.next_checkpoint:
+            self._save()
+            self.next_checkpoint += self.total // CHECKPOINTS
+
+    def _save(self) -> None:
+        checkpoints = self.folder / "checkpoints"
+        checkpoints.mkdir(exist_ok=True)
+        name = f"{self.num_timesteps:010d}"
+        normalize = self.model.get_vec_normalize_env()
+        assert normalize is not None
+        normalize.save(str(checkpoints / f"{name}.normalize.pkl"))
+        with WholeFile(checkpoints / f"{name}.zip") as file:
+            self.model.save(file)
+
+    def _on_training_end(self) -> None:
+        self.file.close()
+        if self.on_progress:
+            self.on_progress(self.total, self.total, self.latest)

@@ -1,0 +1,41 @@
+"""`endotwin VERB`: finds the verb's file and runs it."""
+
+import difflib
+import importlib
+import sys
+
+VERBS = {
+    "generate": "simulate episodes of an endoscope into a folder of MCAP files",
+    "identify": "fit the Coleman-Hodgdon model to records",
+    "train": "train a policy (RAM or direct RL) or the LSTM on records",
+    "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
+    "render": "draw a record as PNG or MP4, without a screen",
+    "report": "make one self-contained HTML page of a run",
+    "demo": "all of it, end to end, at small size",
+}
+
+
+def main() -> int:
+    """Run the verb that the command line names; returns the exit code."""
+    words = sys.argv[1:]
+    if not words or words[0] in ("-h", "--help"):
+        print(_help())
+        return 0
+    verb, *rest = words
+    if verb not in VERBS:
+        close = difflib.get_close_matches(verb, VERBS, n=1)
+        guess = f" (did you mean {close[0]!r}?)" if close else ""
+        print(f"endotwin: unknown verb {verb!r}{guess}; valid: {', '.join(VERBS)}", file=sys.stderr)
+        return 2
+    return importlib.import_module(f"scripts.{verb}").main(rest)
+
+
+def _help() -> str:
+    lines = [f"  {verb:<10} {purpose}" for verb, purpose in VERBS.items()]
+    return "\n".join(
+        ["usage: endotwin VERB [options]", "", *lines, "", "`endotwin VERB --help` lists the options of a verb."]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

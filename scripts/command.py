@@ -1,0 +1,108 @@
+"""What all verbs share: parsing, one line for a user's mistake, one line of summary, progress on stderr."""
+
+import dataclasses
+import json
+import logging
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import tyro
+from tqdm import tqdm
+
+Arguments = TypeVar("Arguments")
+MISTAKE = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Summary:
+    """What a verb did."""
+
+    line: str
+    """One sentence for a person."""
+    values: dict[str, Any]
+    """The same for a program: printed as one JSON object by `--json`."""
+    code: int = 0
+    """Exit code of the command."""
+
+
+def run_verb(
+    arguments: Callable[..., Arguments], verb: Callable[[Arguments], Summary], argv: Sequence[str] | None = None
+) -> int:
+    """Parse the command line, run a verb and print its summary; returns the exit code.
+
+    A user's mistake (a wrong value, file or folder) is one line on stderr and exit code 2, without a traceback.
+    """
+    name = f"endotwin {verb.__module__.rsplit('.', 1)[-1]}" if verb.__module__ != "__main__" else sys.argv[0]
+    logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
+    parsed = tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
+    try:
+        summary = verb(parsed)
+    except (ValueError, OSError, FloatingPointError) as error:
+        print(f"{name}: {_one_line(error)}", file=sys.stderr)
+        return MISTAKE
+    except KeyboardInterrupt:
+        print(f"{name}: stopped", file=sys.stderr)
+        return 130
+    if getattr(parsed, "json", False):
+        print(json.dumps(summary.values))
+    else:
+        print(summary.line)
+    return summary.code
+
+
+def output_folder(path: Path) -> Path:
+    """Make a folder and prove that it can be written, before any long work.
+
+    Raises:
+        ValueError: it cannot be made or written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise ValueError(f"cannot write to the folder {path}: {os.strerror(error.errno or 0)}") from error
+    return path
+
+
+def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
+    """Make the folder of a file and prove that it can be written.
+
+    Raises:
+        ValueError: the folder cannot be written, the path is a folder, or its suffix is none of `suffixes`.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise ValueError(f"--out {path}: must end in {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise ValueError(f"--out {path} is a folder: name a file")
+    output_folder(path.parent)
+    return path
+
+
+class Progress:
+    """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
+
+    def __init__(self, what: str, unit: str = ""):
+        self.bar: tqdm | None = None
+        self.what = what
+        self.unit = unit
+
+    def __call__(self, done: int, total: int, note: str = "") -> None:
+        """Show that `done` of `total` are done."""
+        if self.bar is None:
+            self.bar = tqdm(total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True)
+        if note:
+            self.bar.set_postfix_str(note, refresh=False)
+        self.bar.update(done - self.bar.n)
+        if done >= total:
+            self.bar.close()
+
+
+def _one_line(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,61 @@
+"""`endotwin render`: draw a record as PNG or MP4, without a screen."""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import tyro
+
+from scripts.command import Progress, Summary, output_file, run_verb
+from twin.physics.render import render_mp4, render_png
+from twin.recording import read_dataset
+
+
+@dataclasses.dataclass(frozen=True)
+class Render:
+    """Draw the endoscope bending, beside its hysteresis loop: a film (.mp4), or poses of it (.png)."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of MCAP files, or one file."""
+    out: Path
+    """File to write; its ending says which."""
+    episode: int = 0
+    """Which file of a folder, in the order of names."""
+    fps: int = 25
+    """Frames per second of a film."""
+    speed: float = 1.0
+    """Seconds of the record per second of the film."""
+    size: tuple[int, int] = (1280, 720)
+    """Width and height of a film [pixels]."""
+    seed: int = 0
+    """Nothing is drawn by chance; here for uniformity."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def render(args: Render) -> Summary:
+    """Write the picture or the film."""
+    out = output_file(args.out, (".png", ".mp4"))
+    episodes = read_dataset(args.data)
+    if not 0 <= args.episode < len(episodes):
+        raise ValueError(f"--episode {args.episode}: {args.data} holds 0 to {len(episodes) - 1}")
+    episode = episodes[args.episode]
+    if out.suffix.lower() == ".png":
+        render_png(episode, out)
+    else:
+        width, height = args.size
+        progress = Progress("render", "frame")
+        render_mp4(
+            episode, out, fps=args.fps, speed=args.speed, width=width, height=height, progress=progress
+        )
+    return Summary(f"{out}: {episode.time[-1]:g} s of {args.data}", {"out": str(out)})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb."""
+    return run_verb(Render, render, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,165 @@
+"""Making a dataset: episodes of one recipe, each a pure function of the recipe and its number, written as MCAP."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable
+from concurrent.futures import Executor, as_completed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from twin import __version__
+from twin.episode import Episode
+from twin.excitation import SIGNALS, command
+from twin.noise import draw_noise
+from twin.physics import check_sample_time, simulate
+from twin.preset import Preset
+from twin.recording import write_csv, write_episode
+from twin.recording.atomic import WholeFile
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """Everything that a dataset depends on."""
+
+    preset: Preset
+    stroke: tuple[float, float]
+    """Lowest and highest pulling distance [m]."""
+    seconds: float = 60.0
+    """Length of each episode."""
+    sample_time: float = 0.02
+    """Time between two samples [s]."""
+    signals: tuple[str, ...] = tuple(SIGNALS)
+    """Kinds of signal, taken in turn."""
+    sensor_variance_deg2: float = 0.1
+    """Variance of the Gaussian noise in `/measurement` [deg^2]."""
+    seed: int = 0
+    given_command: tuple[float, ...] | None = None
+    """A command to follow instead of a drawn one [m]."""
+
+    def check(self) -> None:
+        """Refuse, before any work, what would fail in every episode.
+
+        Raises:
+            ValueError: a signal, the stroke, the times, the noise or the seed cannot be.
+        """
+        if self.seed < 0:
+            raise ValueError(f"seed = {self.seed}: must not be negative")
+        rng = np.random.default_rng(0)
+        draw_noise("gaussian", self.sensor_variance_deg2, (1,), rng)
+        check_sample_time(self.preset, self.sample_time)
+        if self.given_command is None:
+            for kind in self.signals:
+                command(kind, self.stroke, self.seconds, self.sample_time, rng)
+
+
+def make_episode(recipe: Recipe, number: int) -> Episode:
+    """Simulate one episode of a recipe.
+
+    Raises:
+        ValueError: the recipe asks for a signal that cannot be made.
+        FloatingPointError: the simulation diverged.
+    """
+    # The same stream for the same number, however many episodes and workers there are.
+    streams = np.random.SeedSequence([recipe.seed, number]).spawn(2)
+    signal_rng, sensor_rng = (np.random.default_rng(stream) for stream in streams)
+    if recipe.given_command is not None:
+        kind, pull = "given", np.array(recipe.given_command)
+    else:
+        kind = recipe.signals[number % len(recipe.signals)]
+        pull = command(kind, recipe.stroke, recipe.seconds, recipe.sample_time, signal_rng)
+    episode = simulate(recipe.preset, pull, recipe.sample_time)
+    noise = draw_noise("gaussian", recipe.sensor_variance_deg2, pull.shape, sensor_rng)
+    origin = {"seed": recipe.seed, "episode": number, "signal": kind, "stroke_mm": _stroke_mm(recipe)}
+    configuration = yaml.safe_dump(describe(recipe), sort_keys=False).encode()
+    return dataclasses.replace(
+        episode,
+        measured_bend=episode.bend + np.radians(noise),
+        metadata=episode.metadata | origin,
+        attachments=episode.attachments | {"recipe.yaml": configuration},
+    )
+
+
+def write_dataset(
+    recipe: Recipe,
+    episodes: int,
+    folder: Path,
+    executor: Executor,
+    *,
+    csv: bool = False,
+    on_episode: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Write episodes and, when all are whole, `dataset.json`.
+
+    Args:
+        recipe: what to make.
+        episodes: how many.
+        folder: where; it is made if it does not exist.
+        executor: where the work is done; the bytes do not depend on it.
+        csv: also write each episode as a table.
+        on_episode: told how many of how many are done.
+
+    Returns:
+        The contents of `dataset.json`.
+
+    Raises:
+        ValueError: there is nothing to write.
+    """
+    if episodes < 1:
+        raise ValueError(f"episodes = {episodes}: must be at least 1")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "dataset.json").unlink(missing_ok=True)  # it vouches for files that are about to change
+    futures = [executor.submit(_write, recipe, number, folder, csv) for number in range(episodes)]
+    if on_episode:
+        on_episode(0, episodes)
+    try:
+        for done, future in enumerate(as_completed(futures), start=1):
+            future.result()
+            if on_episode:
+                on_episode(done, episodes)
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    contents = describe(recipe) | {"endotwin": __version__, "files": [future.result() for future in futures]}
+    with WholeFile(folder / "dataset.json") as file:
+        file.write((json.dumps(contents, indent=2) + "\n").encode())
+    return contents
+
+
+def describe(recipe: Recipe) -> dict[str, Any]:
+    """Return the recipe as plain values, units in the names."""
+    return {
+        "preset": recipe.preset.to_dict(),
+        "stroke_mm": _stroke_mm(recipe),
+        "seconds": recipe.seconds,
+        "sample_time_s": recipe.sample_time,
+        "signals": ["given"] if recipe.given_command is not None else list(recipe.signals),
+        "sensor_variance_deg2": recipe.sensor_variance_deg2,
+        "seed": recipe.seed,
+    }
+
+
+def _stroke_mm(recipe: Recipe) -> list[float]:
+    return [round(end * 1e3, 9) for end in recipe.stroke]
+
+
+def _write(recipe: Recipe, number: int, folder: Path, csv: bool) -> dict[str, Any]:
+    """Make and write one episode; runs in a worker, which returns a description and no arrays."""
+    episode = make_episode(recipe, number)
+    path = write_episode(folder / f"episode_{number:04d}.mcap", episode)
+    if csv:
+        write_csv(path.with_suffix(".csv"), episode)
+    return {
+        "name": path.name,
+        "signal": episode.metadata["signal"],
+        "samples": len(episode.time),
+        "bend_deg": [round(float(episode.bend_deg.min()), 3), round(float(episode.bend_deg.max()), 3)],
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+    }
