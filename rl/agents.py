@@ -1,6 +1,7 @@
-"""The two ways in which a learned policy estimates the bending angle: RAM, and direct RL without the active model.
+"""How a learned policy estimates the bending angle: RAM, and direct RL without the active model.
 
-An agent is a batch of B running estimators. Training, evaluation and the online form all drive the same two calls per
+An agent is a batch of B running estimators. Training, evaluation and the online form all drive the same two
+calls per
 sample: `observe` takes the command and the measurement and returns what the policy sees, `act` takes
 what the policy says and returns the estimate. No agent ever sees the true angle.
 """
@@ -14,6 +15,7 @@ from twin.estimation.active_model import ActiveModel, Belief, active_model_step,
 
 Array = NDArray[np.float64]
 ANGLE_LIMIT_DEG = 25.0  # largest change of the angle that direct RL can make in one sample
+AGENTS = ("ram", "direct")
 ERROR_GAIN_LIMIT = 1.0  # largest K_RAM of the model error f [1 / s]
 
 
@@ -35,7 +37,8 @@ class Agent(Protocol):
     ) -> Array:
         """Take in one sample and return the (B, observation_size) observation.
 
-        `oracle_deg` replaces the measurement in the residual by the truth; only a labelled oracle run gives it.
+        `oracle_deg` replaces the measurement in the residual by the truth; only a labelled oracle run gives
+        it.
         """
 
     def act(self, action: Array) -> Array:
@@ -47,8 +50,10 @@ class ReinforcementActiveModel:
 
         phi = y - theta_AM(k|k),    X_RAM = X_AM + K_RAM phi
 
-    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units of the
-    standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another. The action holds the two numbers
+    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units
+    of the
+    standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another.
+    The action holds the two numbers
     of K_RAM: of the angle, in [0, 1], so that the update is a convex step towards the measurement, and of the
     model's error, in [0, 1] per second. X_RAM feeds the next prediction.
     """
@@ -73,14 +78,16 @@ class ReinforcementActiveModel:
         measurement_deg: ArrayLike,
         oracle_deg: ArrayLike | None = None,
     ) -> Array:
-        """Run the active model by one sample and return phi / sqrt(R), on a symmetric logarithmic scale: (B, 1)."""
-        self.belief = active_model_step(self.active_model, self.belief, pull_mm, previous_pull_mm, measurement_deg)
+        """Run the active model by one sample; returns phi / sqrt(R) on a symmetric log scale: (B, 1)."""
+        self.belief = active_model_step(
+            self.active_model, self.belief, pull_mm, previous_pull_mm, measurement_deg
+        )
         reference = measurement_deg if oracle_deg is None else oracle_deg
         self.residual = np.asarray(reference, dtype=float) - self.belief.mean[:, 0]
         return to_log_scale(self.residual / self._noise_deg)[:, None]
 
     def act(self, action: Array) -> Array:
-        """Apply (B, 2) actions as K_RAM = [(a0 + 1) / 2, (a1 + 1) / 2 per second] and return the estimates [deg]."""
+        """Apply K_RAM = [(a0 + 1) / 2, (a1 + 1) / 2 per second] and return the (B,) estimates [deg]."""
         gain = (np.clip(action, -1, 1) + 1) / 2 * np.array([1.0, ERROR_GAIN_LIMIT])
         self.belief = Belief(self.belief.mean + gain * self.residual[:, None], self.belief.covariance)
         return self.belief.mean[:, 0].copy()
@@ -109,7 +116,7 @@ class DirectEstimator:
         measurement_deg: ArrayLike,
         oracle_deg: ArrayLike | None = None,
     ) -> Array:
-        """Return y - theta on a symmetric logarithmic scale, and the increment of the pull [0.1 mm]: (B, 2)."""
+        """Return y - theta on a symmetric log scale, and the increment of the pull [0.1 mm]: (B, 2)."""
         reference = measurement_deg if oracle_deg is None else oracle_deg
         residual = np.asarray(reference, dtype=float) - self.bend
         increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
@@ -138,11 +145,15 @@ def make_agent(name: str, active_model: ActiveModel) -> Agent:
     Raises:
         ValueError: the name is unknown.
     """
-    if name == "ram":
-        return ReinforcementActiveModel(active_model)
-    if name == "direct":
-        return DirectEstimator()
-    raise ValueError(f"unknown agent {name!r}; valid: {', '.join(AGENTS)}")
+    check_agent_name(name)
+    return ReinforcementActiveModel(active_model) if name == "ram" else DirectEstimator()
 
 
-AGENTS = ("ram", "direct")
+def check_agent_name(name: str) -> None:
+    """Refuse an agent that there is not.
+
+    Raises:
+        ValueError: the name is unknown.
+    """
+    if name not in AGENTS:
+        raise ValueError(f"unknown agent {name!r}; valid: {', '.join(AGENTS)}")

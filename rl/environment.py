@@ -35,7 +35,7 @@ class Task:
     """The initial estimate is off by up to this, evenly drawn [deg]."""
 
     def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
-        """Draw episodes: (count,) records, (count, N) measurements [deg], (count,) initial estimates [deg]."""
+        """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg]."""
         record = rng.integers(len(self.pull_mm), size=count)
         truth = self.bend_deg[record]
         measurement = truth + draw_noise(self.noise, self.noise_level, truth.shape, rng)
@@ -44,13 +44,17 @@ class Task:
 
 
 def stack_records(records: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Cut `(pull_mm, bend_deg)` records to the length of the shortest and stack them: two (records, N) arrays."""
+    """Cut `(pull_mm, bend_deg)` records to the shortest and stack them: two (records, N) arrays."""
     samples = min(len(pull) for pull, _ in records)
-    return np.stack([pull[:samples] for pull, _ in records]), np.stack([bend[:samples] for _, bend in records])
+    return np.stack([pull[:samples] for pull, _ in records]), np.stack(
+        [bend[:samples] for _, bend in records]
+    )
 
 
 def _observation_space(agent: Agent) -> gymnasium.spaces.Box:
-    return gymnasium.spaces.Box(-_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (agent.observation_size,), np.float32)
+    return gymnasium.spaces.Box(
+        -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (agent.observation_size,), np.float32
+    )
 
 
 def _action_space(agent: Agent) -> gymnasium.spaces.Box:
@@ -58,20 +62,23 @@ def _action_space(agent: Agent) -> gymnasium.spaces.Box:
 
 
 class BatchEnvironment(VecEnv):
-    """Many episodes side by side for stable-baselines3: a step is arithmetic on arrays, not a loop over episodes.
+    """Many episodes side by side for stable-baselines3: a step is arithmetic on arrays.
 
-    The reward is eq. 11, minus the squared error of the estimate [deg^2]. An episode ends, truncated, with
-    its record; its environment then draws the next one.
+    The reward is eq. 11, minus the squared error of the estimate [deg^2], times `reward_scale`. An episode
+    ends, truncated, with its record; its environment then draws the next one.
     """
 
-    def __init__(self, task: Task, agent: Agent, count: int, seed: int | None = None):
+    def __init__(
+        self, task: Task, agent: Agent, count: int, seed: int | None = None, reward_scale: float = 1.0
+    ):
         self.render_mode = None  # asked for by the next line
         super().__init__(count, _observation_space(agent), _action_space(agent))
         self.task = task
         self.agent = agent
         self.rng = np.random.default_rng(seed)
+        self.reward_scale = reward_scale
 
-    def reset(self) -> NDArray[np.float32]:  # type: ignore[override]
+    def reset(self) -> NDArray[np.float32]:
         """Begin a new episode in every environment; returns (count, observation_size)."""
         self.record, self.measurement, initial = self.task.draw(self.num_envs, self.rng)
         self.agent.reset(initial)
@@ -83,7 +90,7 @@ class BatchEnvironment(VecEnv):
         """Take (count, action_size) actions."""
         self.actions = np.asarray(actions, dtype=float)
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict]]:  # type: ignore[override]
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict]]:
         """Apply them; returns observations, rewards, ends and infos, new episodes begun where one ended."""
         estimate = self.agent.act(self.actions)
         reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
@@ -102,7 +109,7 @@ class BatchEnvironment(VecEnv):
             observation = self.reset()
         else:
             observation = self._observe()
-        return observation, reward.astype(np.float32), done, infos
+        return observation, (self.reward_scale * reward).astype(np.float32), done, infos
 
     def _observe(self) -> NDArray[np.float32]:
         k, pull = self.sample, self.task.pull_mm
@@ -156,7 +163,9 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
     ):
         model = model or PAPER_MODEL
         pull, bend = stack_records(records or [_model_record(model, sample_time)])
-        self.batch = BatchEnvironment(Task(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1)
+        self.batch = BatchEnvironment(
+            Task(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1
+        )
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
         self.render_mode = render_mode
@@ -170,11 +179,13 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
             self.batch.seed(seed)
         return self.batch.reset()[0], {}
 
-    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Apply one action; `truncated` at the end of the record."""
         observation, reward, done, infos = self.batch.step(np.asarray(action)[None])
         ended = bool(done[0])
-        seen = infos[0]["terminal_observation"] if ended else observation[0]
+        seen: NDArray[np.float32] = infos[0]["terminal_observation"] if ended else np.asarray(observation)[0]
         return seen, float(reward[0]), False, ended, {}
 
 
@@ -193,4 +204,11 @@ def register_environments() -> None:
         gymnasium.register(ENVIRONMENT_ID, entry_point="rl.environment:EstimationEnvironment")
 
 
-__all__ = ["AGENTS", "BatchEnvironment", "EstimationEnvironment", "Task", "register_environments", "stack_records"]
+__all__ = [
+    "AGENTS",
+    "BatchEnvironment",
+    "EstimationEnvironment",
+    "Task",
+    "register_environments",
+    "stack_records",
+]

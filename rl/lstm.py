@@ -1,7 +1,9 @@
 """The LSTM baseline (Hochreiter and Schmidhuber 1997), trained on the same records and noise as the policies.
 
-It sees what changes from sample to sample, normalised by the training data: increments of the pulling distance and
-of the measurement. It predicts the noise of the measurement, so that its estimate is y minus that. Absolute values
+It sees what changes from sample to sample, normalised by the training data: increments of the pulling
+distance and
+of the measurement. It predicts the noise of the measurement, so that its estimate is y minus that. Absolute
+values
 are left out on purpose: trained on stroke [2, 4] mm, a network that sees them has never met [-1, 1] mm.
 """
 
@@ -52,11 +54,11 @@ class Lstm(torch.nn.Module):
         super().__init__()
         self.layer = torch.nn.LSTM(2, hidden, batch_first=True)
         self.output = torch.nn.Linear(hidden, 1)
-        self.register_buffer("input_scale", torch.ones(2))
-        self.register_buffer("output_scale", torch.ones(1))
+        self.input_scale = torch.nn.Buffer(torch.ones(2))
+        self.output_scale = torch.nn.Buffer(torch.ones(1))
 
     def forward(self, increments: torch.Tensor) -> torch.Tensor:
-        """Return (B, N) predicted measurement noise [deg] for (B, N, 2) increments of pull [mm] and measurement."""
+        """Return the (B, N) predicted noise [deg] for (B, N, 2) increments of pull and measurement."""
         hidden, _ = self.layer(increments / self.input_scale)
         return self.output(hidden)[..., 0] * self.output_scale
 
@@ -75,7 +77,7 @@ def train_lstm(
     folder: Path,
     on_progress: Callable[[int, int, float], None] | None = None,
 ) -> Lstm:
-    """Train the network and keep `lstm.pt`, `config.yaml` and `progress.csv` in a folder; a finished run is loaded.
+    """Train the network into a folder (`lstm.pt`, `config.yaml`, `progress.csv`); a finished run is loaded.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of the training set.
@@ -138,9 +140,7 @@ def load_lstm(path: Path, hidden: int = LstmTraining.hidden) -> Lstm:
     return network
 
 
-def _draw(
-    task: Task, count: int, window: int, rng: np.random.Generator
-) -> tuple[torch.Tensor, torch.Tensor]:
+def _draw(task: Task, count: int, window: int, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
     """Draw (count, window, 2) increments and the (count, window) noise that is in the measurement."""
     record, measurement, _ = task.draw(count, rng)
     start = rng.integers(task.pull_mm.shape[1] - window + 1, size=count)

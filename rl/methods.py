@@ -48,7 +48,9 @@ def tuned_active_model_method(
     return active_model_method(tuned, "AM-tuned")
 
 
-def constant_gain_method(active_model: ActiveModel, records: Sequence[tuple[Array, Array]], seed: int) -> Method:
+def constant_gain_method(
+    active_model: ActiveModel, records: Sequence[tuple[Array, Array]], seed: int
+) -> Method:
     """Constant gain: RAM whose policy is a constant, the one with the least RMSE on noisy training records.
 
     It has seen what RAM saw in training, the truth of the training records included.
@@ -62,7 +64,9 @@ def constant_gain_method(active_model: ActiveModel, records: Sequence[tuple[Arra
     def cost(action: Array) -> float:
         agent = ReinforcementActiveModel(active_model)
         estimate = _steer(agent, constant(action), pull[record], measurement, initial)
-        return float(np.sqrt(np.mean((estimate - truth)[:, 1:] ** 2))) + 10 * float(np.maximum(np.abs(action) - 1, 0).sum())
+        return float(np.sqrt(np.mean((estimate - truth)[:, 1:] ** 2))) + 10 * float(
+            np.maximum(np.abs(action) - 1, 0).sum()
+        )
 
     options = {"xatol": 0.01, "fatol": 1e-4, "maxfev": 120}
     best = np.clip(minimize(cost, np.zeros(2), method="Nelder-Mead", options=options).x, -1, 1)

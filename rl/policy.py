@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
-from rl.agents import AGENTS, Agent, make_agent
+from rl.agents import Agent, check_agent_name, make_agent
 from twin.estimation.active_model import ActiveModel
 from twin.hysteresis import ColemanHodgdon
 
@@ -33,7 +33,9 @@ class Policy:
 
     def __call__(self, observation: Array) -> Array:
         """Return (B, action_size) actions in [-1, 1] for (B, observation_size) observations."""
-        return self.session.run(None, {"observation": np.asarray(observation, dtype=np.float32)})[0].astype(float)
+        return self.session.run(None, {"observation": np.asarray(observation, dtype=np.float32)})[0].astype(
+            float
+        )
 
     @property
     def active_model(self) -> ActiveModel:
@@ -50,10 +52,12 @@ class Policy:
 
 
 def export_policy(ppo: PPO, agent_name: str, configuration: dict[str, Any], path: Path) -> None:
-    """Write the mean action of a trained policy, clipped to [-1, 1], as ONNX; the file appears when it is whole."""
+    """Write the mean action of a trained policy, clipped to [-1, 1], as ONNX, whole or not at all."""
     observation_size = ppo.observation_space.shape[0]  # type: ignore[index]
     partial = path.with_name(f".{path.stem}.partial.onnx")
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages that we do not use
+    logging.getLogger("torch.onnx").setLevel(
+        logging.ERROR
+    )  # it names operators of packages that we do not use
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # between torch and its exporter
         torch.onnx.export(
@@ -92,8 +96,7 @@ def load_policy(path: Path) -> Policy:
         name = configuration.pop("agent")
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
         raise ValueError(f"{path} is not a policy written by `endotwin train`") from error
-    if name not in AGENTS:
-        raise ValueError(f"{path} is of the unknown agent {name!r}; valid: {', '.join(AGENTS)}")
+    check_agent_name(name)
     return Policy(session, name, configuration)
 
 
@@ -102,8 +105,8 @@ class _MeanAction(torch.nn.Module):
 
     def __init__(self, ppo: PPO):
         super().__init__()
-        self.hidden = ppo.policy.mlp_extractor.policy_net  # type: ignore[union-attr]
+        self.hidden = ppo.policy.mlp_extractor.policy_net
         self.mean = ppo.policy.action_net
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        return self.mean(self.hidden(observation)).clamp(-1, 1)  # type: ignore[operator]
+        return self.mean(self.hidden(observation)).clamp(-1, 1)

@@ -1,7 +1,9 @@
-"""Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, resumable, into one run folder."""
+"""Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, into one run folder."""
 
+import contextlib
 import csv
 import dataclasses
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +14,8 @@ import yaml
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecNormalize
 
-from rl.agents import make_agent
+from rl.agents import check_agent_name, make_agent
 from rl.environment import BatchEnvironment, Task, stack_records
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
@@ -44,6 +45,9 @@ class Training:
     """Clip factor of PPO."""
     environments: int = 32
     """Episodes that run side by side."""
+    reward_scale: float = 0.05
+    """Factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function, which
+    shares a clipped gradient with the policy, of the order of one."""
     noise: str = "gaussian"
     """Measurement noise during training."""
     noise_level: float = 0.1
@@ -59,7 +63,7 @@ class Training:
         Raises:
             ValueError: a number is out of range, or the horizon does not divide evenly.
         """
-        make_agent(self.agent, _ANY_ACTIVE_MODEL)
+        check_agent_name(self.agent)
         for name in ("episodes", "learning_rate", "horizon", "minibatch", "clip", "environments"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} = {getattr(self, name)}: must be positive")
@@ -72,9 +76,6 @@ class Training:
             )
 
 
-_ANY_ACTIVE_MODEL = ActiveModel(model=None, sample_time=1.0)  # type: ignore[arg-type]  only to check a name
-
-
 def train_policy(
     records: Sequence[tuple[Array, Array]],
     active_model: ActiveModel,
@@ -84,8 +85,8 @@ def train_policy(
 ) -> Path:
     """Train a policy and write `policy.onnx`, `config.yaml`, `progress.csv` and checkpoints into a folder.
 
-    A training that was stopped goes on from its newest whole checkpoint; one that is finished is left as it is. (A
-    resumed training draws other random numbers than an undisturbed one.)
+    A training that was stopped goes on from its newest whole checkpoint; one that is finished is left as it
+    is. (A resumed training draws other random numbers than an undisturbed one.)
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
@@ -112,13 +113,8 @@ def train_policy(
     task = Task(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
     agent = make_agent(training.agent, active_model)
     total = training.episodes * (pull.shape[1] - 1)
-    environment = VecNormalize(
-        BatchEnvironment(task, agent, training.environments, training.seed),
-        norm_obs=False,
-        norm_reward=True,  # eq. 11 up to a scale: the first samples of an episode are 20 deg off
-        gamma=training.discount,
-    )
-    ppo, environment = _resume(folder, environment) or (_new_ppo(environment, training), environment)
+    environment = BatchEnvironment(task, agent, training.environments, training.seed, training.reward_scale)
+    ppo = _newest_checkpoint(folder, environment) or _new_ppo(environment, training)
     callback = _Progress(folder, total, on_progress)
     if ppo.num_timesteps < total:
         ppo.learn(total - ppo.num_timesteps, callback=callback, reset_num_timesteps=False)
@@ -159,13 +155,15 @@ def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
     text = yaml.safe_dump(configuration, sort_keys=False)
     if path.is_file():
         if path.read_text() != text:
-            raise ValueError(f"{folder} holds a run of another configuration: choose another --out or remove it")
+            raise ValueError(
+                f"{folder} holds a run of another configuration: choose another --out or remove it"
+            )
         return
     with WholeFile(path) as file:
         file.write(text.encode())
 
 
-def _new_ppo(environment: VecNormalize, training: Training) -> PPO:
+def _new_ppo(environment: BatchEnvironment, training: Training) -> PPO:
     return PPO(
         "MlpPolicy",
         environment,
@@ -179,17 +177,11 @@ def _new_ppo(environment: VecNormalize, training: Training) -> PPO:
     )
 
 
-def _resume(folder: Path, environment: VecNormalize) -> tuple[PPO, VecNormalize] | None:
-    """Load the newest whole checkpoint; one that was cut off by a crash is passed over."""
+def _newest_checkpoint(folder: Path, environment: BatchEnvironment) -> PPO | None:
+    """Load the newest checkpoint that is whole; one that was damaged is passed over."""
     for path in sorted(folder.glob("checkpoints/*.zip"), reverse=True):
-        statistics = path.with_suffix(".normalize.pkl")
-        try:
-            restored = VecNormalize.load(str(statistics), environment.venv)
-            ppo = PPO.load(path, env=restored, device="cpu")
-        except Exception:  # whatever a damaged archive raises
-            continue
-        restored.reset()
-        return ppo, restored
+        with contextlib.suppress(Exception):  # whatever a damaged archive raises
+            return PPO.load(path, env=environment, device="cpu")
     return None
 
 
@@ -216,7 +208,9 @@ class _Progress(BaseCallback):
         self.writer.writerows([["samples", "episode_return"], *kept])
 
     def _on_step(self) -> bool:
-        rewards = [info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info]
+        rewards = [
+            info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info
+        ]
         if rewards:
             self.latest = float(np.mean(rewards))
             self.writer.writerow([self.num_timesteps, f"{self.latest:.6g}"])
@@ -234,12 +228,10 @@ class _Progress(BaseCallback):
     def _save(self) -> None:
         checkpoints = self.folder / "checkpoints"
         checkpoints.mkdir(exist_ok=True)
-        name = f"{self.num_timesteps:010d}"
-        normalize = self.model.get_vec_normalize_env()
-        assert normalize is not None
-        normalize.save(str(checkpoints / f"{name}.normalize.pkl"))
-        with WholeFile(checkpoints / f"{name}.zip") as file:
-            self.model.save(file)
+        buffer = io.BytesIO()
+        self.model.save(buffer)
+        with WholeFile(checkpoints / f"{self.num_timesteps:010d}.zip") as file:
+            file.write(buffer.getvalue())
 
     def _on_training_end(self) -> None:
         self.file.close()

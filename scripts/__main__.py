@@ -33,7 +33,13 @@ def main() -> int:
 def _help() -> str:
     lines = [f"  {verb:<10} {purpose}" for verb, purpose in VERBS.items()]
     return "\n".join(
-        ["usage: endotwin VERB [options]", "", *lines, "", "`endotwin VERB --help` lists the options of a verb."]
+        [
+            "usage: endotwin VERB [options]",
+            "",
+            *lines,
+            "",
+            "`endotwin VERB --help` lists the options of a verb.",
+        ]
     )
 
 

@@ -30,11 +30,14 @@ class Summary:
 
 
 def run_verb(
-    arguments: Callable[..., Arguments], verb: Callable[[Arguments], Summary], argv: Sequence[str] | None = None
+    arguments: Callable[..., Arguments],
+    verb: Callable[[Arguments], Summary],
+    argv: Sequence[str] | None = None,
 ) -> int:
     """Parse the command line, run a verb and print its summary; returns the exit code.
 
-    A user's mistake (a wrong value, file or folder) is one line on stderr and exit code 2, without a traceback.
+    A user's mistake (a wrong value, file or folder) is one line on stderr and exit code 2, without a
+    traceback.
     """
     name = f"endotwin {verb.__module__.rsplit('.', 1)[-1]}" if verb.__module__ != "__main__" else sys.argv[0]
     logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
@@ -94,7 +97,9 @@ class Progress:
     def __call__(self, done: int, total: int, note: str = "") -> None:
         """Show that `done` of `total` are done."""
         if self.bar is None:
-            self.bar = tqdm(total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True)
+            self.bar = tqdm(
+                total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True
+            )
         if note:
             self.bar.set_postfix_str(note, refresh=False)
         self.bar.update(done - self.bar.n)

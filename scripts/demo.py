@@ -15,7 +15,16 @@ from pathlib import Path
 from scripts.command import Summary, output_folder, run_verb
 
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
-PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp4", "demo.json", "report.html")
+PARTS = (
+    "data",
+    "runs",
+    "results",
+    "coleman_hodgdon.json",
+    "bend.png",
+    "bend.mp4",
+    "demo.json",
+    "report.html",
+)
 
 
 @dataclasses.dataclass(frozen=True)

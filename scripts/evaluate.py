@@ -40,8 +40,8 @@ Array = NDArray[np.float64]
 class Evaluate:
     """Compare C-H, AM, LSTM, direct RL and RAM, and two yardsticks, on test records under noise.
 
-    A learned method that is not given is trained on --train and kept beside the results; without --train it is
-    left out.
+    A learned method that is not given is trained on --train and kept beside the results; without --train it
+    is left out.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
@@ -122,7 +122,10 @@ def _methods(
 
 
 def _train_missing(
-    policies: dict[str, Policy], training: list[tuple[Array, Array]], active_model: ActiveModel, args: Evaluate
+    policies: dict[str, Policy],
+    training: list[tuple[Array, Array]],
+    active_model: ActiveModel,
+    args: Evaluate,
 ) -> dict[str, Policy]:
     trained = {}
     for agent in ("ram", "direct"):
@@ -142,7 +145,11 @@ def _train_missing(
 def _train_lstm(training: list[tuple[Array, Array]], active_model: ActiveModel, args: Evaluate) -> Lstm:
     progress = Progress("train lstm", "steps")
     return train_lstm(
-        training, active_model, LstmTraining(seed=args.seed), args.out / "lstm", lambda done, total, _: progress(done, total)
+        training,
+        active_model,
+        LstmTraining(seed=args.seed),
+        args.out / "lstm",
+        lambda done, total, _: progress(done, total),
     )
 
 
@@ -150,7 +157,7 @@ def _check_sample_time(policy: Policy, sample_time: float) -> None:
     trained = policy.active_model.sample_time
     if abs(trained - sample_time) > 1e-9:
         raise ValueError(
-            f"the {policy.agent_name} policy was trained at T = {trained:g} s, --sample-time is {sample_time:g} s"
+            f"the {policy.agent_name} policy was trained at T = {trained:g} s, not at {sample_time:g} s"
         )
 
 

@@ -81,7 +81,12 @@ def generate(args: Generate) -> Summary:
     # Fresh processes: a fork would copy whatever threads and libraries this one has loaded.
     with ProcessPoolExecutor(max(workers, 1), multiprocessing.get_context("spawn")) as executor:
         contents = write_dataset(
-            recipe, episodes, folder, executor, csv=args.format == "csv", on_episode=Progress("generate", "ep")
+            recipe,
+            episodes,
+            folder,
+            executor,
+            csv=args.format == "csv",
+            on_episode=Progress("generate", "ep"),
         )
     seconds = len(contents["files"]) * recipe.seconds
     return Summary(

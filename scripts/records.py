@@ -23,5 +23,5 @@ def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
 
 
 def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:
-    """Return `(pull_mm, true bend_deg)` of each episode: what noise is added to, and scores are taken against."""
+    """Return `(pull_mm, true bend_deg)` of each episode: what noise is added to and scored against."""
     return [(episode.pull_mm, episode.bend_deg) for episode in read_episodes(paths, sample_time)]

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import tyro
 
@@ -20,7 +20,7 @@ STRICT = {"noise": "gaussian", "noise_level": 0.1}
 
 @dataclasses.dataclass(frozen=True)
 class Train:
-    """Train a policy by PPO on records, with the paper's Table I as defaults. A stopped training is taken up again."""
+    """Train a policy by PPO on records, the paper's Table I as defaults; a stopped run is taken up again."""
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files."""
@@ -50,6 +50,8 @@ class Train:
     """Measurement noise during training (protocol free)."""
     noise_level: float = Training.noise_level
     """Its level [deg^2 or deg] (protocol free)."""
+    reward_scale: float = Training.reward_scale
+    """Factor on the reward, eq. 11."""
     initial_error_deg: float = Training.initial_error_deg
     """The initial estimate is off by up to this [deg]."""
     seed: int = 0
@@ -62,7 +64,9 @@ def train(args: Train) -> Summary:
     given = {name: getattr(args, name) for name in STRICT}
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
-    active_model = ActiveModel(load_model(args.model), args.sample_time, measurement_variance=args.noise_level)
+    active_model = ActiveModel(
+        load_model(args.model), args.sample_time, measurement_variance=args.noise_level
+    )
     records = true_records(args.data, args.sample_time)
     folder = output_folder(args.out)
     progress = Progress(f"train {args.agent}", "samples")
@@ -78,7 +82,9 @@ def train(args: Train) -> Summary:
         names = [field.name for field in dataclasses.fields(Training)]
         ppo = Training(**{name: getattr(args, name) for name in names})
         path = train_policy(records, active_model, ppo, folder, show)
-    return Summary(f"{path}: {args.agent} trained on {len(records)} records", {"out": str(path), "agent": args.agent})
+    return Summary(
+        f"{path}: {args.agent} trained on {len(records)} records", {"out": str(path), "agent": args.agent}
+    )
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -16,8 +16,9 @@ SECONDS_PER_CYCLE = 20.0
 def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
     """Return the pulling distance of a recorded command (N,) [m].
 
-    The file has a header. The command is in `pull_mm`, or in `command_deg`, an angle of the preset's pulley; time is
-    in `time_s`, or in `phase_rad`. Samples at one time are averaged; between samples the command is linear.
+    The file has a header. The command is in `pull_mm`, or in `command_deg`, an angle of the preset's pulley;
+    time is in `time_s`, or in `phase_rad`. Samples at one time are averaged; between samples the command is
+    linear.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -1,4 +1,4 @@
-"""Making a dataset: episodes of one recipe, each a pure function of the recipe and its number, written as MCAP."""
+"""Making a dataset: episodes of one recipe, each a pure function of recipe and number, written as MCAP."""
 
 import dataclasses
 import hashlib

@@ -13,9 +13,17 @@ from twin.paper import paper_value
 from twin.track import Track
 
 Array = NDArray[np.float64]
-STEADY_SECONDS = 5.0  # left out of `rmse_steady_deg`: the time in which the paper's AM loses the initial error
+STEADY_SECONDS = (
+    5.0  # left out of `rmse_steady_deg`: the time in which the paper's AM loses the initial error
+)
 
-PAPER_CONDITIONS = (("gaussian", 1.0), ("gaussian", 5.0), ("poisson", 0.1), ("poisson", 1.0), ("poisson", 2.0))
+PAPER_CONDITIONS = (
+    ("gaussian", 1.0),
+    ("gaussian", 5.0),
+    ("poisson", 0.1),
+    ("poisson", 1.0),
+    ("poisson", 2.0),
+)
 DITHERED_CONDITIONS = (("poisson-dithered", 0.1), ("poisson-dithered", 1.0), ("poisson-dithered", 2.0))
 SUITES = {"paper": PAPER_CONDITIONS + DITHERED_CONDITIONS, "paper-only": PAPER_CONDITIONS}
 
@@ -79,8 +87,8 @@ def evaluate(
 ) -> tuple[list[dict[str, Any]], list[Track]]:
     """Run every method under every noise of the suite.
 
-    The errors of all records are pooled for each noise seed; a row holds means over seeds. The sample at k = 0,
-    the wrong initial estimate itself, is not scored.
+    The errors of all records are pooled for each noise seed; a row holds means over seeds. The sample at k =
+    0, the wrong initial estimate itself, is not scored.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of the test set, at the protocol's sample time.
@@ -105,7 +113,7 @@ def evaluate(
                 estimates[method.name] = method.estimate(seen)
                 errors[method.name].append(estimates[method.name] - truth)
             if index == 0:
-                time = np.arange(len(truth)) * protocol.sample_time_s
+                time = np.arange(len(truth), dtype=float) * protocol.sample_time_s
                 first = {name: estimate[0] for name, estimate in estimates.items()}
                 tracks.append(Track(noise, level, time, truth, measurement[0], first))
         rows += [_row(noise, level, method, errors[method.name], protocol) for method in methods]
@@ -128,7 +136,9 @@ def _row(noise: str, level: float, method: Method, errors: list[Array], protocol
     """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
     steady = round(STEADY_SECONDS / protocol.sample_time_s)
     indices = error_indices(np.concatenate([error[:, 1:] for error in errors], axis=1))
-    late = error_indices(np.concatenate([error[:, min(steady, error.shape[1] - 1) :] for error in errors], axis=1))
+    late = error_indices(
+        np.concatenate([error[:, min(steady, error.shape[1] - 1) :] for error in errors], axis=1)
+    )
     low, high = confidence_interval(indices["rmse_deg"])
     return {
         "noise": noise,

@@ -38,7 +38,7 @@ def command(
         raise ValueError(f"stroke [{low * 1e3:g}, {high * 1e3:g}] mm: the first must be below the second")
     if not (np.isfinite([seconds, sample_time]).all() and sample_time > 0 and seconds >= 2 * sample_time):
         raise ValueError(f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples")
-    time = np.arange(round(seconds / sample_time)) * sample_time
+    time = np.arange(round(seconds / sample_time), dtype=float) * sample_time
     unit = SIGNALS[kind](time, rng)  # in [-1, 1]
     return (low + high) / 2 + (high - low) / 2 * unit
 

@@ -25,7 +25,7 @@ class ActiveModel:
     sample_time: float
     """T [s]."""
     process_variance: tuple[float, float] = (1e-3, 1e-3)
-    """Diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small, as in the paper."""
+    """Diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small as the paper's."""
     measurement_variance: float = 0.1
     """R [deg^2]."""
     initial_variance: tuple[float, float] = (1e-2, 1e-2)

@@ -42,14 +42,14 @@ def segment_stiffness(preset: Preset) -> float:
 def element_mass(preset: Preset) -> float:
     """Inertia of one sheath element [kg]: the least that resolves the fastest wave along the wire.
 
-    A wire's own mass would need steps of microseconds. The motion is quasi-static, so a larger inertia changes
-    nothing that is measured. A chain of masses and springs has frequencies up to sqrt(4 k / m).
+    A wire's own mass would need steps of microseconds. The motion is quasi-static, so a larger inertia
+    changes nothing that is measured. A chain of masses and springs has frequencies up to sqrt(4 k / m).
     """
     return 4 * segment_stiffness(preset) * (preset.time_step / _RESOLUTION) ** 2
 
 
 def section_inertia(preset: Preset) -> float:
-    """Inertia added against bending of the whole section [kg m^2]: as `element_mass`, for the stiffest bending."""
+    """Inertia added against bending of the whole section [kg m^2]: as `element_mass`, stiffest mode."""
     stiffness = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
     return stiffness * (preset.time_step / _RESOLUTION) ** 2
 
@@ -205,7 +205,7 @@ _LEAST_FRICTION = (
 
 
 def _element_position(preset: Preset, element: int) -> float:
-    """Where an element of the sheath lies along x [m], pulley to tip; the last is near the bending section."""
+    """Where an element of the sheath lies along x [m], pulley to tip; the last is near the vertebrae."""
     return -preset.sheath_length * (preset.sheath_elements - element - 0.5) / preset.sheath_elements
 
 

@@ -70,7 +70,7 @@ def simulate(
             on_sample(endoscope)
 
     return Episode(
-        time=np.arange(count) * sample_time,
+        time=np.arange(count, dtype=float) * sample_time,
         pull=pull,
         bend=bend,
         measured_bend=bend.copy(),

@@ -1,0 +1,30 @@
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thread each
+
+import numpy as np
+import pytest
+import torch
+
+from twin.hysteresis import ColemanHodgdon
+
+torch.set_num_threads(1)
+
+SAMPLE_TIME = 0.1
+
+
+@pytest.fixture(scope="session")
+def model() -> ColemanHodgdon:
+    """The paper's identified model, eq. 12."""
+    return ColemanHodgdon(1.15, 22.38, 5.0)
+
+
+@pytest.fixture(scope="session")
+def records(model):
+    """Three short records whose truth departs from the model by a slow disturbance: (pull_mm, bend_deg)."""
+    time = np.arange(200) * SAMPLE_TIME
+    made = []
+    for period in (8.0, 10.0, 13.0):
+        pull = 3 + np.sin(2 * np.pi * time / period)
+        made.append((pull, model.response(pull, 60.0) + 2 * np.sin(2 * np.pi * time / 17)))
+    return made

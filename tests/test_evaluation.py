@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+
+from twin.evaluation import PAPER_CONDITIONS, Method, Protocol, evaluate
+from twin.paper import paper_value
+
+PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
+
+
+@pytest.fixture
+def two_records(records):
+    return records[:2]
+
+
+def measurement_itself(case):
+    estimate = case.measurement_deg.copy()
+    estimate[:, 0] = case.initial_bend_deg
+    return estimate
+
+
+def pick(rows, method, noise, level):
+    (row,) = [r for r in rows if (r["method"], r["noise"], r["level"]) == (method, noise, level)]
+    return row
+
+
+def test_trusting_the_measurement_scores_the_moments_of_the_noise(two_records):
+    rows, _ = evaluate(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
+    for noise, level in PAPER_CONDITIONS:
+        row = pick(rows, "y", noise, level)
+        mean = level if noise == "poisson" else 0.0
+        assert row["bias_deg"] == pytest.approx(mean, abs=0.03)
+        assert row["var_deg2"] == pytest.approx(level, rel=0.03)
+        assert row["rmse_deg"] == pytest.approx(np.sqrt(level + mean**2), rel=0.02)
+        low, high = row["rmse_ci95_deg"]
+        assert low < row["rmse_deg"] < high
+    dithered = pick(rows, "y", "poisson-dithered", 1.0)
+    assert dithered["var_deg2"] == pytest.approx(1 + 1 / 12, rel=0.03)
+
+
+def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
+    seen = []
+
+    def perfect_after_the_first(case):
+        seen.append(case.initial_bend_deg)
+        estimate = np.tile(case.truth_deg, (len(case.measurement_deg), 1))
+        estimate[:, 0] = case.initial_bend_deg
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
+    assert all(row["rmse_deg"] == 0 for row in rows)
+    np.testing.assert_allclose(seen[0], two_records[0][1][0] + 20)
+
+
+def test_only_an_oracle_is_shown_the_truth(two_records):
+    shown = {}
+
+    def look(name):
+        def estimate(case):
+            shown[name] = case.truth_deg
+            return case.measurement_deg
+
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
+    assert shown["a"] is None
+    assert shown["b"] is not None
+    assert {row["method"]: row["oracle"] for row in rows} == {"a": False, "b": True}
+
+
+def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
+    methods = [Method("one", measurement_itself), Method("two", measurement_itself)]
+    rows, _ = evaluate(two_records, methods, PROTOCOL)
+    again, _ = evaluate(two_records, methods, PROTOCOL)
+    assert rows == again
+    assert pick(rows, "one", "gaussian", 1.0)["mae_deg"] == pick(rows, "two", "gaussian", 1.0)["mae_deg"]
+    other, _ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
+    assert other[0]["mae_deg"] != rows[0]["mae_deg"]
+
+
+def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
+    drawn = {}
+
+    def keep(case):
+        drawn.setdefault(len(case.measurement_deg), case.measurement_deg)
+        return case.measurement_deg
+
+    for seeds in (2, 5):
+        evaluate(two_records, [Method("m", keep)], Protocol("paper-only", seeds))
+    np.testing.assert_array_equal(drawn[5][:2], drawn[2])
+    assert not np.array_equal(drawn[5][0], drawn[5][1])
+
+
+def test_steady_index_leaves_the_first_five_seconds_out(two_records):
+    def wrong_at_first(case):
+        estimate = np.tile(case.truth_deg, (len(case.measurement_deg), 1))
+        estimate[:, :50] += 10
+        estimate[:, 50:] += 1
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
+    assert rows[0]["rmse_steady_deg"] == pytest.approx(1.0)
+    assert rows[0]["rmse_deg"] > 4
+
+
+def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
+    _, tracks = evaluate(two_records, [Method("y", measurement_itself)], PROTOCOL)
+    assert [(track.noise, track.level) for track in tracks] == list(PAPER_CONDITIONS)
+    for track in tracks:
+        np.testing.assert_array_equal(track.truth_deg, two_records[0][1])
+        np.testing.assert_array_equal(track.estimates["y"][1:], track.measurement_deg[1:])
+        assert track.time[1] == pytest.approx(0.1)
+
+
+def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
+    rows, _ = evaluate(
+        two_records, [Method("RAM", measurement_itself), Method("y", measurement_itself)], PROTOCOL
+    )
+    assert pick(rows, "RAM", "gaussian", 1.0)["paper_rmse_deg"] == 0.6354
+    assert pick(rows, "y", "gaussian", 1.0)["paper_rmse_deg"] is None
+    assert paper_value("poisson", 2.0, "C-H", "mae_deg") == 4.4908
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [({"suite": "ful"}, "valid: paper, paper-only"), ({"seeds": 0}, "seeds = 0")]
+)
+def test_protocol_that_cannot_run_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        Protocol(**change)

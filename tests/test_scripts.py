@@ -1,0 +1,177 @@
+"""The commands as a user types them: short real runs, and mistakes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+def endotwin(*words, cwd):
+    command = [sys.executable, "-m", "scripts", *map(str, words)]
+    environment = {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
+    import os
+
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, env=os.environ | environment, timeout=300
+    )
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A short run of every verb, in the order of the README, in one folder."""
+    folder = tmp_path_factory.mktemp("workspace")
+    (folder / "short.yaml").write_text((REPOSITORY / "assets" / "ureteroscope.yaml").read_text())
+    data = "--preset ureteroscope --episodes 2 --seconds 12"
+    learn = "train data/train --model coleman_hodgdon.json --protocol strict --episodes 32"
+    printed = {}
+    for line in (
+        f"generate {data} --stroke 2 4 --seed 1 --out data/train --json",
+        f"generate {data} --stroke -1 1 --seed 2 --out data/test --format csv --json",
+        "identify data/train --out coleman_hodgdon.json --generations 40 --json",
+        f"{learn} --agent ram --out runs/ram --json",
+        f"{learn} --agent direct --out runs/direct --json",
+        f"{learn} --agent lstm --out runs/lstm --json",
+        "evaluate data/test --train data/train --model coleman_hodgdon.json "
+        "--policy runs/ram/policy.onnx runs/direct/policy.onnx --lstm runs/lstm/lstm.pt "
+        "--suite paper --seeds 2 --out results --json",
+        "render data/test --out bend.png --json",
+        "render data/test --episode 1 --speed 6 --size 320 180 --out bend.mp4 --json",
+        "report . --out report.html --json",
+    ):
+        done = endotwin(*line.split(), cwd=folder)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        printed[line.split()[0] + " " + line.split("--out ")[1].split()[0]] = json.loads(done.stdout)
+    return folder, printed
+
+
+def test_every_verb_writes_what_it_says_and_prints_one_json_object(workspace):
+    folder, printed = workspace
+    for summary in printed.values():
+        assert (folder / summary["out"]).exists()
+    assert printed["generate data/train"]["episodes"] == 2
+    assert printed["identify coleman_hodgdon.json"]["a_per_mm"] > 0
+    assert not [path for path in folder.rglob(".*") if path.is_file()]
+
+
+def test_evaluation_has_a_row_of_every_method_and_noise(workspace):
+    folder, _ = workspace
+    evaluation = json.loads((folder / "results/evaluation.json").read_text())
+    methods = {row["method"] for row in evaluation["rows"]}
+    assert methods >= {"C-H", "AM", "LSTM", "Direct RL", "RAM", "AM-tuned", "Constant gain", "RAM (oracle)"}
+    assert len(evaluation["rows"]) == 8 * len(methods)
+    assert {row["oracle"] for row in evaluation["rows"] if "oracle" in row["method"]} == {True}
+    assert evaluation["protocol"]["sample_time_s"] == 0.1
+    assert "paper 0.635" in (folder / "results/tables.md").read_text()
+
+
+def test_same_seed_same_table(workspace, tmp_path):
+    folder, _ = workspace
+    line = (
+        "evaluate data/test --model coleman_hodgdon.json --policy runs/ram/policy.onnx --suite paper-only "
+        f"--seeds 2 --out {tmp_path}"
+    )
+    tables = []
+    for name in ("one", "two"):
+        assert endotwin(*line.split(), "--out", tmp_path / name, cwd=folder).returncode == 0
+        tables.append((tmp_path / name / "evaluation.json").read_bytes())
+    assert tables[0] == tables[1]
+
+
+def test_a_method_that_is_not_given_is_trained_and_kept_beside_the_results(workspace, tmp_path):
+    folder, _ = workspace
+    line = (
+        "evaluate data/test --train data/train --model coleman_hodgdon.json --suite paper-only --seeds 1 "
+        f"--policy runs/ram/policy.onnx --lstm runs/lstm/lstm.pt --episodes 32 --out {tmp_path}/results"
+    )
+    assert endotwin(*line.split(), cwd=folder).returncode == 0
+    assert (tmp_path / "results/direct/policy.onnx").is_file()
+    assert not (tmp_path / "results/ram").exists()
+
+
+def test_report_is_one_page_of_all_parts(workspace):
+    folder, _ = workspace
+    page = (folder / "report.html").read_text()
+    assert "Table II" in page
+    assert "This run has no" not in page.replace("This run has no demo.json", "")
+
+
+def test_a_script_runs_by_its_path_too(tmp_path):
+    done = subprocess.run(
+        [sys.executable, REPOSITORY / "scripts" / "generate.py", "--help"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0
+    assert "--sheath-bend-deg" in done.stdout
+
+
+def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path):
+    (tmp_path / "c.csv").write_text("time_s,pull_mm\n0,0\n3,1\n6,-1\n")
+    line = "generate --preset ureteroscope --command-csv c.csv --sheath-bend-deg 90 --format csv --out out"
+    assert endotwin(*line.split(), cwd=tmp_path).returncode == 0
+    header, *rows = (tmp_path / "out/episode_0000.csv").read_text().splitlines()
+    assert header == "time_s,pull_mm,bend_deg,tension_a_n,tension_b_n"
+    assert len(rows) == 300
+    preset = json.loads((tmp_path / "out/dataset.json").read_text())["preset"]
+    assert preset["sheath_bend"] == pytest.approx(1.5708, abs=1e-4)
+
+
+def _mistakes(folder):
+    whole = next((folder / "data/train").glob("*.mcap")).read_bytes()
+    (folder / "cut").mkdir(exist_ok=True)
+    (folder / "cut/episode.mcap").write_bytes(whole[: len(whole) // 2])
+    (folder / "table.mcap").write_text("time_s,pull_mm\n0,1\n")
+    (folder / "nan.csv").write_text("time_s,pull_mm\n0,0\n1,nan\n2,0\n")
+    (folder / "negative.yaml").write_text("wire_stiffness: -5.0\n")
+    (folder / "model.json").write_text("{}")
+    (folder / "empty").mkdir(exist_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("identify cut --out x.json", "cut/episode.mcap is cut off"),
+        ("identify table.mcap --out x.json", "table.mcap is not an MCAP file"),
+        ("identify nowhere --out x.json", "nowhere"),
+        ("identify empty --out x.json", "empty"),
+        ("generate --command-csv nan.csv --out x", "nan.csv line 3: pull_mm is 'nan'"),
+        ("generate --preset negative.yaml --out x", "wire_stiffness = -5.0: must be positive"),
+        (
+            "generate --preset ureterscope --out x",
+            "unknown preset 'ureterscope' (did you mean 'ureteroscope'?)",
+        ),
+        ("generate --out /proc/x", "cannot write to the folder /proc/x"),
+        ("generate --out table.mcap/x", "cannot write to the folder table.mcap/x"),
+        ("generate --stroke 4 2 --out x", "stroke [4, 2] mm"),
+        ("generate --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
+        ("generate --episodes 0 --out x", "episodes = 0"),
+        ("train data/train --model model.json --out x", "model.json is no Coleman-Hodgdon model"),
+        ("train data/train --model coleman_hodgdon.json --noise-level 1 --out x", "--protocol free"),
+        ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "sample time 0.03 s"),
+        ("evaluate data/test --policy table.mcap --out x", "table.mcap is not a policy"),
+        ("evaluate data/test --suite ful --out x", "unknown suite 'ful'"),
+        (
+            "evaluate data/test --sample-time 0.2 --policy runs/ram/policy.onnx --out x",
+            "trained at T = 0.1 s",
+        ),
+        ("render data/test --out x.gif", "must end in .png or .mp4"),
+        ("render data/test --episode 9 --out x.png", "--episode 9"),
+        ("report empty --out x.html", "empty holds no run"),
+        ("generat --out x", "did you mean 'generate'?"),
+    ],
+)
+def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(workspace, line, fault):
+    folder, _ = workspace
+    _mistakes(folder)
+    done = endotwin(*line.split(), cwd=folder)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert fault in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr
+    left = [folder / "x", folder / "x.json", folder / "x.png", folder / "x.gif", folder / "x.html"]
+    assert not [path for path in left if path.is_file() or (path.is_dir() and any(path.iterdir()))]
