@@ -174,8 +174,8 @@ def test_findings_say_where_ram_loses():
     found = findings(rows)
     assert "the paper's comparisons (C-H, AM, LSTM) under 2 of 2 noises" in found.headline
     assert "every method tried under 1" in found.headline
-    assert "below the best other method, AM-tuned 0.900 deg (-33" in found.lines[0]
-    assert "above the best other method, AM-tuned 1.000 deg (+20" in found.lines[1]
+    assert "best other method AM-tuned 0.900 deg (RAM -33" in found.lines[0]
+    assert "best other method AM-tuned 1.000 deg (RAM +20" in found.lines[1]
     assert "intervals overlap" in findings([make_row("RAM", 0.99), make_row("AM", 1.0)]).lines[0]
     assert "do not compare" in findings([make_row("RAM", 0.6)]).headline
 

@@ -60,10 +60,9 @@ def findings(rows: Sequence[dict[str, Any]]) -> Findings:
 def _line(noise: str, level: float, ram: dict[str, Any], rival: str, other: dict[str, Any]) -> str:
     ours, theirs = ram["rmse_deg"], other["rmse_deg"]
     change = 100 * (ours / theirs - 1)
-    relation = "below" if ours < theirs else "above" if ours > theirs else "equal to"
     line = (
-        f"{noise_label(noise, level)}: RAM {ours:.3f} deg, {relation} the best other method, "
-        f"{rival} {theirs:.3f} deg ({change:+.0f}{_NBSP}%)"
+        f"{noise_label(noise, level)}: RAM {ours:.3f} deg, best other method {rival} {theirs:.3f} deg "
+        f"(RAM {change:+.0f}{_NBSP}%)"
     )
     if _overlap(ram, other):
         line += f"; their 95{_NBSP}% intervals overlap"

@@ -119,8 +119,15 @@ def _contents(folder: Path) -> dict[str, Any]:
         "loops": [_part(folder, f"data/{name}", lambda path: _loop(path, fit)) for name in ("train", "test")],
         "tracking": _part(folder, "results/tracks.npz", _tracking),
         "training": _part(folder, "runs", _training),
-        "commands": list(dict.fromkeys(f"endotwin {command}" for command in _COMMANDS.values())),
+        "commands": _commands_run(folder),
     }
+
+
+def _commands_run(folder: Path) -> list[str]:
+    """The commands that made this run, where it says them; else those that make such a run."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        return [str(command) for command in json.loads((folder / "demo.json").read_text())["commands"]]
+    return list(dict.fromkeys(f"endotwin {command}" for command in _COMMANDS.values()))
 
 
 def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap:

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from twin.episode import Episode
@@ -149,13 +150,12 @@ def _draw_poses(axes: Axes, film: Film, samples: list[int]) -> None:
         picture = cover * solid + (1 - cover) * picture
     axes.imshow(picture.astype(np.uint8), interpolation="lanczos")
     axes.set_axis_off()
-    for number, sample in enumerate(samples):
-        column, row = film.tip(sample)
+    tips = [film.tip(sample) for sample in samples]  # from the highest on the picture to the lowest
+    heights = _spread([row for _, row in tips], apart=0.05 * film.height)
+    for number, ((column, _), height) in enumerate(zip(tips, heights, strict=True)):
         axes.annotate(
             f"{number + 1}",
-            (column, row),
-            xytext=(12, 4 if row < film.height / 2 else -4),
-            textcoords="offset points",
+            (column + 0.05 * film.height, height),
             ha="center",
             va="center",
             **_badge(number),
@@ -164,6 +164,14 @@ def _draw_poses(axes: Axes, film: Film, samples: list[int]) -> None:
     left, bottom = 0.07 * film.width / 2, 0.93 * film.height
     axes.plot([left, left + length], [bottom, bottom], color=INK, linewidth=1.4, solid_capstyle="butt")
     axes.text(left, bottom - 0.02 * film.height, f"{length_mm:g} mm", color=MUTED, fontsize=8)
+
+
+def _spread(heights: list[float], apart: float) -> NDArray[np.float64]:
+    """Move (n,) increasing heights as little as keeps neighbours `apart`, about their common middle."""
+    spread = np.array(heights, dtype=float)
+    for index in range(1, len(spread)):
+        spread[index] = max(spread[index], spread[index - 1] + apart)
+    return spread - (spread - heights).mean()
 
 
 def _draw_loop(axes: Axes, episode: Episode, samples: list[int]) -> None:

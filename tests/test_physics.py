@@ -1,0 +1,256 @@
+"""The physics against theory: Coulomb friction, the capstan equation, statics, energy, and the saved state."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+
+from twin.excitation import approach
+from twin.physics import Endoscope, simulate
+from twin.physics.friction import element_friction
+from twin.preset import Preset, load_preset
+
+AMPLITUDE = 4e-3  # [m]
+SAMPLE_TIME = 0.02  # [s]
+PRESET = load_preset("ureteroscope")
+
+
+def sine(period: float, cycles: float) -> np.ndarray:
+    phase = np.arange(round(cycles * period / SAMPLE_TIME) + 1) * SAMPLE_TIME / period
+    return AMPLITUDE * np.sin(2 * np.pi * phase)
+
+
+def ramp_and_rest(pull: float, seconds: float = 3.0) -> np.ndarray:
+    """From rest to `pull` at a steady speed, then a second of rest."""
+    return np.concatenate([np.linspace(0, pull, round(seconds / SAMPLE_TIME)), np.full(50, pull)])
+
+
+def loop_of(preset: Preset, period: float, on_sample=None) -> tuple[np.ndarray, np.ndarray]:
+    """Pull [mm] and bend [deg] of the second of two cycles; it starts and ends at mid-stroke, rising."""
+    episode = simulate(preset, sine(period, 2), SAMPLE_TIME, on_sample=on_sample)
+    start = round(period / SAMPLE_TIME)
+    return episode.pull_mm[start:], episode.bend_deg[start:]
+
+
+def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """Falling minus rising branch on a common grid of pulls [deg]."""
+    top, bottom = pull.argmax(), pull.argmin()
+    grid = np.linspace(pull.min(), pull.max(), 801)
+    falling = np.interp(grid, pull[top : bottom + 1][::-1], bend[top : bottom + 1][::-1])
+    rising_pull = np.concatenate([pull[bottom:], pull[1 : top + 1]])  # the cycle closes
+    rising = np.interp(grid, rising_pull, np.concatenate([bend[bottom:], bend[1 : top + 1]]))
+    return falling - rising
+
+
+@pytest.fixture(scope="module")
+def loop() -> tuple[np.ndarray, np.ndarray]:
+    return loop_of(PRESET, 8.0)
+
+
+def test_loop_area_does_not_depend_on_rate():
+    areas = []
+    for period in (2.0, 8.0, 32.0):
+        pull, bend = loop_of(PRESET.without_viscosity(), period)
+        areas.append(abs(np.trapezoid(bend, pull)))
+    assert np.ptp(areas) / np.mean(areas) < 0.05
+
+
+def test_friction_makes_memory(loop):
+    pull, bend = loop
+    assert np.abs(width_of(pull, bend)[400]) > 0.03 * np.ptp(bend)  # at mid-stroke, one pull and two angles
+
+
+@pytest.mark.parametrize("viscous", [True, False])
+def test_without_friction_there_is_no_loop(viscous):
+    preset = PRESET.without_friction() if viscous else PRESET.without_friction().without_viscosity()
+    pull, bend = loop_of(preset, 8.0)
+    assert np.abs(width_of(pull, bend)).max() < 0.005 * np.ptp(bend)
+
+
+@pytest.mark.parametrize(
+    "cycles",
+    [1.25, 1.0, 1.5, 1.12, 1.35, 1.75],
+    ids=["top", "mid rising", "mid falling", "high rising", "high falling", "bottom"],
+)
+def test_held_command_does_not_drift(loop, cycles):
+    moving = sine(8.0, cycles)
+    held = np.full(round(30 / SAMPLE_TIME), moving[-1])
+    episode = simulate(PRESET, np.concatenate([moving, held]), SAMPLE_TIME)
+    after = episode.bend_deg[len(moving) - 1 :]  # settling after the sudden stop included
+    assert np.abs(after - after[0]).max() < 0.01 * np.ptp(loop[1])
+    assert np.abs(after[50:] - after[50]).max() < 1e-5 * np.ptp(loop[1])  # static friction does not creep
+
+
+def test_work_of_the_pulley_is_what_friction_dissipates():
+    """First law over a closed cycle: the springs give back what they took, so the rest went into friction."""
+    preset = PRESET.without_viscosity()
+    sliding, turning, friction, tension, pulley = [], [], [], [], []
+
+    def note(endoscope: Endoscope) -> None:
+        position = endoscope.named.data.qpos
+        elements = range(preset.sheath_elements)
+        sliding.append([[position[f"sheath_{wire}{i}"][0] for i in elements] for wire in "ab"])
+        turning.append(endoscope.joint_angle())
+        friction.append(endoscope.sheath_friction().copy())
+        tension.append(endoscope.wire_tension()[:, 0])
+        pulley.append(endoscope.pull())
+
+    loop_of(preset, 8.0, on_sample=note)
+    cycle = slice(round(8.0 / SAMPLE_TIME), None)
+    force = -np.diff(np.array(tension)[cycle], axis=1)[:, 0]  # of wire a less that of wire b
+    work = np.trapezoid(force, np.array(pulley)[cycle])
+    loss_in_sheath = np.sum(np.array(friction)[cycle][1:] * np.abs(np.diff(np.array(sliding)[cycle], axis=0)))
+    loss_in_hinges = preset.joint_friction * np.sum(np.abs(np.diff(np.array(turning)[cycle], axis=0)))
+    assert work == pytest.approx(loss_in_sheath + loss_in_hinges, rel=0.02)
+    assert loss_in_sheath > 0
+    assert loss_in_hinges > 0
+
+
+@given(
+    elements=st.integers(1, 64),
+    friction=st.floats(0, 1),
+    bend=st.floats(0, 4 * np.pi),
+    tension=st.floats(0.1, 100),
+)
+def test_elements_of_any_number_make_up_the_capstan_equation(elements, friction, bend, tension):
+    share = np.arange(elements + 1) / elements
+    sliding = tension * np.exp(-friction * bend * share)  # Euler: exact at every angle of wrap
+    drop = element_friction(sliding, friction, bend, floor=0.0)
+    np.testing.assert_allclose(drop, -np.diff(sliding), rtol=1e-9, atol=1e-12 * tension)
+    back = element_friction(sliding[::-1], friction, bend, floor=0.0)
+    np.testing.assert_allclose(back, np.diff(sliding[::-1]), rtol=1e-9, atol=1e-12 * tension)
+    assert element_friction(0 * sliding, friction, bend, floor=2.0).sum() == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("friction", [PRESET.sheath_friction, 0.3])
+@pytest.mark.parametrize("bend", [0.5, np.pi, 2 * np.pi])
+def test_sliding_wire_obeys_the_capstan_equation(friction, bend):
+    preset = PRESET.replace(
+        sheath_friction=friction, sheath_bend=bend, sheath_friction_floor=0.0, joint_friction=0.0
+    )
+    there, back = np.linspace(0, 8e-3, 201), np.linspace(8e-3, 1e-3, 351)
+    tension = simulate(preset, np.concatenate([there, back]), SAMPLE_TIME).wire_tension[:, 0]
+    pulled, released = tension[100:201], tension[-60:]
+    np.testing.assert_allclose(pulled[:, -1] / pulled[:, 0], np.exp(-friction * bend), rtol=0.02)
+    back_ratio = np.mean(released[:, -1] / released[:, 0])  # of a wire that slips back in small steps
+    assert back_ratio == pytest.approx(np.exp(friction * bend), rel=0.02)
+    per_element = np.exp(-friction * bend / preset.sheath_elements)
+    np.testing.assert_allclose(pulled[:, 1:] / pulled[:, :-1], per_element, rtol=0.02)
+
+
+def test_wires_pull_and_never_push():
+    large = 8e-3
+    episode = simulate(PRESET, np.concatenate([ramp_and_rest(large), ramp_and_rest(-large)]), SAMPLE_TIME)
+    assert episode.wire_tension.min() == 0.0
+    end_of_pull = len(ramp_and_rest(large)) - 1
+    assert episode.tension[end_of_pull, 0] > 10 * PRESET.pretension
+    assert episode.tension[end_of_pull, 1] == 0.0  # paid out faster than the bending takes it up
+    assert episode.tension[-1, 0] == 0.0
+    assert episode.tension[-1, 1] > 10 * PRESET.pretension
+
+
+def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull():
+    up = simulate(PRESET, ramp_and_rest(AMPLITUDE), SAMPLE_TIME)
+    down = simulate(PRESET, ramp_and_rest(-AMPLITUDE), SAMPLE_TIME)
+    np.testing.assert_allclose(down.bend, -up.bend, atol=1e-9)
+    np.testing.assert_allclose(down.wire_tension, up.wire_tension[:, ::-1], atol=1e-6)
+    moving = up.bend[: len(up.bend) - 50]
+    assert (np.diff(moving) >= -1e-9).all()
+    assert moving[-1] > 1.0
+
+
+def bend_of_least_energy(preset: Preset, pull: float) -> float:
+    """Friction-free statics: n equal hinges, wires as chords between the holes, each a one-sided spring."""
+    link, offset, n = preset.section_length / preset.vertebrae, preset.wire_offset, preset.vertebrae
+
+    def length(angle: float, side: int) -> float:
+        """From x = 0 to the first hole, then n - 1 times across a hinge that lies half-way."""
+        ahead = link / 2 * np.cos(angle) - side * offset * np.sin(angle)
+        aside = link / 2 * np.sin(angle) + side * offset * (np.cos(angle) - 1)
+        return np.hypot(ahead, aside) + (n - 1) * np.hypot(ahead + link / 2, aside)
+
+    def energy(angle: float) -> float:
+        stored = preset.section_stiffness * (n * angle) ** 2 / 2
+        for side in (1, -1):
+            stretch = length(angle, side) - length(0.0, side) + side * pull
+            stretch += preset.pretension / preset.wire_stiffness
+            stored += preset.wire_stiffness * max(stretch, 0.0) ** 2 / 2
+        return stored
+
+    return n * minimize_scalar(energy, bounds=(0, 3 / n), method="bounded", options={"xatol": 1e-10}).x
+
+
+@pytest.mark.parametrize("pull", [0.3e-3, 2e-3, 4e-3])  # with wire b taut, and slack
+@pytest.mark.parametrize("vertebrae", [8, 16, 32])
+def test_friction_free_bend_is_the_one_of_least_energy(pull, vertebrae):
+    preset = PRESET.without_friction().replace(vertebrae=vertebrae)
+    endoscope = Endoscope.from_preset(preset)
+    episode = simulate(preset, ramp_and_rest(pull), SAMPLE_TIME, endoscope=endoscope)
+    assert episode.bend[-1] == pytest.approx(bend_of_least_energy(preset, endoscope.pull()), rel=2e-3)
+
+
+def test_bend_hardly_depends_on_the_number_of_vertebrae():
+    def bend(preset: Preset, vertebrae: int) -> float:
+        return simulate(preset.replace(vertebrae=vertebrae), ramp_and_rest(2e-3), SAMPLE_TIME).bend[-1]
+
+    free = [bend(PRESET.without_friction(), n) for n in (8, 16, 32)]
+    assert np.ptp(free) / np.mean(free) < 0.02
+    rough = [bend(PRESET, n) for n in (8, 16, 32)]
+    assert rough[1] == pytest.approx(rough[2], rel=0.02)
+    # a wire cuts the corner at each of n hinges by its chord, an error of second order in 1 / n
+    assert (rough[0] - rough[1]) / (rough[1] - rough[2]) == pytest.approx(4, rel=0.2)
+
+
+@pytest.fixture(scope="module")
+def whole_run():
+    command = sine(8.0, 2)
+    endoscope = Endoscope.from_preset(PRESET)
+    return command, simulate(PRESET, command, SAMPLE_TIME, endoscope=endoscope), endoscope
+
+
+@pytest.mark.parametrize("sample", [37, 330, 500])
+def test_state_restored_into_a_fresh_endoscope_continues_bit_for_bit(whole_run, sample):
+    command, whole, at_end = whole_run
+    first = Endoscope.from_preset(PRESET)
+    simulate(PRESET, command[: sample + 1], SAMPLE_TIME, endoscope=first)
+    fresh = Endoscope.from_preset(PRESET)
+    rest = simulate(PRESET, command[sample:], SAMPLE_TIME, state=first.save_state(), endoscope=fresh)
+    for field in ("bend", "joint_angle", "wire_tension", "sheath_friction"):
+        assert np.array_equal(getattr(rest, field), getattr(whole, field)[sample:]), field
+    assert np.array_equal(fresh.data.ptr.qpos, at_end.data.ptr.qpos)
+    assert np.array_equal(fresh.data.ptr.qvel, at_end.data.ptr.qvel)
+
+
+@pytest.mark.parametrize("other", [{"vertebrae": 8}, {"sheath_elements": 3}])
+def test_state_of_another_endoscope_is_refused(other):
+    state = Endoscope.from_preset(PRESET.replace(**other)).save_state()
+    with pytest.raises(ValueError, match="does not fit"):
+        Endoscope.from_preset(PRESET).restore_state(state)
+
+
+def test_two_runs_are_identical(whole_run):
+    command, whole, _ = whole_run
+    again = simulate(PRESET, command, SAMPLE_TIME)
+    assert np.array_equal(again.bend, whole.bend)
+    assert np.array_equal(again.wire_tension, whole.wire_tension)
+
+
+def test_record_inside_the_stroke_starts_at_the_end_of_a_real_path():
+    by_hand = Endoscope.from_preset(PRESET)
+    for target in approach(3e-3, PRESET.control_period):
+        by_hand.advance(target)
+    record = simulate(PRESET, 3e-3 + 1e-3 * np.sin(np.arange(10) * 0.05), SAMPLE_TIME)
+    assert record.bend[0] == by_hand.bend()
+    assert np.array_equal(record.wire_tension[0], by_hand.wire_tension())
+
+
+def test_unusable_commands_are_refused_in_one_line():
+    with pytest.raises(ValueError, match="nan at sample 2") as refused:
+        simulate(PRESET, np.array([0, 1e-3, np.nan]), SAMPLE_TIME)
+    assert "\n" not in str(refused.value)
+    for sample_time in (0.015, 0.005):
+        with pytest.raises(ValueError, match="whole multiple of the control period"):
+            simulate(PRESET, np.zeros(3), sample_time)
+    with pytest.raises(ValueError, match="finite"):
+        Endoscope.from_preset(PRESET).advance(np.inf)
