@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: install demo test lint types check benchmark protobuf clean
+.PHONY: install demo test lint types protobuf clean
 
 install: $(STAMP)
 
