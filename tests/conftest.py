@@ -5,10 +5,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 import numpy as np
 import pytest
 import torch
+from hypothesis import settings
 
 from twin.hysteresis import ColemanHodgdon
 
 torch.set_num_threads(1)
+settings.register_profile("repeatable", deadline=None, derandomize=True)  # whatever the machine
+settings.load_profile("repeatable")
 
 SAMPLE_TIME = 0.1
 

@@ -1,14 +1,11 @@
-"""The physics against theory: Coulomb friction, the capstan equation, statics, energy, and the saved state."""
+"""The physics against theory: dry friction, one-sided wires, statics, energy, and the saved state."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from twin.excitation import approach
 from twin.physics import Endoscope, simulate
-from twin.physics.friction import element_friction
 from twin.preset import Preset, load_preset
 
 AMPLITUDE = 4e-3  # [m]
@@ -84,7 +81,7 @@ def test_held_command_does_not_drift(loop, cycles):
 
 def test_work_of_the_pulley_is_what_friction_dissipates():
     """First law over a closed cycle: the springs give back what they took, so the rest went into friction."""
-    preset = PRESET.without_viscosity()
+    preset = PRESET.without_viscosity().replace(joint_friction=2e-3)  # enough that both losses count
     sliding, turning, friction, tension, pulley = [], [], [], [], []
 
     def note(endoscope: Endoscope) -> None:
@@ -102,52 +99,32 @@ def test_work_of_the_pulley_is_what_friction_dissipates():
     work = np.trapezoid(force, np.array(pulley)[cycle])
     loss_in_sheath = np.sum(np.array(friction)[cycle][1:] * np.abs(np.diff(np.array(sliding)[cycle], axis=0)))
     loss_in_hinges = preset.joint_friction * np.sum(np.abs(np.diff(np.array(turning)[cycle], axis=0)))
-    assert work == pytest.approx(loss_in_sheath + loss_in_hinges, rel=0.02)
-    assert loss_in_sheath > 0
-    assert loss_in_hinges > 0
+    assert work == pytest.approx(loss_in_sheath + loss_in_hinges, rel=0.005)
+    assert min(loss_in_sheath, loss_in_hinges) > 0.05 * work
 
 
-@given(
-    elements=st.integers(1, 64),
-    friction=st.floats(0, 1),
-    bend=st.floats(0, 4 * np.pi),
-    tension=st.floats(0.1, 100),
-)
-def test_elements_of_any_number_make_up_the_capstan_equation(elements, friction, bend, tension):
-    share = np.arange(elements + 1) / elements
-    sliding = tension * np.exp(-friction * bend * share)  # Euler: exact at every angle of wrap
-    drop = element_friction(sliding, friction, bend, floor=0.0)
-    np.testing.assert_allclose(drop, -np.diff(sliding), rtol=1e-9, atol=1e-12 * tension)
-    back = element_friction(sliding[::-1], friction, bend, floor=0.0)
-    np.testing.assert_allclose(back, np.diff(sliding[::-1]), rtol=1e-9, atol=1e-12 * tension)
-    assert element_friction(0 * sliding, friction, bend, floor=2.0).sum() == pytest.approx(2.0)
+def test_tension_is_the_force_that_acts_and_never_pushes():
+    """The springs act on a sheath element with the tension of the length before it less that behind it."""
+    acting, read = [], []
+
+    def note(endoscope: Endoscope) -> None:
+        force = endoscope.named.data.qfrc_spring
+        elements = range(PRESET.sheath_elements)
+        acting.append([[force[f"sheath_{wire}{i}"][0] for i in elements] for wire in "ab"])
+        read.append(endoscope.wire_tension())
+
+    loop_of(PRESET, 8.0, on_sample=note)
+    tension = np.array(read)
+    np.testing.assert_allclose(acting, -np.diff(tension, axis=-1), atol=1e-6)
+    assert (tension >= 0).all()
+    assert (tension[:, :, [0, -1]] == 0).any(axis=0).all()  # slack at times, at the pulley and at the tip
 
 
-@pytest.mark.parametrize("friction", [PRESET.sheath_friction, 0.3])
-@pytest.mark.parametrize("bend", [0.5, np.pi, 2 * np.pi])
-def test_sliding_wire_obeys_the_capstan_equation(friction, bend):
-    preset = PRESET.replace(
-        sheath_friction=friction, sheath_bend=bend, sheath_friction_floor=0.0, joint_friction=0.0
-    )
-    there, back = np.linspace(0, 8e-3, 201), np.linspace(8e-3, 1e-3, 351)
-    tension = simulate(preset, np.concatenate([there, back]), SAMPLE_TIME).wire_tension[:, 0]
-    pulled, released = tension[100:201], tension[-60:]
-    np.testing.assert_allclose(pulled[:, -1] / pulled[:, 0], np.exp(-friction * bend), rtol=0.02)
-    back_ratio = np.mean(released[:, -1] / released[:, 0])  # of a wire that slips back in small steps
-    assert back_ratio == pytest.approx(np.exp(friction * bend), rel=0.02)
-    per_element = np.exp(-friction * bend / preset.sheath_elements)
-    np.testing.assert_allclose(pulled[:, 1:] / pulled[:, :-1], per_element, rtol=0.02)
-
-
-def test_wires_pull_and_never_push():
-    large = 8e-3
-    episode = simulate(PRESET, np.concatenate([ramp_and_rest(large), ramp_and_rest(-large)]), SAMPLE_TIME)
-    assert episode.wire_tension.min() == 0.0
-    end_of_pull = len(ramp_and_rest(large)) - 1
-    assert episode.tension[end_of_pull, 0] > 10 * PRESET.pretension
-    assert episode.tension[end_of_pull, 1] == 0.0  # paid out faster than the bending takes it up
-    assert episode.tension[-1, 0] == 0.0
-    assert episode.tension[-1, 1] > 10 * PRESET.pretension
+def test_paid_out_wire_goes_slack_at_a_large_pull():
+    episode = simulate(PRESET, ramp_and_rest(8e-3), SAMPLE_TIME)
+    assert episode.tension[0] == pytest.approx(PRESET.pretension)
+    assert episode.tension[-1, 0] > 10 * PRESET.pretension
+    assert episode.tension[-1, 1] == 0.0  # paid out faster than the bending takes it up
 
 
 def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull():

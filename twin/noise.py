@@ -31,10 +31,13 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 
 
 def noise_variance(kind: str, level: float) -> float:
-    """Return the variance of a noise [deg^2]: what a filter is told as R. It is the level for both kinds."""
+    """Return the variance of a noise [deg^2]: what a filter is told as R.
+
+    It is the level itself, plus the 1 / 12 of the uniform dither where there is one.
+    """
     if kind not in NOISES:
         raise ValueError(f"unknown noise {kind!r}; valid: {', '.join(NOISES)}")
-    return level
+    return level + 1 / 12 if kind == "poisson-dithered" else level
 
 
 def _gaussian(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:

@@ -61,6 +61,8 @@ class Preset:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if field.name == "name":
+                if not isinstance(value, str):
+                    raise ValueError(f"preset parameter name = {value!r}: must be text")
                 continue
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise ValueError(f"preset parameter {field.name} = {value!r}: must be a finite number")
@@ -145,7 +147,7 @@ def load_preset(name_or_path: str | Path) -> Preset:
         raise ValueError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{path} holds no preset: expected `parameter: value` lines")
-    return Preset(name=path.stem).replace(**values)
+    return Preset(name=path.stem).replace(**{str(name): value for name, value in values.items()})
 
 
 def _suggestion(name: str, names: list[str]) -> str:

@@ -1,0 +1,121 @@
+"""An episode holds arrays that belong together, converts units once and thins without inventing samples."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin.episode import Episode
+
+PER_SAMPLE = ("pull", "bend", "measured_bend", "joint_angle", "wire_tension", "sheath_friction")
+
+
+def make_arrays(samples: int = 20, sample_time: float = 0.02) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return {
+        "time": np.arange(samples) * sample_time,
+        "pull": rng.normal(size=samples) * 1e-3,
+        "bend": rng.normal(size=samples),
+        "measured_bend": rng.normal(size=samples),
+        "joint_angle": rng.normal(size=(samples, 3)),
+        "wire_tension": rng.normal(size=(samples, 2, 5)),
+        "sheath_friction": rng.normal(size=(samples, 2, 4)),
+    }
+
+
+def make_episode(samples: int = 20, sample_time: float = 0.02) -> Episode:
+    return Episode(**make_arrays(samples, sample_time), metadata={"seed": 1}, attachments={"a": b"b"})
+
+
+@pytest.mark.parametrize("field", PER_SAMPLE)
+def test_array_of_another_length_is_refused_by_name(field):
+    arrays = make_arrays()
+    arrays[field] = arrays[field][:-1]
+    with pytest.raises(ValueError, match=f"^{field} has 19 samples, time has 20$"):
+        Episode(**arrays)
+
+
+@pytest.mark.parametrize("field", PER_SAMPLE)
+@pytest.mark.parametrize("gap", [np.nan, np.inf, -np.inf])
+def test_gap_is_refused_with_its_place(field, gap):
+    arrays = make_arrays()
+    arrays[field][7:9] = gap
+    with pytest.raises(ValueError, match=f"^{field} is not finite at sample 7$"):
+        Episode(**arrays)
+
+
+@pytest.mark.parametrize("times", [(0.1, 0.1), (0.2, 0.1), (0.1, np.nan), (np.inf, 0.2), (0.1, np.inf)])
+def test_time_that_does_not_increase_is_refused(times):
+    arrays = make_arrays(20)
+    arrays["time"] = np.concatenate([np.arange(18) * 1e-3, times])
+    with pytest.raises(ValueError, match="time must increase"):
+        Episode(**arrays)
+
+
+@pytest.mark.parametrize("samples", [0, 1])
+def test_record_needs_two_samples(samples):
+    with pytest.raises(ValueError, match=f"at least 2 samples, got {samples}"):
+        make_episode(samples)
+    assert make_episode(2).sample_time == pytest.approx(0.02)
+
+
+def test_millimetres_and_degrees_at_the_edge():
+    arrays = make_arrays(3)
+    arrays |= {
+        "pull": np.array([0.0, 1e-3, -4.5e-3]),
+        "bend": np.array([0.0, np.pi, -np.pi / 2]),
+        "measured_bend": np.array([np.pi / 180, np.pi / 4, 0.0]),
+    }
+    episode = Episode(**arrays)
+    np.testing.assert_allclose(episode.pull_mm, [0.0, 1.0, -4.5], rtol=1e-15)
+    np.testing.assert_allclose(episode.bend_deg, [0.0, 180.0, -90.0], rtol=1e-15)
+    np.testing.assert_allclose(episode.measured_bend_deg, [1.0, 45.0, 0.0], rtol=1e-15)
+
+
+def test_tension_is_that_of_the_lengths_at_the_pulley():
+    episode = make_episode()
+    for wire in (0, 1):
+        np.testing.assert_array_equal(episode.tension[:, wire], episode.wire_tension[:, wire, 0])
+
+
+def test_sample_time_is_the_usual_one_where_a_sample_is_late():
+    arrays = make_arrays()
+    arrays["time"][10:] += 0.5
+    assert Episode(**arrays).sample_time == pytest.approx(0.02)
+
+
+@given(step=st.integers(1, 8), sample_time=st.sampled_from([0.001, 0.01, 0.02, 0.1, 1 / 30]))
+def test_thinned_record_is_every_nth_sample_of_every_array(step, sample_time):
+    episode = make_episode(20, sample_time)
+    thin = episode.every(step * sample_time)
+    for field in ("time", *PER_SAMPLE):
+        np.testing.assert_array_equal(getattr(thin, field), getattr(episode, field)[::step])
+    assert thin.sample_time == pytest.approx(step * sample_time)
+    assert (thin.metadata, thin.attachments) == (episode.metadata, episode.attachments)
+
+
+@given(first=st.integers(1, 3), second=st.integers(1, 3))
+def test_thinning_twice_is_thinning_once(first, second):
+    episode = make_episode(40)
+    twice = episode.every(first * 0.02).every(first * second * 0.02)
+    once = episode.every(first * second * 0.02)
+    for field in ("time", *PER_SAMPLE):
+        np.testing.assert_array_equal(getattr(twice, field), getattr(once, field))
+
+
+@pytest.mark.parametrize("sample_time", [0.03, 0.01, 0.0201, 0.0, -0.02])
+def test_sample_time_that_is_no_multiple_is_refused(sample_time):
+    with pytest.raises(ValueError, match=r"must be a whole multiple of the record's 0\.02 s"):
+        make_episode().every(sample_time)
+
+
+def test_thinning_to_a_single_sample_is_refused():
+    with pytest.raises(ValueError, match="at least 2 samples, got 1"):
+        make_episode(20).every(0.4)
+
+
+def test_episode_cannot_be_changed_by_assignment():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        make_episode().bend = np.zeros(20)

@@ -1,0 +1,156 @@
+"""The Coleman-Hodgdon model against the differential equation, its closed form and its limits."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from twin.hysteresis import ColemanHodgdon, IdentifiedModel, load_model
+
+PAPER = ColemanHodgdon(1.15, 22.38, 5.0)
+rates = st.floats(0.2, 4.0)
+slopes = st.floats(1.0, 50.0)
+paths = st.lists(st.floats(-5, 5), min_size=3, max_size=30).map(np.array)
+
+
+def pull_of(time):
+    """Two unequal reversals per cycle: the loops have minor loops [mm]."""
+    return 3 + np.sin(time) + 0.6 * np.sin(3 * time + 0.4)
+
+
+def speed_of(time):
+    return np.cos(time) + 1.8 * np.cos(3 * time + 0.4)
+
+
+def solution_of_equation_1(times: np.ndarray, bend0: float) -> np.ndarray:
+    """d theta / dt = a |v| (b l - theta) + c v by Runge-Kutta; independent of the module."""
+    a, b, c = 1.15, 22.38, 5.0
+
+    def rate(time, bend):
+        velocity = speed_of(time)
+        return a * abs(velocity) * (b * pull_of(time) - bend) + c * velocity
+
+    span = (times[0], times[-1])
+    return solve_ivp(rate, span, [bend0], t_eval=times, rtol=1e-9, atol=1e-9, max_step=0.01).y[0]
+
+
+def test_response_solves_the_differential_equation_to_first_order():
+    times = np.linspace(0, 10, 101)
+    exact = solution_of_equation_1(times, 40.0)
+    errors = []
+    for refine in (50, 100):
+        fine = np.linspace(0, 10, 100 * refine + 1)
+        errors.append(np.abs(PAPER.response(pull_of(fine), 40.0)[::refine] - exact).max())
+    assert errors[1] < 0.002 * np.ptp(exact)
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)  # Euler: half the step, half the error
+
+
+@given(path=paths, bend0=st.floats(-100, 100), data=st.data())
+def test_waiting_on_the_way_changes_nothing(path, bend0, data):
+    repeats = np.array(data.draw(st.lists(st.integers(1, 4), min_size=len(path), max_size=len(path))))
+    slow = PAPER.response(np.repeat(path, repeats), bend0)
+    np.testing.assert_array_equal(slow[np.cumsum(repeats) - 1], PAPER.response(path, bend0))
+
+
+def test_speed_along_the_path_changes_nothing():
+    time = np.linspace(0, 10, 20001)
+    hurried = 10 * (time / 10) ** 2  # the same path, slow first and fast last
+    steady = PAPER.response(pull_of(time), 40.0)
+    warped = PAPER.response(pull_of(hurried), 40.0)
+    np.testing.assert_allclose(warped, np.interp(hurried, time, steady), atol=2e-3 * np.ptp(steady))
+
+
+@given(
+    candidates=st.lists(st.tuples(rates, slopes, slopes), min_size=1, max_size=5),
+    pulls=st.lists(paths.map(lambda p: np.resize(p, 12)), min_size=1, max_size=4),
+    bend0=st.floats(-100, 100),
+)
+def test_batch_equals_loop(candidates, pulls, bend0):
+    a, b, c = (np.array(values)[:, None] for values in zip(*candidates, strict=True))
+    batch = ColemanHodgdon(a, b, c).response(np.array(pulls), bend0)
+    assert batch.shape == (len(candidates), len(pulls), 12)
+    for i, candidate in enumerate(candidates):
+        for j, pull in enumerate(pulls):
+            np.testing.assert_array_equal(batch[i, j], ColemanHodgdon(*candidate).response(pull, bend0))
+
+
+@given(path=paths, bend0=st.floats(-100, 100), a=rates, b=slopes, c=slopes)
+def test_single_steps_equal_the_whole_response(path, bend0, a, b, c):
+    model = ColemanHodgdon(a, b, c)
+    bend = [np.array(bend0)]
+    for k in range(1, len(path)):
+        bend.append(model.step(bend[-1], path[k], path[k - 1]))
+    response = model.response(path, bend0)
+    np.testing.assert_allclose(response, bend, rtol=1e-9, atol=1e-9 * np.abs(response).max())
+
+
+@given(a=rates, b=slopes, c=slopes, offset=st.floats(-50, 50), direction=st.sampled_from([1, -1]))
+def test_monotone_pull_follows_the_closed_form(a, b, c, offset, direction):
+    """Along a monotone pull eq. 1 is linear: an exponential approach to b l +- (c - b) / a with slope b."""
+    pull = direction * np.linspace(-2, 3, 5001)
+    limit = b * pull + direction * (c - b) / a
+    bend0 = limit[0] + offset
+    exact = limit + offset * np.exp(-a * np.abs(pull - pull[0]))
+    error = np.abs(ColemanHodgdon(a, b, c).response(pull, bend0) - exact).max()
+    step = 5 / 5000
+    assert error < 2 * step * (b + a * abs(offset))
+
+
+def test_slope_approaches_b_and_the_branches_lie_two_b_minus_c_over_a_apart():
+    there = np.linspace(-15, 15, 60001)
+    bend = PAPER.response(np.concatenate([there, there[::-1]]), 0.0)
+    rising, falling = bend[:60001], bend[60001:][::-1]
+    np.testing.assert_allclose(np.diff(rising[-1000:]) / np.diff(there[-1000:]), 22.38, rtol=1e-3)
+    assert falling[30000] - rising[30000] == pytest.approx(2 * (22.38 - 5.0) / 1.15, rel=1e-3)
+
+
+@given(a=rates, b=slopes, share=st.floats(0.05, 2.0).filter(lambda share: abs(share - 0.5) > 0.02))
+def test_monotone_is_whether_the_bend_falls_with_the_first_release(a, b, share):
+    """Just after the reversal of a long pull the slope is 2 c - b."""
+    model = ColemanHodgdon(a, b, share * b)
+    pull = np.linspace(-5, 5, 8001)
+    released = model.response(np.append(pull, pull[-1] - 1e-4), b * pull[0] + (share * b - b) / a)
+    assert (released[-1] < released[-2]) == model.monotone()
+    assert (released[-1] - released[-2]) / -1e-4 == pytest.approx(2 * share * b - b, abs=0.02 * b)
+
+
+def test_monotone_threshold_belongs_to_the_monotone_side_and_every_candidate_counts():
+    assert ColemanHodgdon(1.0, 20.0, 10.0).monotone()
+    assert not ColemanHodgdon(1.0, 20.0, np.nextafter(10.0, 0)).monotone()
+    assert not ColemanHodgdon(1.0, np.array([20.0, 20.0]), np.array([11.0, 9.0])).monotone()
+
+
+def test_model_file_comes_back(tmp_path):
+    written = IdentifiedModel(PAPER, rmse_deg=0.5, optimizer="ga", seed=3, source="data").to_dict()
+    assert written["c_over_b"] == pytest.approx(5.0 / 22.38)
+    assert written["monotone"] is False
+    path = tmp_path / "coleman_hodgdon.json"
+    path.write_text(json.dumps(written))
+    assert load_model(path) == PAPER
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "no json",
+        "[1, 2, 3]",
+        "null",
+        '{"a_per_mm": 1.15, "b_deg_per_mm": 22.38}',
+        '{"a_per_mm": "steep", "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
+        '{"a_per_mm": null, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
+        '{"a_per_mm": NaN, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
+    ],
+)
+def test_file_that_is_no_model_is_refused_by_name(tmp_path, content):
+    path = tmp_path / "coleman_hodgdon.json"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=r"coleman_hodgdon\.json.*a_per_mm, b_deg_per_mm, c_deg_per_mm"):
+        load_model(path)
+
+
+def test_missing_model_file_says_what_writes_one(tmp_path):
+    with pytest.raises(FileNotFoundError, match="endotwin identify"):
+        load_model(tmp_path / "none.json")
