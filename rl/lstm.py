@@ -50,8 +50,9 @@ class LstmTraining:
 class Lstm(torch.nn.Module):
     """One LSTM layer and a linear output, with the normalisation of inputs and output inside."""
 
-    def __init__(self, hidden: int):
+    def __init__(self, hidden: int, sample_time: float = 0.0):
         super().__init__()
+        self.sample_time = torch.nn.Buffer(torch.tensor(sample_time, dtype=torch.float64))
         self.layer = torch.nn.LSTM(2, hidden, batch_first=True)
         self.output = torch.nn.Linear(hidden, 1)
         self.input_scale = torch.nn.Buffer(torch.ones(2))
@@ -100,7 +101,7 @@ def train_lstm(
     rng = np.random.default_rng(training.seed)
     pull, bend = stack_records(records)
     task = Task(pull, bend, training.noise, training.noise_level)
-    network = Lstm(training.hidden)
+    network = Lstm(training.hidden, active_model.sample_time)
     _normalise(network, task, rng)
     optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, training.iterations)
@@ -120,7 +121,7 @@ def train_lstm(
             on_progress(iteration, training.iterations, curve[-1][1])
 
     with (folder / "progress.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([("samples", "episode_return"), *((s, f"{r:.6g}") for s, r in curve)])
+        csv.writer(file).writerows([("samples", "mean_reward"), *((s, f"{r:.6g}") for s, r in curve)])
     with WholeFile(path) as file:
         torch.save(network.state_dict(), file)
     return network
@@ -130,13 +131,16 @@ def load_lstm(path: Path, hidden: int = LstmTraining.hidden) -> Lstm:
     """Read a trained network.
 
     Raises:
+        FileNotFoundError: there is no such file.
         ValueError: the file holds no network of this size.
     """
+    if not path.is_file():
+        raise FileNotFoundError(f"no LSTM file {path}; `endotwin train --agent lstm` writes one")
     network = Lstm(hidden)
     try:
         network.load_state_dict(torch.load(path, weights_only=True))
     except Exception as error:  # torch raises many classes for a file that it cannot read
-        raise ValueError(f"{path} is not an LSTM of {hidden} units written by `endotwin evaluate`") from error
+        raise ValueError(f"{path} is not an LSTM of {hidden} units written by `endotwin train`") from error
     return network
 
 

@@ -4,6 +4,7 @@ import contextlib
 import csv
 import dataclasses
 import io
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from rl.agents import check_agent_name, make_agent
 from rl.environment import BatchEnvironment, Task, stack_records
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
+from twin.noise import draw_noise
 from twin.recording.atomic import WholeFile
 
 Array = NDArray[np.float64]
@@ -64,9 +66,14 @@ class Training:
             ValueError: a number is out of range, or the horizon does not divide evenly.
         """
         check_agent_name(self.agent)
-        for name in ("episodes", "learning_rate", "horizon", "minibatch", "clip", "environments"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} = {getattr(self, name)}: must be positive")
+        for name in _POSITIVE:
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)}: must be positive and finite")
+        if not 0 <= self.initial_error_deg < math.inf:
+            raise ValueError(f"initial_error_deg = {self.initial_error_deg}: must be finite, not negative")
+        if self.minibatch < 2:
+            raise ValueError(f"minibatch = {self.minibatch}: must be at least 2")
+        draw_noise(self.noise, self.noise_level, (1,), np.random.default_rng(0))
         if not 0 < self.discount <= 1:
             raise ValueError(f"discount = {self.discount}: must be above 0 and at most 1")
         if self.horizon % self.environments or self.horizon % self.minibatch:
@@ -74,6 +81,18 @@ class Training:
                 f"horizon = {self.horizon}: must be a multiple of environments = {self.environments} "
                 f"and of minibatch = {self.minibatch}"
             )
+
+
+_POSITIVE = (
+    "episodes",
+    "learning_rate",
+    "horizon",
+    "minibatch",
+    "clip",
+    "environments",
+    "noise_level",
+    "reward_scale",
+)
 
 
 def train_policy(
@@ -114,7 +133,7 @@ def train_policy(
     agent = make_agent(training.agent, active_model)
     total = training.episodes * (pull.shape[1] - 1)
     environment = BatchEnvironment(task, agent, training.environments, training.seed, training.reward_scale)
-    ppo = _newest_checkpoint(folder, environment) or _new_ppo(environment, training)
+    ppo = _newest_checkpoint(folder, environment, training.seed) or _new_ppo(environment, training)
     callback = _Progress(folder, total, on_progress)
     if ppo.num_timesteps < total:
         ppo.learn(total - ppo.num_timesteps, callback=callback, reset_num_timesteps=False)
@@ -177,11 +196,14 @@ def _new_ppo(environment: BatchEnvironment, training: Training) -> PPO:
     )
 
 
-def _newest_checkpoint(folder: Path, environment: BatchEnvironment) -> PPO | None:
+def _newest_checkpoint(folder: Path, environment: BatchEnvironment, seed: int) -> PPO | None:
     """Load the newest checkpoint that is whole; one that was damaged is passed over."""
     for path in sorted(folder.glob("checkpoints/*.zip"), reverse=True):
         with contextlib.suppress(Exception):  # whatever a damaged archive raises
-            return PPO.load(path, env=environment, device="cpu")
+            ppo = PPO.load(path, env=environment, device="cpu")
+            # The stream of the first run has been learned from already.
+            environment.rng = np.random.default_rng([seed, ppo.num_timesteps])
+            return ppo
     return None
 
 
@@ -205,7 +227,7 @@ class _Progress(BaseCallback):
             kept = [row for row in kept if int(row[0]) <= self.num_timesteps]
         self.file = path.open("w", newline="")
         self.writer = csv.writer(self.file)
-        self.writer.writerows([["samples", "episode_return"], *kept])
+        self.writer.writerows([["samples", "mean_reward"], *kept])
 
     def _on_step(self) -> bool:
         rewards = [

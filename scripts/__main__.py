@@ -11,7 +11,7 @@ VERBS = {
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "render": "draw a record as PNG or MP4, without a screen",
     "report": "make one self-contained HTML page of a run",
-    "demo": "all of it, end to end, at small size",
+    "demo": "all of it, end to end",
 }
 
 

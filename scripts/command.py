@@ -1,6 +1,9 @@
 """What all verbs share: parsing, one line for a user's mistake, one line of summary, progress on stderr."""
 
+import contextlib
 import dataclasses
+import io
+import itertools
 import json
 import logging
 import os
@@ -41,10 +44,14 @@ def run_verb(
     """
     name = f"endotwin {verb.__module__.rsplit('.', 1)[-1]}" if verb.__module__ != "__main__" else sys.argv[0]
     logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
-    parsed = tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
+    parsed = _parse(arguments, name, argv)
+    if parsed is None:
+        return MISTAKE
     try:
+        if getattr(parsed, "seed", 0) < 0:
+            raise ValueError(f"--seed {getattr(parsed, 'seed', 0)}: must not be negative")
         summary = verb(parsed)
-    except (ValueError, OSError, FloatingPointError) as error:
+    except (ValueError, OSError, ArithmeticError, MemoryError) as error:
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
         return MISTAKE
     except KeyboardInterrupt:
@@ -55,6 +62,21 @@ def run_verb(
     else:
         print(summary.line)
     return summary.code
+
+
+def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] | None) -> Arguments | None:
+    """Parse the command line; of a mistake, print what tyro says in its box as one line and return None."""
+    printed = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(printed):
+            return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
+    except SystemExit as end:
+        if not end.code:
+            raise
+    inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
+    message = " ".join(itertools.takewhile(lambda line: not line.startswith("─"), inside))
+    print(f"{name}: {message} (`{name} --help` lists the options)", file=sys.stderr)
+    return None
 
 
 def output_folder(path: Path) -> Path:

@@ -15,16 +15,8 @@ from pathlib import Path
 from scripts.command import Summary, output_folder, run_verb
 
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
-PARTS = (
-    "data",
-    "runs",
-    "results",
-    "coleman_hodgdon.json",
-    "bend.png",
-    "bend.mp4",
-    "demo.json",
-    "report.html",
-)
+MARK = "demo.json"
+PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp4", "report.html")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,12 +40,12 @@ class Demo:
 
 def demo(args: Demo) -> Summary:
     """Run every stage and write `report.html`."""
-    out = output_folder(args.out)
-    for part in PARTS:
-        path = out / part
-        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-
-    data, model, runs = out / "data", out / "coleman_hodgdon.json", out / "runs"
+    for name in ("episodes", "records", "seconds", "seeds"):
+        if not getattr(args, name) > 0:
+            raise ValueError(f"--{name} {getattr(args, name)}: must be positive")
+    folder = _fresh_folder(args.out)
+    out = shlex.quote(str(folder))  # as it stands in the commands
+    data, model, runs = f"{out}/data", f"{out}/coleman_hodgdon.json", f"{out}/runs"
     generate = f"generate --preset ureteroscope --episodes {args.records} --seconds {args.seconds:g}"
     learn = f"train {data}/train --model {model} --protocol strict --seed {args.seed}"
     ppo = f"--episodes {args.episodes}"
@@ -91,13 +83,29 @@ def demo(args: Demo) -> Summary:
         "wall_time_s": {**walls, "all": round(time.monotonic() - start, 1)},
         "commands": commands,
     }
-    (out / "demo.json").write_text(json.dumps(facts, indent=2) + "\n")
+    (folder / MARK).write_text(json.dumps(facts, indent=2) + "\n")
     _run_side_by_side([f"report {out} --out {out}/report.html"])
     took = time.monotonic() - start
     return Summary(
-        f"{out}/report.html: the whole run in {took / 60:.1f} min",
-        {"out": f"{out}/report.html", "wall_time_s": round(took, 1)},
+        f"{folder}/report.html: the whole run in {took / 60:.1f} min",
+        {"out": f"{folder}/report.html", "wall_time_s": round(took, 1)},
     )
+
+
+def _fresh_folder(path: Path) -> Path:
+    """Make the run folder, empty of what an earlier demo left in it.
+
+    Raises:
+        ValueError: it holds files of these names that no demo made.
+    """
+    folder = output_folder(path)
+    held = [folder / part for part in PARTS if (folder / part).exists()]
+    if held and not (folder / MARK).is_file():
+        raise ValueError(f"--out {folder} holds {held[0].name}, which no demo made: choose another folder")
+    for part in held:
+        shutil.rmtree(part) if part.is_dir() else part.unlink()
+    (folder / MARK).write_text("{}\n")
+    return folder
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:

@@ -77,10 +77,10 @@ def evaluate(args: Evaluate) -> Summary:
     active_model = ActiveModel(load_model(args.model), args.sample_time)
     test = true_records(args.data, args.sample_time)
     training = true_records([args.train], args.sample_time) if args.train else None
-    policies = {policy.agent_name: policy for policy in map(load_policy, args.policy)}
-    for policy in policies.values():
-        _check_sample_time(policy, args.sample_time)
+    policies = _load_policies(args.policy, active_model)
     network = load_lstm(args.lstm) if args.lstm else None
+    if network is not None:
+        _check_sample_time("LSTM", float(network.sample_time), args.sample_time)
     folder = output_folder(args.out)
 
     if training:
@@ -92,7 +92,7 @@ def evaluate(args: Evaluate) -> Summary:
 
     tables = paper_tables(rows, "plain")
     contents = {"protocol": _describe(args, protocol, active_model, len(test)), "rows": rows}
-    _write(folder / "evaluation.json", (json.dumps(contents, indent=2) + "\n").encode())
+    _write(folder / "evaluation.json", (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
     _write(folder / "tables.md", paper_tables(rows, "markdown").encode())
     _write(folder / "rmse.png", to_png_bytes(rmse_figure(rows)))
     save_tracks(folder / "tracks.npz", tracks)
@@ -153,12 +153,31 @@ def _train_lstm(training: list[tuple[Array, Array]], active_model: ActiveModel, 
     )
 
 
-def _check_sample_time(policy: Policy, sample_time: float) -> None:
-    trained = policy.active_model.sample_time
-    if abs(trained - sample_time) > 1e-9:
-        raise ValueError(
-            f"the {policy.agent_name} policy was trained at T = {trained:g} s, not at {sample_time:g} s"
+def _load_policies(paths: Sequence[Path], active_model: ActiveModel) -> dict[str, Policy]:
+    """Load policies by agent, and refuse one that was trained for something else than what is evaluated.
+
+    Raises:
+        ValueError: two of one agent, another sample time, or RAM trained beside another filter.
+    """
+    policies: dict[str, Policy] = {}
+    for path in paths:
+        policy = load_policy(path)
+        name = policy.agent_name
+        if name in policies:
+            raise ValueError(f"--policy {path}: a second policy of the agent {name!r}")
+        _check_sample_time(f"{name} policy", policy.active_model.sample_time, active_model.sample_time)
+        trained = dataclasses.replace(
+            policy.active_model, measurement_variance=active_model.measurement_variance
         )
+        if name == "ram" and trained != active_model:
+            raise ValueError(f"--policy {path} was trained beside another model or filter than --model says")
+        policies[name] = policy
+    return policies
+
+
+def _check_sample_time(what: str, trained: float, sample_time: float) -> None:
+    if abs(trained - sample_time) > 1e-9:
+        raise ValueError(f"the {what} was trained at T = {trained:g} s, not at {sample_time:g} s")
 
 
 def _describe(args: Evaluate, protocol: Protocol, active_model: ActiveModel, records: int) -> dict:

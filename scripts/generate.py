@@ -15,6 +15,7 @@ from scripts.command import Progress, Summary, output_folder, run_verb
 from twin.command_file import read_command
 from twin.dataset import Recipe, write_dataset
 from twin.excitation import SIGNALS
+from twin.physics import check_sample_time
 from twin.preset import load_preset
 
 
@@ -59,6 +60,7 @@ def generate(args: Generate) -> Summary:
     if args.signal not in ("all", *SIGNALS):
         raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
     stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
+    check_sample_time(preset, args.sample_time)
     given, episodes = None, args.episodes
     if args.command_csv is not None:
         pull = read_command(args.command_csv, preset, args.sample_time)
@@ -74,6 +76,8 @@ def generate(args: Generate) -> Summary:
         given_command=given,
     )
     recipe.check()
+    if episodes < 1:
+        raise ValueError(f"--episodes {episodes}: must be at least 1")
     if args.workers < 0:
         raise ValueError(f"--workers {args.workers}: must not be negative")
     folder = output_folder(args.out)

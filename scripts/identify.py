@@ -38,8 +38,10 @@ class Identify:
 
 def identify(args: Identify) -> Summary:
     """Write `coleman_hodgdon.json`."""
-    out = output_file(args.out, (".json",))
+    if not args.data:
+        raise ValueError("no data given: name folders of MCAP files, or files")
     episodes = read_episodes(args.data, args.sample_time)
+    out = output_file(args.out, (".json",))
     progress = Progress("identify", "gen")
     model, rmse = fit(
         [(episode.pull_mm, episode.measured_bend_deg) for episode in episodes],

@@ -76,7 +76,7 @@ def run(tmp_path):
     (folder / "coleman_hodgdon.json").write_text(json.dumps(model))
     for name in ("ram", "direct"):
         (folder / "runs" / name / "config.yaml").write_text("learning_rate: 0.00025\nhorizon: 1024\n")
-        (folder / "runs" / name / "progress.csv").write_text("samples,episode_return\n1024,-3.0\n2048,-1.5\n")
+        (folder / "runs" / name / "progress.csv").write_text("samples,mean_reward\n1024,-3.0\n2048,-1.5\n")
     (folder / "results/evaluation.json").write_text(
         json.dumps({"protocol": {"initial_error_deg": 15, "test_stroke_mm": [-1, 1]}, "rows": make_rows()})
     )

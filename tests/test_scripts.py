@@ -129,6 +129,9 @@ def _mistakes(folder):
     (folder / "nan.csv").write_text("time_s,pull_mm\n0,0\n1,nan\n2,0\n")
     (folder / "negative.yaml").write_text("wire_stiffness: -5.0\n")
     (folder / "model.json").write_text("{}")
+    model = json.loads((folder / "coleman_hodgdon.json").read_text())
+    (folder / "absurd.json").write_text(json.dumps(model | {"a_per_mm": -5.0}))
+    (folder / "other.json").write_text(json.dumps(model | {"a_per_mm": 0.5}))
     (folder / "empty").mkdir(exist_ok=True)
 
 
@@ -149,7 +152,7 @@ def _mistakes(folder):
         ("generate --out table.mcap/x", "cannot write to the folder table.mcap/x"),
         ("generate --stroke 4 2 --out x", "stroke [4, 2] mm"),
         ("generate --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
-        ("generate --episodes 0 --out x", "episodes = 0"),
+        ("generate --episodes 0 --out x", "--episodes 0"),
         ("train data/train --model model.json --out x", "model.json is no Coleman-Hodgdon model"),
         ("train data/train --model coleman_hodgdon.json --noise-level 1 --out x", "--protocol free"),
         ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "sample time 0.03 s"),
@@ -163,6 +166,31 @@ def _mistakes(folder):
         ("render data/test --episode 9 --out x.png", "--episode 9"),
         ("report empty --out x.html", "empty holds no run"),
         ("generat --out x", "did you mean 'generate'?"),
+        ("generate --episodes abc --out x", "invalid literal for int() with base 10: 'abc'"),
+        ("generate --stroke 2 --out x", "Expected 2 values"),
+        ("generate --out x --bogus", "--bogus"),
+        ("generate --preset ureteroscope", "--out"),
+        ("generate --stroke 2 400 --out x", "pulled by at most 8.17 mm"),
+        ("generate --sample-time nan --out x", "sample time nan s"),
+        ("generate --seed -1 --out x", "--seed -1"),
+        ("generate --stroke -1 1 --episodes 2 --seconds 12 --seed 1 --out data/train", "of another recipe"),
+        ("generate --episodes 1 --seconds 12 --seed 1 --out data/train", "which is none of 1 episodes"),
+        ("identify data/train --population 0 --out x.json", "population 0"),
+        ("identify data/train --sample-time inf --out x.json", "sample time inf s"),
+        ("train data/train --model coleman_hodgdon.json --clip inf --out x", "clip = inf"),
+        ("train data/train --model absurd.json --out x", "the first two positive"),
+        (
+            "evaluate data/test --model coleman_hodgdon.json --initial-error-deg nan --out x",
+            "initial_error_deg",
+        ),
+        ("evaluate data/test --policy runs/ram/policy.onnx runs/ram/policy.onnx --out x", "a second policy"),
+        (
+            "evaluate data/test --model other.json --policy runs/ram/policy.onnx --out x",
+            "beside another model",
+        ),
+        ("render data/test --speed inf --out x.mp4", "speed inf"),
+        ("demo --out .", "which no demo made"),
+        ("demo --records 0 --out x", "--records 0"),
     ],
 )
 def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(workspace, line, fault):
@@ -173,5 +201,12 @@ def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(workspace, l
     assert fault in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert "Traceback" not in done.stderr
-    left = [folder / "x", folder / "x.json", folder / "x.png", folder / "x.gif", folder / "x.html"]
+    left = [
+        folder / "x",
+        folder / "x.json",
+        folder / "x.png",
+        folder / "x.gif",
+        folder / "x.mp4",
+        folder / "x.html",
+    ]
     assert not [path for path in left if path.is_file() or (path.is_dir() and any(path.iterdir()))]

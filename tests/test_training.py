@@ -28,7 +28,7 @@ def run_folder(records, active_model, tmp_path_factory):
 
 def returns(folder):
     with (folder / "progress.csv").open() as file:
-        return [(int(row["samples"]), float(row["episode_return"])) for row in csv.DictReader(file)]
+        return [(int(row["samples"]), float(row["mean_reward"])) for row in csv.DictReader(file)]
 
 
 def test_run_folder_holds_policy_configuration_curve_and_checkpoints(run_folder):

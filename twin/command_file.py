@@ -48,7 +48,7 @@ def _columns(path: Path) -> dict[str, Array]:
     try:
         with path.open(newline="") as file:
             rows = list(csv.DictReader(file))
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path} is not a CSV file") from error
     if not rows:
         raise ValueError(f"{path} holds no lines of data")

@@ -54,6 +54,12 @@ class Recipe:
         rng = np.random.default_rng(0)
         draw_noise("gaussian", self.sensor_variance_deg2, (1,), rng)
         check_sample_time(self.preset, self.sample_time)
+        farthest = 2 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
+        if not np.isfinite(self.stroke).all() or max(map(abs, self.stroke)) > farthest:
+            low, high = _stroke_mm(self)
+            raise ValueError(
+                f"stroke [{low:g}, {high:g}] mm: this endoscope is pulled by at most {farthest * 1e3:.3g} mm"
+            )
         if self.given_command is None:
             for kind in self.signals:
                 command(kind, self.stroke, self.seconds, self.sample_time, rng)
@@ -114,6 +120,7 @@ def write_dataset(
     if episodes < 1:
         raise ValueError(f"episodes = {episodes}: must be at least 1")
     folder.mkdir(parents=True, exist_ok=True)
+    _refuse_another_dataset(folder, recipe, episodes)
     (folder / "dataset.json").unlink(missing_ok=True)  # it vouches for files that are about to change
     futures = [executor.submit(_write, recipe, number, folder, csv) for number in range(episodes)]
     if on_episode:
@@ -133,14 +140,39 @@ def write_dataset(
     return contents
 
 
+def _refuse_another_dataset(folder: Path, recipe: Recipe, episodes: int) -> None:
+    """Neither overwrite the episodes of another recipe nor leave them among the new ones.
+
+    Raises:
+        ValueError: the folder holds such episodes.
+    """
+    path = folder / "dataset.json"
+    if path.is_file():
+        held = json.loads(path.read_text())
+        if {name: held.get(name) for name in describe(recipe)} != describe(recipe):
+            raise ValueError(f"{folder} holds a dataset of another recipe: choose another --out or remove it")
+    ours = {_file_name(number) for number in range(episodes)}
+    others = sorted(file.name for file in folder.glob("*.mcap") if file.name not in ours)
+    if others:
+        raise ValueError(
+            f"{folder} holds {others[0]}, which is none of {episodes} episodes: choose another --out"
+        )
+
+
+def _file_name(number: int) -> str:
+    return f"episode_{number:04d}.mcap"
+
+
 def describe(recipe: Recipe) -> dict[str, Any]:
-    """Return the recipe as plain values, units in the names."""
+    """Return the recipe as plain values, units in the names; a given command by its hash."""
+    given = recipe.given_command
     return {
         "preset": recipe.preset.to_dict(),
         "stroke_mm": _stroke_mm(recipe),
         "seconds": recipe.seconds,
         "sample_time_s": recipe.sample_time,
-        "signals": ["given"] if recipe.given_command is not None else list(recipe.signals),
+        "signals": list(recipe.signals) if given is None else ["given"],
+        "command_sha256": None if given is None else hashlib.sha256(np.array(given).tobytes()).hexdigest(),
         "sensor_variance_deg2": recipe.sensor_variance_deg2,
         "seed": recipe.seed,
     }
@@ -153,7 +185,7 @@ def _stroke_mm(recipe: Recipe) -> list[float]:
 def _write(recipe: Recipe, number: int, folder: Path, csv: bool) -> dict[str, Any]:
     """Make and write one episode; runs in a worker, which returns a description and no arrays."""
     episode = make_episode(recipe, number)
-    path = write_episode(folder / f"episode_{number:04d}.mcap", episode)
+    path = write_episode(folder / _file_name(number), episode)
     if csv:
         write_csv(path.with_suffix(".csv"), episode)
     return {

@@ -86,7 +86,7 @@ class Episode:
             ValueError: `sample_time` is not a whole multiple of the record's own.
         """
         ratio = sample_time / self.sample_time
-        step = round(ratio)
+        step = round(ratio) if np.isfinite(ratio) else 0
         if step < 1 or abs(ratio - step) > 1e-6 * ratio:
             raise ValueError(
                 f"sample time {sample_time:g} s: "

@@ -1,6 +1,7 @@
 """The benchmark: every method on the same records under the same noise, scored against the clean truth."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -77,6 +78,10 @@ class Protocol:
             raise ValueError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
         if self.seeds < 1:
             raise ValueError(f"seeds = {self.seeds}: must be at least 1")
+        if not math.isfinite(self.initial_error_deg):
+            raise ValueError(f"initial_error_deg = {self.initial_error_deg}: must be a finite number")
+        if not 0 < self.sample_time_s < math.inf:
+            raise ValueError(f"sample time {self.sample_time_s} s: must be positive and finite")
 
 
 def evaluate(

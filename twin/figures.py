@@ -222,8 +222,16 @@ def rmse_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     if any(row.get("paper_rmse_deg") is not None for row in rows):
         paper: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": MUTED}
         handles.append(Line2D([], [], linestyle="", marker="o", label="hollow: the paper", **paper))
+    # One row keeps the order of the slots; a narrow figure has no room for it.
+    columns = len(handles) if figure.get_figwidth() > 1.2 * len(handles) else 5
     figure.legend(
-        handles=handles, loc="outside upper center", ncols=min(len(handles), 7), frameon=False, fontsize=8.5
+        handles=handles,
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        fontsize=8.5,
+        handletextpad=0.1,
+        columnspacing=1.2,
     )
     return figure
 

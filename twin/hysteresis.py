@@ -112,6 +112,7 @@ def load_model(path: Path) -> ColemanHodgdon:
         numbers = [float(values[name]) for name in names]
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is no Coleman-Hodgdon model: needs {', '.join(names)}") from error
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{path}: {', '.join(names)} must be finite, got {numbers}")
+    a, b, _ = numbers
+    if not (np.isfinite(numbers).all() and a > 0 and b > 0):
+        raise ValueError(f"{path}: {', '.join(names)} must be finite, the first two positive; got {numbers}")
     return ColemanHodgdon(*numbers)

@@ -45,6 +45,8 @@ def identify(
         ValueError: there is no record, a command does not move or never reverses, or a value is not finite.
     """
     _check(records)
+    if population < 4 or generations < 1:
+        raise ValueError(f"population {population}, generations {generations}: at least 4 and 1")
     problem = _FitProblem(records, monotone)
     result = minimize(
         problem,

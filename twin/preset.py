@@ -64,8 +64,8 @@ class Preset:
                 if not isinstance(value, str):
                     raise ValueError(f"preset parameter name = {value!r}: must be text")
                 continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ValueError(f"preset parameter {field.name} = {value!r}: must be a finite number")
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
+                raise ValueError(f"preset parameter {field.name} = {value!r:.40}: must be a finite number")
             if field.name in _COUNTS:
                 if not isinstance(value, int) or not 1 <= value <= _COUNTS[field.name]:
                     limit = _COUNTS[field.name]

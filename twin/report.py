@@ -32,6 +32,9 @@ Value = TypeVar("Value")
 LARGEST_VIDEO = 8 * 2**20
 """A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
 
+_DRAWN = 2
+"""How many loops are drawn over each other: more cannot be told apart."""
+
 AGENTS = {"ram": "RAM", "direct": "Direct RL", "lstm": "LSTM"}
 _PAPER_FIGURES = (
     (5, "gaussian", 1.0, ("Direct RL", "RAM")),
@@ -181,11 +184,11 @@ def _loop(path: Path, model: ColemanHodgdon | None) -> Shown:
     episodes = read_dataset(path)
     loops = [(episode.pull_mm, episode.bend_deg) for episode in episodes]
     fits = [] if model is None else [model.response(pull, bend[0]) for pull, bend in loops]
-    caption = f"The {len(loops)} records of {path.parent.name}/{path.name}"
+    caption = f"The first {min(_DRAWN, len(loops))} of {len(loops)} records of {path.parent.name}/{path.name}"
     if model is not None:
         error = np.concatenate([fit - bend for (_, bend), fit in zip(loops, fits, strict=True)])
-        caption += f", and the identified model over them: RMSE {np.sqrt(np.mean(error**2)):.2f} deg"
-    return _drawn(loop_figure(loops, fits), f"{caption}.")
+        caption += f", and the identified model. Over all: RMSE {np.sqrt(np.mean(error**2)):.2f} deg"
+    return _drawn(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")
 
 
 def _tracking(path: Path) -> list[Shown]:
@@ -213,7 +216,7 @@ def _training(path: Path) -> Shown:
                 lines = list(csv.DictReader(file))
             if not lines:
                 raise ValueError(f"{folder}/progress.csv has no lines")
-            columns = {"samples": "samples", "return": "episode_return"}
+            columns = {"samples": "samples", "return": "mean_reward"}
             curves[agent] = {
                 key: np.array([float(line[name]) for line in lines]) for key, name in columns.items()
             }

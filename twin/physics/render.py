@@ -111,8 +111,8 @@ def render_mp4(
         ValueError: the size, `fps` or `speed` is out of range.
         OSError: nothing on this system can draw without a screen.
     """
-    if fps <= 0 or not speed > 0:
-        raise ValueError(f"fps {fps} and speed {speed:g}: both must be positive")
+    if not 0 < fps <= 240 or not 0 < speed <= 1000:
+        raise ValueError(f"fps {fps} and speed {speed:g}: must be positive, at most 240 and 1000")
     film = Film(episode, width, height)
     duration = episode.time[-1] - episode.time[0]
     frame_times = episode.time[0] + np.arange(int(duration * fps / speed + 1e-9) + 1) * speed / fps
