@@ -57,8 +57,9 @@ def section_inertia(preset: Preset) -> float:
 def _add_pulley(spec: mujoco.MjSpec) -> None:
     """One slide that pulls wire a and pays out wire b, driven by a servo without lag.
 
-    The integrating actuator holds the commanded distance, ramping linearly between two commands; the other
-    one feeds the commanded velocity forward, so that no error in position is needed to move.
+    The integrating actuator ramps linearly between two commanded distances and holds each as a stiff spring
+    does: it yields by the difference of the tensions over its stiffness. The other one feeds the commanded
+    velocity forward, so that no error in position is needed to move.
     """
     body = spec.worldbody.add_body(name="pulley")
     body.add_joint(name="pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
