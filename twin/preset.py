@@ -1,5 +1,6 @@
 """The physical parameters of one endoscope: a frozen dataclass, read from a YAML preset and checked."""
 
+import contextlib
 import dataclasses
 import difflib
 import math
@@ -147,7 +148,16 @@ def load_preset(name_or_path: str | Path) -> Preset:
         raise ValueError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{path} holds no preset: expected `parameter: value` lines")
-    return Preset(name=path.stem).replace(**{str(name): value for name, value in values.items()})
+    named = {str(name): value if name == "name" else _number(value) for name, value in values.items()}
+    return Preset(name=path.stem).replace(**named)
+
+
+def _number(value: Any) -> Any:
+    """Read 1e6 as the number that it looks like: YAML 1.1 takes it for text without a point and a sign."""
+    if isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            return float(value)
+    return value
 
 
 def _suggestion(name: str, names: list[str]) -> str:
