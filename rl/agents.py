@@ -1,9 +1,8 @@
 """How a learned policy estimates the bending angle: RAM, and direct RL without the active model.
 
 An agent is a batch of B running estimators. Training, evaluation and the online form all drive the same two
-calls per
-sample: `observe` takes the command and the measurement and returns what the policy sees, `act` takes
-what the policy says and returns the estimate. No agent ever sees the true angle.
+calls per sample: `observe` takes the command and the measurement and returns what the policy sees, `act`
+takes what the policy says and returns the estimate. No agent sees the true angle, but in an oracle run.
 """
 
 from typing import Protocol
@@ -37,8 +36,7 @@ class Agent(Protocol):
     ) -> Array:
         """Take in one sample and return the (B, observation_size) observation.
 
-        `oracle_deg` replaces the measurement in the residual by the truth; only a labelled oracle run gives
-        it.
+        `oracle_deg` replaces the measurement in the residual by the truth: only an oracle run gives it.
         """
 
     def act(self, action: Array) -> Array:
@@ -50,12 +48,10 @@ class ReinforcementActiveModel:
 
         phi = y - theta_AM(k|k),    X_RAM = X_AM + K_RAM phi
 
-    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units
-    of the
-    standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another.
-    The action holds the two numbers
-    of K_RAM: of the angle, in [0, 1], so that the update is a convex step towards the measurement, and of the
-    model's error, in [0, 1] per second. X_RAM feeds the next prediction.
+    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units of
+    the standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another.
+    The action holds the two numbers of K_RAM: of the angle, in [0, 1], so that the update is a convex step
+    towards the measurement, and of the model's error, in [0, 1] per second. X_RAM feeds the next prediction.
     """
 
     observation_size = 1

@@ -1,10 +1,9 @@
 """The LSTM baseline (Hochreiter and Schmidhuber 1997), trained on the same records and noise as the policies.
 
 It sees what changes from sample to sample, normalised by the training data: increments of the pulling
-distance and
-of the measurement. It predicts the noise of the measurement, so that its estimate is y minus that. Absolute
-values
-are left out on purpose: trained on stroke [2, 4] mm, a network that sees them has never met [-1, 1] mm.
+distance and of the measurement. It predicts the noise of the measurement, so that its estimate is y minus
+that. Absolute values are left out on purpose: trained on stroke [2, 4] mm, a network that sees them has never
+met [-1, 1] mm.
 """
 
 import csv
