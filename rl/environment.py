@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from rl.agents import AGENTS, Agent, make_agent
+from rl.agents import Agent, make_agent
 from twin.estimation.active_model import ActiveModel
 from twin.hysteresis import ColemanHodgdon
 from twin.noise import draw_noise
@@ -202,13 +202,3 @@ def register_environments() -> None:
     """Make `ENVIRONMENT_ID` known to Gymnasium."""
     if ENVIRONMENT_ID not in gymnasium.registry:
         gymnasium.register(ENVIRONMENT_ID, entry_point="rl.environment:EstimationEnvironment")
-
-
-__all__ = [
-    "AGENTS",
-    "BatchEnvironment",
-    "EstimationEnvironment",
-    "Task",
-    "register_environments",
-    "stack_records",
-]

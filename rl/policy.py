@@ -55,9 +55,8 @@ def export_policy(ppo: PPO, agent_name: str, configuration: dict[str, Any], path
     """Write the mean action of a trained policy, clipped to [-1, 1], as ONNX, whole or not at all."""
     observation_size = ppo.observation_space.shape[0]  # type: ignore[index]
     partial = path.with_name(f".{path.stem}.partial.onnx")
-    logging.getLogger("torch.onnx").setLevel(
-        logging.ERROR
-    )  # it names operators of packages that we do not use
+    # It would name operators of packages that we do not use.
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # between torch and its exporter
         torch.onnx.export(

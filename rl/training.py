@@ -21,7 +21,7 @@ from rl.environment import BatchEnvironment, Task, stack_records
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
 from twin.noise import draw_noise
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
@@ -178,8 +178,7 @@ def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
                 f"{folder} holds a run of another configuration: choose another --out or remove it"
             )
         return
-    with WholeFile(path) as file:
-        file.write(text.encode())
+    write_whole(path, text)
 
 
 def _new_ppo(environment: BatchEnvironment, training: Training) -> PPO:
@@ -252,8 +251,7 @@ class _Progress(BaseCallback):
         checkpoints.mkdir(exist_ok=True)
         buffer = io.BytesIO()
         self.model.save(buffer)
-        with WholeFile(checkpoints / f"{self.num_timesteps:010d}.zip") as file:
-            file.write(buffer.getvalue())
+        write_whole(checkpoints / f"{self.num_timesteps:010d}.zip", buffer.getvalue())
 
     def _on_training_end(self) -> None:
         self.file.close()

@@ -129,6 +129,15 @@ class Progress:
             self.bar.close()
 
 
+class TrainingProgress(Progress):
+    """A bar that is told the mean reward too, and shows it as the error that it is."""
+
+    def __call__(self, done: int, total: int, reward: float | str = "") -> None:
+        """Show that `done` of `total` are done, at a mean reward per sample [deg^2]."""
+        note = reward if isinstance(reward, str) else f"mean square error {-reward:.3f} deg^2"
+        super().__call__(done, total, note)
+
+
 def _one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"

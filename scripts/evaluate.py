@@ -22,14 +22,14 @@ from rl.methods import (
 )
 from rl.policy import Policy, load_policy
 from rl.training import Training, train_policy
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
 from scripts.records import true_records
 from twin.estimation.active_model import ActiveModel
 from twin.evaluation import Method, Protocol
 from twin.evaluation import evaluate as compare
 from twin.figures import rmse_figure, to_png_bytes
 from twin.hysteresis import load_model
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 from twin.tables import paper_tables
 from twin.track import save_tracks
 
@@ -87,14 +87,13 @@ def evaluate(args: Evaluate) -> Summary:
         policies |= _train_missing(policies, training, active_model, args)
         network = network or _train_lstm(training, active_model, args)
     methods = _methods(active_model, policies, network, training, args.seed)
-    progress = Progress("evaluate", "noise")
-    rows, tracks = compare(test, methods, protocol, progress)
+    rows, tracks = compare(test, methods, protocol, Progress("evaluate", "noise"))
 
     tables = paper_tables(rows, "plain")
     contents = {"protocol": _describe(args, protocol, active_model, len(test)), "rows": rows}
-    _write(folder / "evaluation.json", (json.dumps(contents, indent=2, allow_nan=False) + "\n").encode())
-    _write(folder / "tables.md", paper_tables(rows, "markdown").encode())
-    _write(folder / "rmse.png", to_png_bytes(rmse_figure(rows)))
+    write_whole(folder / "evaluation.json", json.dumps(contents, indent=2, allow_nan=False) + "\n")
+    write_whole(folder / "tables.md", paper_tables(rows, "markdown"))
+    write_whole(folder / "rmse.png", to_png_bytes(rmse_figure(rows)))
     save_tracks(folder / "tracks.npz", tracks)
     print(tables, file=sys.stderr if args.json else sys.stdout)
     line = f"{folder}/evaluation.json: {len(methods)} methods, {len(test)} records, {args.seeds} noise seeds"
@@ -130,26 +129,24 @@ def _train_missing(
     trained = {}
     for agent in ("ram", "direct"):
         if agent not in policies:
-            progress = Progress(f"train {agent}", "samples")
             path = train_policy(
                 training,
                 active_model,
                 Training(agent=agent, episodes=args.episodes, seed=args.seed),
                 args.out / agent,
-                lambda done, total, _, show=progress: show(done, total),  # type: ignore[misc]
+                TrainingProgress(f"train {agent}", "samples"),
             )
             trained[agent] = load_policy(path)
     return trained
 
 
 def _train_lstm(training: list[tuple[Array, Array]], active_model: ActiveModel, args: Evaluate) -> Lstm:
-    progress = Progress("train lstm", "steps")
     return train_lstm(
         training,
         active_model,
         LstmTraining(seed=args.seed),
         args.out / "lstm",
-        lambda done, total, _: progress(done, total),
+        TrainingProgress("train lstm", "steps"),
     )
 
 
@@ -191,11 +188,6 @@ def _describe(args: Evaluate, protocol: Protocol, active_model: ActiveModel, rec
         "model": str(args.model),
         "policies": [str(path) for path in args.policy],
     }
-
-
-def _write(path: Path, data: bytes) -> None:
-    with WholeFile(path) as file:
-        file.write(data)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

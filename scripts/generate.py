@@ -83,7 +83,7 @@ def generate(args: Generate) -> Summary:
     folder = output_folder(args.out)
     workers = min(args.workers or os.cpu_count() or 1, episodes)
     # Fresh processes: a fork would copy whatever threads and libraries this one has loaded.
-    with ProcessPoolExecutor(max(workers, 1), multiprocessing.get_context("spawn")) as executor:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
         contents = write_dataset(
             recipe,
             episodes,

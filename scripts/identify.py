@@ -12,7 +12,7 @@ from scripts.command import Progress, Summary, output_file, run_verb
 from scripts.records import read_episodes
 from twin.hysteresis import IdentifiedModel
 from twin.identification import identify as fit
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +58,7 @@ def identify(args: Identify) -> Summary:
         seed=args.seed,
         source=", ".join(str(path) for path in args.data),
     ).to_dict()
-    with WholeFile(out) as file:
-        file.write((json.dumps(values, indent=2) + "\n").encode())
+    write_whole(out, json.dumps(values, indent=2) + "\n")
     parameters = "a = {a_per_mm:.4g} /mm, b = {b_deg_per_mm:.4g} deg/mm, c = {c_deg_per_mm:.4g} deg/mm"
     line = f"{out}: {parameters.format(**values)}, RMSE {rmse:.3f} deg over {len(episodes)} records"
     return Summary(line, {"out": str(out), **values})

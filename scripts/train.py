@@ -10,7 +10,7 @@ import tyro
 
 from rl.lstm import LstmTraining, train_lstm
 from rl.training import Training, train_policy
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Summary, TrainingProgress, output_folder, run_verb
 from scripts.records import true_records
 from twin.estimation.active_model import ActiveModel
 from twin.hysteresis import load_model
@@ -69,19 +69,16 @@ def train(args: Train) -> Summary:
     )
     records = true_records(args.data, args.sample_time)
     folder = output_folder(args.out)
-    progress = Progress(f"train {args.agent}", "samples")
-
-    def show(done: int, total: int, reward: float) -> None:
-        progress(done, total, f"mean square error {-reward:.3f} deg^2")
+    progress = TrainingProgress(f"train {args.agent}", "steps" if args.agent == "lstm" else "samples")
 
     if args.agent == "lstm":
         training = LstmTraining(noise=args.noise, noise_level=args.noise_level, seed=args.seed)
-        train_lstm(records, active_model, training, folder, show)
+        train_lstm(records, active_model, training, folder, progress)
         path = folder / "lstm.pt"
     else:
         names = [field.name for field in dataclasses.fields(Training)]
         ppo = Training(**{name: getattr(args, name) for name in names})
-        path = train_policy(records, active_model, ppo, folder, show)
+        path = train_policy(records, active_model, ppo, folder, progress)
     return Summary(
         f"{path}: {args.agent} trained on {len(records)} records", {"out": str(path), "agent": args.agent}
     )

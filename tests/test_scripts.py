@@ -1,6 +1,7 @@
 """The commands as a user types them: short real runs, and mistakes."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +14,6 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 def endotwin(*words, cwd):
     command = [sys.executable, "-m", "scripts", *map(str, words)]
     environment = {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
-    import os
-
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, env=os.environ | environment, timeout=300
     )

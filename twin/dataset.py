@@ -19,7 +19,7 @@ from twin.noise import draw_noise
 from twin.physics import check_sample_time, simulate
 from twin.preset import Preset
 from twin.recording import write_csv, write_episode
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 
 Array = NDArray[np.float64]
 
@@ -135,8 +135,7 @@ def write_dataset(
             future.cancel()
         raise
     contents = describe(recipe) | {"endotwin": __version__, "files": [future.result() for future in futures]}
-    with WholeFile(folder / "dataset.json") as file:
-        file.write((json.dumps(contents, indent=2) + "\n").encode())
+    write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")
     return contents
 
 
@@ -148,8 +147,8 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, episodes: int) -> None
     """
     path = folder / "dataset.json"
     if path.is_file():
-        held = json.loads(path.read_text())
-        if {name: held.get(name) for name in describe(recipe)} != describe(recipe):
+        held, wanted = json.loads(path.read_text()), describe(recipe)
+        if {name: held.get(name) for name in wanted} != wanted:
             raise ValueError(f"{folder} holds a dataset of another recipe: choose another --out or remove it")
     ours = {_file_name(number) for number in range(episodes)}
     others = sorted(file.name for file in folder.glob("*.mcap") if file.name not in ours)

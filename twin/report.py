@@ -23,7 +23,7 @@ from twin.findings import findings
 from twin.hysteresis import ColemanHodgdon, load_model
 from twin.paper import METHODS, TABLES, noise_label
 from twin.recording import read_dataset
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 from twin.tables import paper_table, table_title
 from twin.track import load_tracks
 
@@ -104,8 +104,7 @@ def write_report(folder: Path, path: Path) -> Path:
     )
     environment.tests["gap"] = lambda part: isinstance(part, Gap)
     page = environment.get_template("report.html.j2").render(_contents(folder))
-    with WholeFile(path) as file:
-        file.write(page.encode())
+    write_whole(path, page)
     return path
 
 

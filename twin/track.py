@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 
 Array = NDArray[np.float64]
 
@@ -55,8 +55,7 @@ def save_tracks(path: Path, tracks: Sequence[Track]) -> None:
         arrays[f"track_{number}"] = np.stack(rows)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    with WholeFile(path) as file:
-        file.write(buffer.getvalue())
+    write_whole(path, buffer.getvalue())
 
 
 def load_tracks(path: Path) -> list[Track]:

@@ -30,11 +30,15 @@ class Endoscope(dm_mujoco.Physics):
     """A simulated endoscope. Make one with `Endoscope.from_preset`."""
 
     preset: Preset
+    xml: str
+    """The model as MJCF text."""
 
     @classmethod
     def from_preset(cls, preset: Preset) -> "Endoscope":
         """Build the model of a preset, at rest and straight."""
-        physics = cast("Endoscope", cls.from_xml_string(model_xml(preset)))
+        xml = model_xml(preset)
+        physics = cast("Endoscope", cls.from_xml_string(xml))
+        physics.xml = xml
         physics._bind(preset)
         return physics
 
@@ -58,6 +62,11 @@ class Endoscope(dm_mujoco.Physics):
     def joint_angle(self) -> Array:
         """(vertebrae,) angle of each hinge, base to tip [rad]."""
         return self.data.ptr.qpos[self._hinges]
+
+    def set_pose(self, joint_angle: Array) -> None:
+        """Put the hinges at (vertebrae,) angles [rad], to be drawn; wires and friction stay behind."""
+        self.data.ptr.qpos[self._hinges] = joint_angle
+        self.forward()
 
     def pull(self) -> float:
         """Distance that the pulley has pulled wire a [m]."""

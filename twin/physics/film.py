@@ -44,8 +44,6 @@ class Film:
         self._joint_angle = _joint_angle(episode)
         preset = _preset(episode, self._joint_angle.shape[1])
         self._endoscope = Endoscope.from_preset(preset)
-        model = self._endoscope.model.ptr
-        self._hinges = [model.joint(f"hinge_{i}").qposadr[0] for i in range(preset.vertebrae)]
         self._chain = _chain(self._joint_angle, preset.section_length)
         self._centre, self._half_height = _framing(self._chain, self._scene_width / height)
         self._camera = _camera(self._endoscope, self._centre, self._half_height, self._scene_width, height)
@@ -53,8 +51,7 @@ class Film:
 
     def pose(self, index: int) -> Picture:
         """Return the endoscope alone at sample `index`, on white, (height, width / 2, 3)."""
-        self._endoscope.data.ptr.qpos[self._hinges] = self._joint_angle[index]
-        self._endoscope.forward()
+        self._endoscope.set_pose(self._joint_angle[index])
         return self._camera.render().copy()  # the camera draws into one buffer
 
     def tip(self, index: int) -> tuple[float, float]:

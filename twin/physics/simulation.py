@@ -10,7 +10,6 @@ from twin import __version__
 from twin.episode import Episode
 from twin.excitation import approach, check_finite
 from twin.physics.endoscope import Endoscope, State
-from twin.physics.model import model_xml
 from twin.preset import Preset
 
 Array = NDArray[np.float64]
@@ -34,7 +33,7 @@ def simulate(
         state: where the run begins. Without it the run begins straight and at rest, and goes to `pull[0]`
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
-        on_sample: called with the endoscope at every sample, for pictures.
+        on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
     Returns:
         The record; `measured_bend` equals `bend`, as no sensor is part of the physics.
@@ -82,7 +81,7 @@ def simulate(
             "endotwin": __version__,
             "mujoco": mujoco.__version__,
         },
-        attachments={"endoscope.xml": model_xml(preset).encode()},
+        attachments={"endoscope.xml": endoscope.xml.encode()},
     )
 
 

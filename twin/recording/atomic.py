@@ -50,3 +50,13 @@ class WholeFile:
         finally:
             self._file.close()
             self._partial.unlink(missing_ok=True)
+
+
+def write_whole(path: str | Path, content: bytes | str) -> None:
+    """Write a file, whole or not at all; text as UTF-8.
+
+    Raises:
+        FileNotFoundError: the folder does not exist.
+    """
+    with WholeFile(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)

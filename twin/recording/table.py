@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.episode import Episode
-from twin.recording.atomic import WholeFile
+from twin.recording.atomic import write_whole
 
 
 def write_csv(path: str | Path, episode: Episode) -> Path:
@@ -26,6 +26,5 @@ def write_csv(path: str | Path, episode: Episode) -> Path:
         columns["tension_a_n"], columns["tension_b_n"] = episode.tension.T
     rows = np.column_stack(list(columns.values())).tolist()
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    with WholeFile(path) as file:
-        file.write(("\n".join(lines) + "\n").encode())
+    write_whole(path, "\n".join(lines) + "\n")
     return Path(path)
