@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
+BENCHMARK ?= out/benchmark.json
 
-.PHONY: install demo test lint types protobuf clean
+.PHONY: install demo test lint types benchmark protobuf clean
 
 install: $(STAMP)
 
@@ -30,6 +31,9 @@ lint: install
 
 types: install
 	$(BIN)/mypy
+
+benchmark: install
+	$(BIN)/endotwin benchmark --out $(BENCHMARK)
 
 protobuf: install
 	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording twin/recording/endotwin.proto

@@ -4,13 +4,18 @@ import difflib
 import importlib
 import sys
 
+from scripts.command import MODULES
+
 VERBS = {
     "generate": "simulate episodes of an endoscope into a folder of MCAP files",
+    "import": "read a measured log, a CSV file, into an MCAP file of the same form",
+    "calibrate": "fit the physical parameters of a preset to logs",
     "identify": "fit the Coleman-Hodgdon model to records",
     "train": "train a policy (RAM or direct RL) or the LSTM on records",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "render": "draw a record as PNG or MP4, without a screen",
     "report": "make one self-contained HTML page of a run",
+    "benchmark": "measure the physics at full size, and the speed",
     "demo": "all of it, end to end",
 }
 
@@ -27,7 +32,7 @@ def main() -> int:
         guess = f" (did you mean {close[0]!r}?)" if close else ""
         print(f"endotwin: unknown verb {verb!r}{guess}; valid: {', '.join(VERBS)}", file=sys.stderr)
         return 2
-    return importlib.import_module(f"scripts.{verb}").main(rest)
+    return importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest)
 
 
 def _help() -> str:

@@ -18,6 +18,8 @@ from tqdm import tqdm
 
 Arguments = TypeVar("Arguments")
 MISTAKE = 2
+MODULES = {"import": "import_log"}
+"""Module of each verb that cannot name one: `import` is a word of Python."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +44,9 @@ def run_verb(
     A user's mistake (a wrong value, file or folder) is one line on stderr and exit code 2, without a
     traceback.
     """
-    name = f"endotwin {verb.__module__.rsplit('.', 1)[-1]}" if verb.__module__ != "__main__" else sys.argv[0]
+    module = verb.__module__.rsplit(".", 1)[-1]
+    word = next((word for word, name in MODULES.items() if name == module), module)
+    name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
     logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
     parsed = _parse(arguments, name, argv)
     if parsed is None:

@@ -16,7 +16,8 @@ from twin.command_file import read_command
 from twin.dataset import Recipe, write_dataset
 from twin.excitation import SIGNALS
 from twin.physics import check_sample_time
-from twin.preset import load_preset
+from twin.preset import load_preset, parse_changes
+from twin.randomization import load_ranges
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,8 +28,14 @@ class Generate:
     """Folder to write into."""
     preset: str = "ureteroscope"
     """Name of a preset, or the path of a .yaml file."""
+    set: tuple[str, ...] = ()
+    """Change parameters of the preset: NAME=VALUE ..., in its SI units."""
+    randomize: bool = False
+    """Draw the parameters of every episode from the ranges that the preset states."""
     stroke: tuple[float, float] = (2.0, 4.0)
     """Lowest and highest pulling distance [mm]."""
+    lateral_stroke: tuple[float, float] | None = None
+    """The same sideways, for a preset with two bending planes [mm]."""
     episodes: int = 5
     """How many; signals are taken in turn."""
     seconds: float = 60.0
@@ -39,6 +46,8 @@ class Generate:
     """Follow a recorded command (pull_mm or command_deg, over time_s or phase_rad) instead."""
     sheath_bend_deg: float | None = None
     """Bend the sheath by this instead of the preset's angle [deg]."""
+    sheath_bend_to_deg: float | None = None
+    """Bend it further, or less, evenly during each episode, to this angle [deg]."""
     sample_time: float = 0.02
     """Time between two samples [s]."""
     sensor_variance: float = 0.1
@@ -54,12 +63,16 @@ class Generate:
 
 def generate(args: Generate) -> Summary:
     """Write the dataset."""
-    preset = load_preset(args.preset)
+    preset = load_preset(args.preset).replace(**parse_changes(args.set))
     if args.sheath_bend_deg is not None:
         preset = preset.replace(sheath_bend=float(np.radians(args.sheath_bend_deg)))
+    bends = None
+    if args.sheath_bend_to_deg is not None:
+        bends = (preset.sheath_bend, float(np.radians(args.sheath_bend_to_deg)))
     if args.signal not in ("all", *SIGNALS):
         raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
     stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
+    lateral = args.lateral_stroke
     check_sample_time(preset, args.sample_time)
     given, episodes = None, args.episodes
     if args.command_csv is not None:
@@ -68,6 +81,9 @@ def generate(args: Generate) -> Summary:
     recipe = Recipe(
         preset=preset,
         stroke=stroke,
+        lateral_stroke=None if lateral is None else (lateral[0] * 1e-3, lateral[1] * 1e-3),
+        sheath_bend=bends,
+        ranges=load_ranges(args.preset) if args.randomize else None,
         seconds=len(given) * args.sample_time if given else args.seconds,
         sample_time=args.sample_time,
         signals=tuple(SIGNALS) if args.signal == "all" else (args.signal,),

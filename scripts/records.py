@@ -13,13 +13,19 @@ Array = NDArray[np.float64]
 
 
 def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
-    """Read all episodes of folders and files, thinned to a sample time.
+    """Read all episodes of folders and files: simulated ones thinned, measured ones interpolated.
 
     Raises:
         FileNotFoundError: a path does not exist or a folder holds no MCAP file.
         ValueError: a file is damaged, or the sample time does not fit it.
     """
-    return [episode.every(sample_time) for path in paths for episode in read_dataset(path)]
+    episodes = [episode for path in paths for episode in read_dataset(path)]
+    return [
+        episode.on_grid(sample_time)
+        if episode.metadata.get("source") == "measured"
+        else episode.every(sample_time)
+        for episode in episodes
+    ]
 
 
 def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -114,10 +115,42 @@ def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path):
     line = "generate --preset ureteroscope --command-csv c.csv --sheath-bend-deg 90 --format csv --out out"
     assert endotwin(*line.split(), cwd=tmp_path).returncode == 0
     header, *rows = (tmp_path / "out/episode_0000.csv").read_text().splitlines()
-    assert header == "time_s,pull_mm,bend_deg,tension_a_n,tension_b_n"
+    assert header == "time_s,pull_mm,bend_deg,command_deg,tension_a_n,tension_b_n"
     assert len(rows) == 300
     preset = json.loads((tmp_path / "out/dataset.json").read_text())["preset"]
     assert preset["sheath_bend"] == pytest.approx(1.5708, abs=1e-4)
+
+
+def test_a_measured_log_becomes_records_like_the_simulated_ones(tmp_path):
+    phase = np.repeat(np.arange(0, 4 * np.pi, 0.1), 2)
+    rows = np.column_stack([phase, 60 * np.sin(phase), 30 * np.sin(phase - 0.2)]).tolist()
+    lines = ["phase_rad,command_deg,angle_deg", *(",".join(map(str, row)) for row in rows)]
+    (tmp_path / "loop.csv").write_text("\n".join(lines))
+    line = "import loop.csv --command-column command_deg --angle-column angle_deg --out data/measured --json"
+    done = endotwin(*line.split(), cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
+    assert summary["samples"] == len(phase) / 2
+    assert sorted(path.name for path in (tmp_path / "data/measured").iterdir()) == [
+        "dataset.json",
+        "loop.mcap",
+    ]
+    line = (
+        f"identify data/measured --sample-time {summary['sample_time_s']} --generations 20 --out model.json"
+    )
+    done = endotwin(*line.split(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "model.json").read_text())["rmse_deg"] < 10
+
+
+def test_what_is_odd_in_a_measured_log_is_one_line_of_warning(tmp_path):
+    rows = [f"{second},{second},{second}" for second in [*range(9), 50]]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,command_deg,angle_deg", *rows]))
+    done = endotwin("import", "log.csv", "--out", "out", "--name", "other", cwd=tmp_path)
+    assert done.returncode == 0
+    gap = "endotwin import: warning: log.csv line 11: a gap of 42 times the usual step comes before it\n"
+    assert done.stderr == gap
+    assert done.stdout.startswith("out/other.mcap: 10 samples, 50 s, bent from 0.0 to 50.0 deg")
 
 
 def _mistakes(folder):
@@ -126,6 +159,9 @@ def _mistakes(folder):
     (folder / "cut/episode.mcap").write_bytes(whole[: len(whole) // 2])
     (folder / "table.mcap").write_text("time_s,pull_mm\n0,1\n")
     (folder / "nan.csv").write_text("time_s,pull_mm\n0,0\n1,nan\n2,0\n")
+    (folder / "log.csv").write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,30\n2,0,9\n")
+    (folder / "back.csv").write_text("time_s,command_deg,angle_deg\n0,0,0\n2,60,30\n1,0,9\n")
+    (folder / "still.csv").write_text("time_s,command_deg,angle_deg\n0,5,0\n2,5,30\n")
     (folder / "negative.yaml").write_text("wire_stiffness: -5.0\n")
     (folder / "model.json").write_text("{}")
     model = json.loads((folder / "coleman_hodgdon.json").read_text())
@@ -142,6 +178,31 @@ def _mistakes(folder):
         ("identify nowhere --out x.json", "nowhere"),
         ("identify empty --out x.json", "empty"),
         ("generate --command-csv nan.csv --out x", "nan.csv line 3: pull_mm is 'nan'"),
+        ("import none.csv --out x", "endotwin import: no file none.csv"),
+        ("import nan.csv --out x", "nan.csv has no column command_deg; its columns: time_s, pull_mm"),
+        (
+            "import nan.csv --command-column pull_mm --angle-column pull_mm --out x",
+            "line 3: pull_mm is 'nan'",
+        ),
+        (
+            "import log.csv --time-column t --out x",
+            "log.csv has no column t; its columns: time_s, command_deg",
+        ),
+        (
+            "import log.csv --angle-unit rad --out x",
+            "line 3: angle_deg is 1718.87 deg, which is not from -720",
+        ),
+        ("import log.csv --command-unit rad --out x", "check --command-unit and --pulley-radius-mm"),
+        ("import log.csv --command-unit turns --out x", "turns"),
+        ("import log.csv --name a/b --out x", "--name 'a/b'"),
+        ("import log.csv --out data/test", "dataset.json that no import wrote"),
+        ("import log.csv --out cut", "cut holds episode.mcap, which no import wrote"),
+        ("import log.csv --out table.mcap/x", "cannot write to the folder table.mcap/x"),
+        ("import back.csv --out x", "back.csv line 4: time_s runs backwards"),
+        ("import still.csv --out x", "a log without motion"),
+        ("import table.mcap --out x", "table.mcap has no column command_deg"),
+        ("import cut/episode.mcap --out x", "cut/episode.mcap is not a CSV file"),
+        ("import log.csv", "--out"),
         ("generate --preset negative.yaml --out x", "wire_stiffness = -5.0: must be positive"),
         (
             "generate --preset ureterscope --out x",

@@ -17,9 +17,11 @@ from twin.episode import Episode
 from twin.excitation import SIGNALS, command
 from twin.noise import draw_noise
 from twin.physics import check_sample_time, simulate
-from twin.preset import Preset
+from twin.preset import Preset, parameter_limits
+from twin.randomization import Ranges
 from twin.recording import write_csv, write_episode
 from twin.recording.atomic import write_whole
+from twin.sensor import measure
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,13 @@ class Recipe:
 
     preset: Preset
     stroke: tuple[float, float]
-    """Lowest and highest pulling distance [m]."""
+    """Lowest and highest pulling distance of wire a [m]."""
+    lateral_stroke: tuple[float, float] | None = None
+    """The same of wire c, for an endoscope with two bending planes; without it, wire c is not pulled."""
+    sheath_bend: tuple[float, float] | None = None
+    """Angle that the sheath is bent by at the start and at the end of each episode, changing evenly [rad]."""
+    ranges: Ranges | None = None
+    """Draw the parameters of each episode's endoscope from these ranges around the preset."""
     seconds: float = 60.0
     """Length of each episode."""
     sample_time: float = 0.02
@@ -55,14 +63,22 @@ class Recipe:
         draw_noise("gaussian", self.sensor_variance_deg2, (1,), rng)
         check_sample_time(self.preset, self.sample_time)
         farthest = 2 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
-        if not np.isfinite(self.stroke).all() or max(map(abs, self.stroke)) > farthest:
-            low, high = _stroke_mm(self)
-            raise ValueError(
-                f"stroke [{low:g}, {high:g}] mm: this endoscope is pulled by at most {farthest * 1e3:.3g} mm"
-            )
-        if self.given_command is None:
-            for kind in self.signals:
-                command(kind, self.stroke, self.seconds, self.sample_time, rng)
+        for stroke in filter(None, (self.stroke, self.lateral_stroke)):
+            if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest:
+                low, high = _millimetres(stroke)
+                most = f"this endoscope is pulled by at most {farthest * 1e3:.3g} mm"
+                raise ValueError(f"stroke [{low:g}, {high:g}] mm: {most}")
+            if self.given_command is None:
+                for kind in self.signals:
+                    command(kind, stroke, self.seconds, self.sample_time, rng)
+        if self.lateral_stroke is not None and self.preset.bending_planes == 1:
+            raise ValueError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
+        low, high = parameter_limits("sheath_bend")
+        for bend in self.sheath_bend or ():
+            if not low <= bend <= high:
+                raise ValueError(
+                    f"bend of the sheath {np.degrees(bend):g} deg: must be from 0 to {np.degrees(high):g} deg"
+                )
 
 
 def make_episode(recipe: Recipe, number: int) -> Episode:
@@ -73,20 +89,33 @@ def make_episode(recipe: Recipe, number: int) -> Episode:
         FloatingPointError: the simulation diverged.
     """
     # The same stream for the same number, however many episodes and workers there are.
-    streams = np.random.SeedSequence([recipe.seed, number]).spawn(2)
-    signal_rng, sensor_rng = (np.random.default_rng(stream) for stream in streams)
+    streams = np.random.SeedSequence([recipe.seed, number]).spawn(4)
+    signal_rng, sensor_rng, lateral_rng, preset_rng = map(np.random.default_rng, streams)
+    preset = recipe.preset if recipe.ranges is None else recipe.ranges.draw(recipe.preset, preset_rng)
+    kind = recipe.signals[number % len(recipe.signals)] if recipe.given_command is None else "given"
     if recipe.given_command is not None:
-        kind, pull = "given", np.array(recipe.given_command)
+        pull = np.array(recipe.given_command)
     else:
-        kind = recipe.signals[number % len(recipe.signals)]
         pull = command(kind, recipe.stroke, recipe.seconds, recipe.sample_time, signal_rng)
-    episode = simulate(recipe.preset, pull, recipe.sample_time)
+    lateral_pull = None
+    if recipe.lateral_stroke is not None:
+        lateral_kind = recipe.signals[(number + 1) % len(recipe.signals)]
+        seconds = len(pull) * recipe.sample_time
+        lateral_pull = command(lateral_kind, recipe.lateral_stroke, seconds, recipe.sample_time, lateral_rng)
+    sheath_bend = None if recipe.sheath_bend is None else np.linspace(*recipe.sheath_bend, len(pull))
+    episode = simulate(preset, pull, recipe.sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
+    seen = measure(preset, episode.time, episode.bend, sensor_rng)
     noise = draw_noise("gaussian", recipe.sensor_variance_deg2, pull.shape, sensor_rng)
-    origin = {"seed": recipe.seed, "episode": number, "signal": kind, "stroke_mm": _stroke_mm(recipe)}
+    origin = {
+        "seed": recipe.seed,
+        "episode": number,
+        "signal": kind,
+        "stroke_mm": _millimetres(recipe.stroke),
+    }
     configuration = yaml.safe_dump(describe(recipe), sort_keys=False).encode()
     return dataclasses.replace(
         episode,
-        measured_bend=episode.bend + np.radians(noise),
+        measured_bend=seen + np.radians(noise),
         metadata=episode.metadata | origin,
         attachments=episode.attachments | {"recipe.yaml": configuration},
     )
@@ -164,10 +193,13 @@ def _file_name(number: int) -> str:
 
 def describe(recipe: Recipe) -> dict[str, Any]:
     """Return the recipe as plain values, units in the names; a given command by its hash."""
-    given = recipe.given_command
+    given, lateral, bends = recipe.given_command, recipe.lateral_stroke, recipe.sheath_bend
     return {
         "preset": recipe.preset.to_dict(),
-        "stroke_mm": _stroke_mm(recipe),
+        "stroke_mm": _millimetres(recipe.stroke),
+        "lateral_stroke_mm": None if lateral is None else _millimetres(lateral),
+        "sheath_bend_deg": None if bends is None else [round(float(np.degrees(bend)), 9) for bend in bends],
+        "ranges": None if recipe.ranges is None else recipe.ranges.to_dict(),
         "seconds": recipe.seconds,
         "sample_time_s": recipe.sample_time,
         "signals": list(recipe.signals) if given is None else ["given"],
@@ -177,8 +209,8 @@ def describe(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def _stroke_mm(recipe: Recipe) -> list[float]:
-    return [round(end * 1e3, 9) for end in recipe.stroke]
+def _millimetres(stroke: tuple[float, float]) -> list[float]:
+    return [round(end * 1e3, 9) for end in stroke]
 
 
 def _write(recipe: Recipe, number: int, folder: Path, csv: bool) -> dict[str, Any]:

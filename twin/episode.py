@@ -8,12 +8,20 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+OPTIONAL = ("pulley", "sheath_bend", "lateral_pull", "lateral_bend", "lateral_joint_angle")
+"""Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
+
+
+def _not_recorded() -> Array:
+    return np.empty(0)
+
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
     """N samples of one run of the twin (or of a measured log), in SI units.
 
-    Wires are indexed a, b = 0, 1: pulling a positive distance pulls wire a and pays out wire b.
+    Wires are indexed a, b (, c, d) = 0, 1 (, 2, 3): pulling a positive distance pulls wire a and pays out
+    wire b, pulling a positive lateral distance pulls wire c and pays out wire d.
     """
 
     time: Array
@@ -21,15 +29,25 @@ class Episode:
     pull: Array
     """(N,) commanded pulling distance [m]."""
     bend: Array
-    """(N,) true bending angle of the tip [rad]."""
+    """(N,) true bending angle of the tip, in the plane of wires a and b [rad]."""
     measured_bend: Array
     """(N,) bending angle as the sensor saw it [rad]."""
     joint_angle: Array
     """(N, vertebrae) angle of each hinge, base to tip [rad]."""
     wire_tension: Array
-    """(N, 2, elements + 1) tension in each length of wire, pulley to tip [N]."""
+    """(N, wires, elements + 1) tension in each length of wire, pulley to tip [N]."""
     sheath_friction: Array
-    """(N, 2, elements) largest friction force that each element of the sheath can exert [N]."""
+    """(N, wires, elements) largest friction force that each element of the sheath can exert [N]."""
+    pulley: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N,) distance that the pulley has really pulled, behind servo and backlash [m]; may be empty."""
+    sheath_bend: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N,) angle that the sheath is bent by [rad]; may be empty."""
+    lateral_pull: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N,) commanded pulling distance of wire c against d [m]; empty with one bending plane."""
+    lateral_bend: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N,) true bending angle of the tip, in the plane of wires c and d [rad]; empty with one plane."""
+    lateral_joint_angle: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N, vertebrae) angle of each sideways hinge, base to tip [rad]; empty with one bending plane."""
     metadata: dict[str, Any] = dataclasses.field(default_factory=dict)
     """Parameters, seed, signal and versions: what made this record."""
     attachments: dict[str, bytes] = dataclasses.field(default_factory=dict)
@@ -42,8 +60,10 @@ class Episode:
             ValueError: lengths differ, a value is not finite, or time does not increase.
         """
         count = len(self.time)
-        for field in ("pull", "bend", "measured_bend", "joint_angle", "wire_tension", "sheath_friction"):
+        for field in [field.name for field in dataclasses.fields(self)[1:]]:
             values = getattr(self, field)
+            if field in ("metadata", "attachments") or (field in OPTIONAL and len(values) == 0):
+                continue
             if len(values) != count:
                 raise ValueError(f"{field} has {len(values)} samples, time has {count}")
             if not np.isfinite(values).all():
@@ -76,7 +96,7 @@ class Episode:
 
     @property
     def tension(self) -> Array:
-        """(N, 2) tension of the wires at the pulley, where a load cell would sit [N]."""
+        """(N, wires) tension of the wires at the pulley, where a load cell would sit [N]."""
         return self.wire_tension[:, :, 0]
 
     def every(self, sample_time: float) -> "Episode":
@@ -92,9 +112,31 @@ class Episode:
                 f"sample time {sample_time:g} s: "
                 f"must be a whole multiple of the record's {self.sample_time:g} s"
             )
-        arrays = {
-            field.name: getattr(self, field.name)[::step]
+        return dataclasses.replace(self, **{name: values[::step] for name, values in self._arrays().items()})
+
+    def on_grid(self, sample_time: float) -> "Episode":
+        """Return the record at even samples, linear between its own: for a log that has none.
+
+        Raises:
+            ValueError: `sample_time` is not positive, or the record is shorter than two samples.
+        """
+        if not 0 < sample_time < np.inf:
+            raise ValueError(f"sample time {sample_time:g} s: must be positive")
+        grid = np.arange(self.time[0], self.time[-1] + 1e-9, sample_time)
+
+        def even(values: Array) -> Array:
+            if len(values) == 0:
+                return values
+            shape = (len(grid), *values.shape[1:])
+            columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
+            return np.array([np.interp(grid, self.time, column) for column in columns.T]).T.reshape(shape)
+
+        arrays = {name: even(values) for name, values in self._arrays().items()}
+        return dataclasses.replace(self, **(arrays | {"time": grid - grid[0]}))
+
+    def _arrays(self) -> dict[str, Any]:
+        return {
+            field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
             if field.name not in ("metadata", "attachments")
         }
-        return dataclasses.replace(self, **arrays)

@@ -79,7 +79,7 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
     if fits and len(fits) != len(loops):
         raise ValueError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
     figure = Figure(figsize=(4.6, 4.0), layout="constrained")
-    axes = _axes(figure.subplots())
+    axes = clean_axes(figure.subplots())
     for pull, bend in loops:
         axes.plot(pull, bend, color="#a9b1ba", linewidth=1.6, solid_joinstyle="round")
     fit_style = STYLES["C-H"]
@@ -112,7 +112,7 @@ def tracking_figure(track: Track, methods: Sequence[str], title: str) -> Figure:
     grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
     truth = STYLES["ground truth"]
     for column in range(2):
-        upper, lower = _axes(grid[0, column]), _axes(grid[1, column])
+        upper, lower = clean_axes(grid[0, column]), clean_axes(grid[1, column])
         upper.plot(track.time, track.measurement_deg, ".", color="#b4bac2", markersize=3, markeredgewidth=0)
         for method in methods:
             style = style_of(method, methods)
@@ -154,7 +154,7 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
         curves: by agent, `samples` (M,) and `return` (M,), the mean reward per step, negative [deg^2].
     """
     figure = Figure(figsize=(5.6, 3.2), layout="constrained")
-    axes = _axes(figure.subplots())
+    axes = clean_axes(figure.subplots())
     agents = ordered(curves)
     for agent in agents:
         samples, cost = np.asarray(curves[agent]["samples"]), -np.asarray(curves[agent]["return"])
@@ -187,7 +187,7 @@ def rmse_figure(rows: Sequence[dict[str, Any]]) -> Figure:
     slot = 0.8 / len(methods)
     offsets = {method: slot * (place + 0.5) - 0.4 for place, method in enumerate(methods)}
     figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
-    axes = _axes(figure.subplots())
+    axes = clean_axes(figure.subplots())
     axes.grid(False, axis="x")
     for row in rows:
         method = method_name(row)
@@ -251,7 +251,8 @@ def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
     return buffer.getvalue()
 
 
-def _axes(axes: Axes) -> Axes:
+def clean_axes(axes: Axes) -> Axes:
+    """Give axes the look of all figures: a light grid behind, no frame at the top and the right."""
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import difflib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,46 +13,107 @@ import yaml
 from twin.assets import assets_folder
 
 
+def _within(default: float, low: float, high: float) -> Any:
+    """A number from `low` to `high`: beyond them lies no endoscope."""
+    return dataclasses.field(default=default, metadata={"low": low, "high": high})
+
+
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """A tendon-driven endoscope with one bending plane and two antagonistic wires. SI units throughout."""
+    """A tendon-driven endoscope: one or two bending planes, two antagonistic wires each. SI units."""
 
     name: str
     """What this endoscope is called."""
-    vertebrae: int = 16
-    """Rigid links of the bending section, each on a hinge."""
-    section_length: float = 0.04
+
+    # The bending section.
+    bending_planes: int = _within(1, 1, 2)
+    """1: two wires (a, b); 2: four wires (c, d bend it sideways)."""
+    vertebrae: int = _within(16, 1, 128)
+    """Rigid links of the bending section, each on a hinge (two crossed hinges with two planes)."""
+    section_length: float = _within(0.04, 1e-3, 2.0)
     """Length of the bending section [m]."""
-    wire_offset: float = 1.3e-3
-    """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
-    section_stiffness: float = 0.05
+    section_mass: float = _within(2e-4, 1e-9, 10.0)
+    """Mass of the bending section [kg]."""
+    section_stiffness: float = _within(0.05, 1e-6, 1e3)
     """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
-    section_damping: float = 3e-5
+    section_damping: float = _within(3e-5, 0.0, 10.0)
     """Viscous moment per bending rate of the whole section [N m s / rad]."""
-    joint_friction: float = 1e-3
-    """Dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in series)."""
-    wire_stiffness: float = 8e3
-    """Axial stiffness of one whole wire, pulley to tip: E A / length [N / m]."""
-    wire_damping: float = 3.0
+    initial_bend: float = _within(0.0, -math.pi, math.pi)
+    """Bend of the section that its stiffness pulls towards: its curvature when no wire pulls [rad]."""
+    joint_friction: float = _within(1e-3, 0.0, 10.0)
+    """Mean dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in series)."""
+    joint_friction_taper: float = _within(0.0, -1.0, 1.0)
+    """How the friction of the hinges falls from base to tip: (1 + taper) to (1 - taper) times the mean."""
+    wire_offset: float = _within(1.3e-3, 1e-4, 0.1)
+    """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
+    routing_friction: float = _within(0.0, 0.0, 2.0)
+    """Coefficient of friction between the wires and the vertebrae that guide them."""
+
+    # The wires.
+    wire_stiffness: float = _within(8e3, 10.0, 1e7)
+    """Axial stiffness of one whole wire without tension, pulley to tip: E A / length [N / m]."""
+    wire_stiffening: float = _within(0.0, 0.0, 10.0)
+    """Growth of the stiffness with tension, relative, at no tension [1 / N]: strands and liner settle."""
+    wire_damping: float = _within(3.0, 0.0, 1e5)
     """Internal damping of one whole wire against the rate of its stretch [N s / m]."""
-    pretension: float = 3.0
-    """Tension of both wires at rest [N]."""
-    sheath_length: float = 0.6
+    pretension: float = _within(3.0, 0.0, 500.0)
+    """Tension at the pulley that the wires were wound up to; friction leaves less of it at the tip [N]."""
+
+    # The sheath.
+    sheath_length: float = _within(0.6, 1e-3, 10.0)
     """Length of the sheath between pulley and bending section [m]; only drawn, stiffness is of the wire."""
-    sheath_elements: int = 5
+    sheath_elements: int = _within(5, 1, 64)
     """Friction elements along the sheath of each wire."""
-    sheath_friction: float = 0.3
+    sheath_friction: float = _within(0.3, 0.0, 2.0)
     """Coefficient of friction mu between wire and sheath, of the capstan equation."""
-    sheath_bend: float = math.pi
-    """Total angle phi that the sheath is bent by, of the capstan equation [rad]."""
-    sheath_friction_floor: float = 0.1
+    sheath_bend: float = _within(math.pi, 0.0, 8 * math.pi)
+    """Angle phi that the sheath is bent by [rad]: where a run gives none of its own."""
+    sheath_bend_offset: float = _within(0.0, 0.0, 8 * math.pi)
+    """What the wires wrap besides, however straight the sheath: bends inside the housing [rad]."""
+    sheath_friction_floor: float = _within(0.1, 0.0, 100.0)
     """Friction of one wire in its sheath that does not depend on the tension, over the whole sheath [N]."""
-    time_step: float = 2e-3
-    """Step of the physics [s]."""
-    control_period: float = 1e-2
-    """Time between two updates of the command and of the load-dependent friction [s]."""
-    pulley_radius: float = 0.01
+    friction_warm_up: float = _within(0.0, -0.9, 5.0)
+    """Excess of the friction in the sheath at the start of a run, relative; it fades exponentially."""
+    warm_up_time: float = _within(60.0, 1e-2, 1e6)
+    """Time constant of that fading [s]."""
+    friction_wear: float = _within(0.0, 0.0, 100.0)
+    """Growth of the friction in the sheath per distance that the pulley has travelled, relative [1 / m]."""
+
+    # The drive.
+    pulley_radius: float = _within(0.01, 1e-4, 1.0)
     """Radius of the driving pulley [m]: a pulley angle becomes a pulling distance by it."""
+    backlash: float = _within(0.0, 0.0, 0.01)
+    """Play between motor and pulley, as a distance at the pulley [m]."""
+    servo_gain: float = _within(0.0, 0.0, 1e3)
+    """Velocity per position error of the motor's position loop [1 / s]; 0: it follows without lag."""
+    servo_speed: float = _within(0.0, 0.0, 10.0)
+    """Limit of the motor's speed, as pulling speed [m / s]; 0: none."""
+    servo_acceleration: float = _within(0.0, 0.0, 1e3)
+    """Limit of the motor's acceleration [m / s^2]; 0: none."""
+    encoder_counts: int = _within(0, 0, 2**24)
+    """Counts per turn of the encoder on the motor that closes the position loop; 0: continuous."""
+
+    # The sensor of the bending angle.
+    sensor_period: float = _within(0.0, 0.0, 10.0)
+    """Time between two readings, held in between [s]; 0: one at every sample."""
+    sensor_latency: float = _within(0.0, 0.0, 10.0)
+    """Age of a reading when it arrives [s]."""
+    sensor_resolution: float = _within(0.0, 0.0, 1.0)
+    """Step to which a reading is rounded [rad]; 0: none."""
+    sensor_noise: float = _within(0.0, 0.0, 1.0)
+    """Standard deviation of a reading's Gaussian noise [rad]."""
+
+    # The world.
+    gravity_x: float = _within(0.0, -100.0, 100.0)
+    """Gravity along the shaft, towards the tip [m / s^2]."""
+    gravity_y: float = _within(0.0, -100.0, 100.0)
+    """Gravity across the plane of wires a and b [m / s^2]."""
+    gravity_z: float = _within(0.0, -100.0, 100.0)
+    """Gravity in the plane of wires a and b, towards wire a [m / s^2]."""
+    time_step: float = _within(2.5e-3, 1e-6, 0.02)
+    """Step of the physics [s]."""
+    control_period: float = _within(5e-3, 1e-6, 0.1)
+    """Time between two updates of the command and of the load-dependent friction [s]."""
 
     def __post_init__(self) -> None:
         """Refuse values that no endoscope has.
@@ -59,31 +121,26 @@ class Preset:
         Raises:
             ValueError: a parameter is not a finite number or lies outside its physical range.
         """
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if field.name == "name":
-                if not isinstance(value, str):
-                    raise ValueError(f"preset parameter name = {value!r}: must be text")
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
-                raise ValueError(f"preset parameter {field.name} = {value!r:.40}: must be a finite number")
-            if field.name in _COUNTS:
-                if not isinstance(value, int) or not 1 <= value <= _COUNTS[field.name]:
-                    limit = _COUNTS[field.name]
-                    raise ValueError(
-                        f"preset parameter {field.name} = {value!r}: must be a whole number from 1 to {limit}"
-                    )
-            elif field.name in _MAY_BE_ZERO:
-                if value < 0:
-                    raise ValueError(f"preset parameter {field.name} = {value!r}: must not be negative")
-            elif value <= 0:
-                raise ValueError(f"preset parameter {field.name} = {value!r}: must be positive")
+        if not isinstance(self.name, str):
+            raise ValueError(f"preset parameter name = {self.name!r}: must be text")
+        for field in dataclasses.fields(self)[1:]:
+            _check(field, getattr(self, field.name))
         steps = self.control_period / self.time_step
         if steps < 1 or abs(steps - round(steps)) > 1e-9:
             raise ValueError(
                 f"preset parameter control_period = {self.control_period!r}: "
                 f"must be a whole multiple of time_step = {self.time_step!r}"
             )
+
+    @property
+    def wires(self) -> int:
+        """How many wires there are: two for each bending plane."""
+        return 2 * self.bending_planes
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Acceleration of gravity along x, y, z [m / s^2]."""
+        return self.gravity_x, self.gravity_y, self.gravity_z
 
     def replace(self, **changes: Any) -> "Preset":
         """Return a copy with some parameters changed.
@@ -99,7 +156,9 @@ class Preset:
 
     def without_friction(self) -> "Preset":
         """Return the same endoscope with every dry friction set to zero."""
-        return self.replace(sheath_friction=0.0, sheath_friction_floor=0.0, joint_friction=0.0)
+        return self.replace(
+            sheath_friction=0.0, sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0
+        )
 
     def without_viscosity(self) -> "Preset":
         """Return the same endoscope with every viscous term set to zero."""
@@ -110,16 +169,49 @@ class Preset:
         return dataclasses.asdict(self)
 
 
-_COUNTS = {"vertebrae": 128, "sheath_elements": 64}
-_MAY_BE_ZERO = {
-    "section_damping",
-    "joint_friction",
-    "wire_damping",
-    "pretension",
-    "sheath_friction",
-    "sheath_bend",
-    "sheath_friction_floor",
-}
+def parameter_limits(name: str) -> tuple[float, float]:
+    """Return the lowest and the highest value that a parameter may have.
+
+    Raises:
+        ValueError: it is no parameter.
+    """
+    limits = {field.name: field.metadata for field in dataclasses.fields(Preset)[1:]}
+    if name not in limits:
+        raise ValueError(f"unknown preset parameter {name!r}{_suggestion(name, list(limits))}")
+    return limits[name]["low"], limits[name]["high"]
+
+
+def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
+    """Read `name=value` words, as a command line gives them, into parameters by name.
+
+    Raises:
+        ValueError: a word is not `name=value`, or the value is no number.
+    """
+    whole = {field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)}
+    parsed = {}
+    for change in changes:
+        name, _, text = change.partition("=")
+        try:
+            parsed[name] = int(text) if name in whole else float(text)
+        except ValueError as error:
+            rule = "must be NAME=VALUE, as in wire_stiffness=2e4"
+            raise ValueError(f"change of the preset {change!r}: {rule}") from error
+    return parsed
+
+
+def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
+    low, high = field.metadata["low"], field.metadata["high"]
+    stated = f"preset parameter {field.name} = {value!r:.40}"
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
+        raise ValueError(f"{stated}: must be a finite number")
+    if isinstance(field.default, int) and (not isinstance(value, int) or not low <= value <= high):
+        raise ValueError(f"{stated}: must be a whole number from {low} to {high}")
+    if value <= 0 and low > 0:
+        raise ValueError(f"{stated}: must be positive")
+    if value < 0 and low == 0:
+        raise ValueError(f"{stated}: must not be negative")
+    if not low <= value <= high:
+        raise ValueError(f"{stated}: must be from {low:g} to {high:g}")
 
 
 def preset_names() -> list[str]:
@@ -130,8 +222,23 @@ def preset_names() -> list[str]:
 def load_preset(name_or_path: str | Path) -> Preset:
     """Read a preset by its name in `assets/`, or from a YAML file.
 
+    The key `ranges` of the file is not a parameter: see `twin.randomization`.
+
     Raises:
         ValueError: the preset is unknown, or one of its parameters is unknown or out of range.
+        FileNotFoundError: a path to a YAML file that does not exist.
+    """
+    name, values = read_preset_file(name_or_path)
+    parameters = {str(key): value for key, value in values.items() if key != "ranges"}
+    named = {key: value if key == "name" else _number(value) for key, value in parameters.items()}
+    return Preset(name=name).replace(**named)
+
+
+def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
+    """Return the name of a preset's file, without its ending, and what it holds.
+
+    Raises:
+        ValueError: the preset is unknown, or its file is not YAML of `parameter: value`.
         FileNotFoundError: a path to a YAML file that does not exist.
     """
     text = str(name_or_path)
@@ -148,8 +255,7 @@ def load_preset(name_or_path: str | Path) -> Preset:
         raise ValueError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{path} holds no preset: expected `parameter: value` lines")
-    named = {str(name): value if name == "name" else _number(value) for name, value in values.items()}
-    return Preset(name=path.stem).replace(**named)
+    return path.stem, values
 
 
 def _number(value: Any) -> Any:

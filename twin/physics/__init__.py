@@ -1,8 +1,17 @@
 """The endoscope in MuJoCo: model, named readings, friction of the sheath, simulation and rendering."""
 
 from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_control is imported
+from twin.physics.batch import EndoscopeBatch, simulate_batch
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.model import model_xml
 from twin.physics.simulation import check_sample_time, simulate
 
-__all__ = ["Endoscope", "State", "check_sample_time", "model_xml", "simulate"]
+__all__ = [
+    "Endoscope",
+    "EndoscopeBatch",
+    "State",
+    "check_sample_time",
+    "model_xml",
+    "simulate",
+    "simulate_batch",
+]

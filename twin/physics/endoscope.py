@@ -1,6 +1,7 @@
 """The endoscope as a dm_control `Physics`: named readings, load-dependent friction and the whole state."""
 
 import dataclasses
+import math
 from typing import cast
 
 import mujoco
@@ -8,8 +9,10 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
-from twin.physics.friction import element_friction
-from twin.physics.model import WIRES, model_xml, segment_stiffness
+from twin.drive import Drive, DriveState
+from twin.physics.layout import Layout
+from twin.physics.load import Loads, joint_friction
+from twin.physics.model import model_xml
 from twin.preset import Preset
 
 Array = NDArray[np.float64]
@@ -22,8 +25,12 @@ class State:
 
     physics: Array
     """MuJoCo's integration state: positions, velocities, actuator memory, warm start of the solver, ..."""
-    friction: Array
-    """(2, elements) friction of the sheath [N]; it lives in the model, which MuJoCo's state leaves out."""
+    drive: tuple[DriveState, ...]
+    """State of servo and backlash in each bending plane."""
+    travel: float
+    """Distance that the pulleys have travelled, which wears the sheath [m]."""
+    sheath_friction: Array
+    """(wires, elements) friction of the sheath in the last control period [N]."""
 
 
 class Endoscope(dm_mujoco.Physics):
@@ -45,75 +52,115 @@ class Endoscope(dm_mujoco.Physics):
     def _bind(self, preset: Preset) -> None:
         """Look up by name, once, what is read and written at every control period."""
         self.preset = preset
-        model = self.model.ptr
-        elements = range(preset.sheath_elements)
+        self.layout = Layout.of(self.model.ptr, preset)
+        self._loads = Loads([preset], self.layout)
+        self._drives = [Drive(preset) for _ in range(preset.bending_planes)]
+        self._travel = 0.0
         self._steps = round(preset.control_period / preset.time_step)
-        self._hinges = np.array([model.joint(f"hinge_{i}").qposadr[0] for i in range(preset.vertebrae)])
-        self._sheath = np.array([[model.joint(f"sheath_{w}{i}").dofadr[0] for i in elements] for w in WIRES])
-        lengths = range(preset.sheath_elements + 1)
-        self._wires = np.array([[model.tendon(f"wire_{w}{i}").id for i in lengths] for w in WIRES])
-        self._slack_length = model.tendon_lengthspring[self._wires, 1].copy()
-        self._wire_stiffness = segment_stiffness(preset)
+        self._drifts = bool(preset.friction_warm_up or preset.friction_wear)
+        self._sheath_bend = np.array([preset.sheath_bend])
+        self._no_pull = (0.0,) * (preset.bending_planes - 1)
+        model, data = self.model.ptr, self.data.ptr
+        self._qpos, self._qvel = data.qpos[None], data.qvel[None]
+        self._friction, self._damping = model.dof_frictionloss, model.tendon_damping
+        self._joint_friction, self._warnings = model.tendon_frictionloss, data.warning.number
+        self._joint_friction[self.layout.joints] = joint_friction(preset)
+        self._follow_load(self._sheath_bend)
 
     def bend(self) -> float:
-        """Bending angle of the tip against the shaft [rad]: the sum of all hinges."""
+        """Bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
         return float(self.joint_angle().sum())
 
-    def joint_angle(self) -> Array:
-        """(vertebrae,) angle of each hinge, base to tip [rad]."""
-        return self.data.ptr.qpos[self._hinges]
+    def lateral_bend(self) -> float:
+        """Bending angle of the tip in the plane of wires c and d [rad]; zero with one bending plane."""
+        return float(self.data.ptr.qpos[self.layout.hinge[1:]].sum())
 
-    def set_pose(self, joint_angle: Array) -> None:
+    def joint_angle(self) -> Array:
+        """(vertebrae,) angle of each hinge in the plane of wires a and b, base to tip [rad]."""
+        return self.data.ptr.qpos[self.layout.hinge[0]]
+
+    def lateral_joint_angle(self) -> Array:
+        """(vertebrae,) angle of each sideways hinge, base to tip [rad]; empty with one bending plane."""
+        return self.data.ptr.qpos[self.layout.hinge[1:]].reshape(-1)
+
+    def set_pose(self, joint_angle: Array, lateral_joint_angle: Array | None = None) -> None:
         """Put the hinges at (vertebrae,) angles [rad], to be drawn; wires and friction stay behind."""
-        self.data.ptr.qpos[self._hinges] = joint_angle
+        self.data.ptr.qpos[self.layout.hinge[0]] = joint_angle
+        if lateral_joint_angle is not None and len(lateral_joint_angle):
+            self.data.ptr.qpos[self.layout.hinge[1]] = lateral_joint_angle
         self.forward()
 
     def pull(self) -> float:
         """Distance that the pulley has pulled wire a [m]."""
-        return float(self.named.data.qpos["pulley"][0])
+        return float(self.data.ptr.qpos[self.layout.pulley[0]])
 
     def wire_tension(self) -> Array:
-        """(2, elements + 1) tension in each length of wires a and b, pulley to tip [N]; zero where slack."""
-        stretch = self.data.ptr.ten_length[self._wires] - self._slack_length
-        return self._wire_stiffness * np.maximum(stretch, 0)
+        """(wires, elements + 1) tension in each length of wire, pulley to tip [N]; zero where slack."""
+        return self._loads.tension(self._loads.stretch(self._qpos))[0]
 
     def sheath_friction(self) -> Array:
-        """(2, elements) friction force at which each element of the sheath begins to slide [N]."""
-        return self.model.ptr.dof_frictionloss[self._sheath]
+        """(wires, elements) friction force at which each element of the sheath begins to slide [N]."""
+        return self.model.ptr.dof_frictionloss[self.layout.element]
 
     def tip_position(self) -> Array:
         """(3,) position of the tip [m]."""
+        mujoco.mj_kinematics(self.model.ptr, self.data.ptr)
         return self.named.data.site_xpos["tip"].copy()
 
-    def advance(self, pull: float) -> None:
-        """Run one control period, at whose end the commanded distance is `pull` [m].
+    def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
+        """Run one control period.
 
         The friction of the sheath follows the tension that the wires have at the start of the period.
 
+        Args:
+            pull: commanded pulling distance of wire a at the end of the period [m].
+            lateral_pull: the same of wire c; it needs two bending planes.
+            sheath_bend: angle that the sheath is bent by from now on [rad]; as before where not given.
+
         Raises:
-            ValueError: `pull` is not finite.
+            ValueError: a command is not finite, the sheath's bend is negative, or there is no second plane.
             FloatingPointError: the simulation diverged.
         """
-        if not np.isfinite(pull):
-            raise ValueError(f"commanded pulling distance {pull}: must be a finite number")
+        if not math.isfinite(pull + lateral_pull):
+            wrong = lateral_pull if math.isfinite(pull) else pull
+            raise ValueError(f"commanded pulling distance {wrong}: must be a finite number")
         data, preset = self.data.ptr, self.preset
-        self.model.ptr.dof_frictionloss[self._sheath] = element_friction(
-            self.wire_tension(), preset.sheath_friction, preset.sheath_bend, preset.sheath_friction_floor
-        )
-        data.ctrl[:] = (pull - data.act[0]) / preset.control_period
-        self.step(self._steps)
-        if data.warning.number.any():
-            raise FloatingPointError(
-                f"the simulation of {preset.name!r} diverged at {self.time():.3f} s: "
-                f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
-            )
+        if lateral_pull and preset.bending_planes == 1:
+            raise ValueError(f"lateral pull of {lateral_pull:g} m: {preset.name!r} has one bending plane")
+        if sheath_bend is not None:
+            if not sheath_bend >= 0:
+                raise ValueError(f"sheath bend of {sheath_bend} rad: must not be negative")
+            self._sheath_bend = np.array([sheath_bend])
+        self._follow_load(self._sheath_bend)
+        for plane, (drive, command) in enumerate(zip(self._drives, (pull, lateral_pull), strict=False)):
+            step = drive.advance(command) - data.act[plane]
+            data.ctrl[2 * plane : 2 * plane + 2] = step / preset.control_period
+            self._travel += abs(step)
+        mujoco.mj_step(self.model.ptr, data, self._steps)
+        if self._warnings.any():
+            raise FloatingPointError(diverged(preset, self.time()))
+
+    def _follow_load(self, sheath_bend: Array) -> None:
+        """Set friction and damping for the tension that the wires have now."""
+        loads = self._loads
+        stretch = loads.stretch(self._qpos)
+        tension = loads.tension(stretch)
+        drift: Array | float = 1.0
+        if self._drifts:
+            drift = loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
+        sheath, joints = loads.friction(tension, self._qpos, sheath_bend, drift)
+        self._friction[self.layout.element] = sheath[0]
+        if loads.routed:
+            self._joint_friction[self.layout.joints] = joints[0]
+        self._damping[self.layout.wire] = loads.damping(stretch, tension, self._qvel)[0]
 
     def save_state(self) -> State:
         """Return the whole state, friction memory included."""
         model, data = self.model.ptr, self.data.ptr
         physics = np.empty(mujoco.mj_stateSize(model, _WHOLE_STATE))
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
-        return State(physics, self.sheath_friction().copy())
+        drive = tuple(drive.state() for drive in self._drives)
+        return State(physics, drive, self._travel, self.sheath_friction().copy())
 
     def restore_state(self, state: State) -> None:
         """Go back to a saved state of an endoscope of the same preset.
@@ -123,11 +170,21 @@ class Endoscope(dm_mujoco.Physics):
         """
         model, data = self.model.ptr, self.data.ptr
         size = mujoco.mj_stateSize(model, _WHOLE_STATE)
-        if state.physics.shape != (size,) or state.friction.shape != self._sheath.shape:
+        if state.physics.shape != (size,) or state.sheath_friction.shape != self.layout.element.shape:
             raise ValueError(
                 f"a state of {state.physics.size} numbers does not fit this endoscope, which has {size}"
             )
-        model.dof_frictionloss[self._sheath] = state.friction
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
-        # dm_control begins a step with the second half of MuJoCo's; this is the first, from the same inputs.
-        mujoco.mj_step1(model, data)
+        model.dof_frictionloss[self.layout.element] = state.sheath_friction
+        for drive, saved in zip(self._drives, state.drive, strict=True):
+            drive.restore(saved)
+        self._travel = state.travel
+        mujoco.mj_fwdPosition(model, data)
+
+
+def diverged(preset: Preset, time: float) -> str:
+    """Say that a simulation diverged, when, and what helps."""
+    return (
+        f"the simulation of {preset.name!r} diverged at {time:.3f} s: "
+        f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
+    )

@@ -51,7 +51,8 @@ class Film:
 
     def pose(self, index: int) -> Picture:
         """Return the endoscope alone at sample `index`, on white, (height, width / 2, 3)."""
-        self._endoscope.set_pose(self._joint_angle[index])
+        lateral = self.episode.lateral_joint_angle
+        self._endoscope.set_pose(self._joint_angle[index], lateral[index] if len(lateral) else None)
         return self._camera.render().copy()  # the camera draws into one buffer
 
     def tip(self, index: int) -> tuple[float, float]:
@@ -109,7 +110,7 @@ def _preset(episode: Episode, vertebrae: int) -> Preset:
     recorded = episode.metadata.get("preset") or {}
     shape = {
         name: recorded[name]
-        for name in ("section_length", "wire_offset", "sheath_length")
+        for name in ("section_length", "wire_offset", "sheath_length", "bending_planes")
         if name in recorded
     }
     return Preset(name="recorded").replace(vertebrae=vertebrae, **shape)

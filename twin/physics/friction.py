@@ -1,30 +1,67 @@
-"""Capstan friction of a wire in a bent sheath, spread over a few elements (Euler 1769, Eytelwein 1808)."""
+"""Dry friction that follows the load: of a wire in its bent sheath and on the vertebrae that guide it."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+# NumPy's tanh depends, by a rounding, on the place of a value in its array; a batch must not.
+_tanh = np.vectorize(math.tanh, otypes=[float])
 
 
-def element_friction(tension: Array, friction: float, bend: float, floor: float) -> Array:
-    """Return the largest friction force of each element of the sheath.
+def friction_per_tension(friction: Array | float, bend: Array | float, elements: int) -> Array:
+    """Return the friction force of one element of the sheath, per mean tension on its two sides.
 
-    A wire that slides over an angle dphi loses tension by T_out = T_in exp(-mu dphi). With the mean
-    tension of both sides, that is a force
+    A wire that slides over an angle dphi loses tension by T_out = T_in exp(-mu dphi) (Euler 1769, Eytelwein
+    1808). With the mean tension of both sides, that is a force
 
         F = T_in - T_out = 2 tanh(mu dphi / 2) (T_in + T_out) / 2
 
     which is exact for any number of elements and for both directions of sliding.
 
     Args:
-        tension: (..., elements + 1) tension in each length of wire [N].
         friction: coefficient mu of the whole sheath.
         bend: angle phi that the whole sheath is bent by [rad].
-        floor: friction of the whole sheath that does not depend on the tension [N].
+        elements: number of elements that share it.
+    """
+    return 2 * _tanh(friction * np.asarray(bend) / elements / 2)
+
+
+def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:
+    """Return the largest friction force of each element of the sheath.
+
+    Args:
+        tension: (..., elements + 1) tension in each length of wire [N].
+        per_tension: of `friction_per_tension`, broadcast against (..., elements).
+        floor: friction of one element that does not depend on the tension [N], broadcast alike.
 
     Returns:
         (..., elements) force at which each element begins to slide [N].
     """
-    elements = tension.shape[-1] - 1
-    per_tension = 2 * np.tanh(friction * bend / elements / 2)
-    return per_tension * (tension[..., 1:] + tension[..., :-1]) / 2 + floor / elements
+    return per_tension * (tension[..., 1:] + tension[..., :-1]) / 2 + floor
+
+
+def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: Array) -> Array:
+    """Return the largest friction torque of each hinge: its own, and that of the wires on the vertebrae.
+
+    Where hinge i is bent by d_i, a wire of tension T presses on its guide with T |d_i|. Bending the hinges
+    beyond
+    i further pulls the wire through that guide, by the moment arm r times their angles. The work against
+    friction, mu T |d_i| r per angle, is a torque on each of those hinges:
+
+        tau_j = tau_joint_j + mu r T (|d_1| + ... + |d_j-1| + |d_j| / 2)
+
+    summed over the two wires of a plane. It is the capstan equation to first order in mu and the bend.
+
+    Args:
+        joint: (..., vertebrae) dry friction of the hinges themselves [N m].
+        routing: mu r [m], broadcast against (...).
+        tension: (...) sum of the tensions of the wires that the hinges are bent by [N].
+        turn: (..., vertebrae) angle that every guide turns the wires by, whatever its direction [rad].
+
+    Returns:
+        (..., vertebrae) torque at which each hinge begins to turn [N m].
+    """
+    wrapped = np.cumsum(turn, axis=-1) - turn / 2
+    return joint + (routing * tension)[..., None] * wrapped

@@ -1,72 +1,77 @@
 """The MJCF model of an endoscope: the hand-written scene, and what repeats along section and sheath.
 
-One slide joint is the pulley. Each of the two wires runs from it through the sheath, where it is cut into
-elements that slide with friction (joints `sheath_a0`, `sheath_a1`, ..., pulley to tip), and then through
-the vertebrae, where it is a spatial tendon. Between two elements the wire is a spring that pulls but does not
-push: MuJoCo's `springlength="low high"` has no force inside the interval.
+A joint `hinge_i` bends each vertebra. The pulley and the friction elements of the sheath (`sheath_a0`,
+`sheath_a1`, ..., pulley to tip) slide. Between two of them a wire is a spring, a fixed tendon `wire_a0`,
+`wire_a1`, ...; the last length of a wire runs along the vertebrae at a constant distance from their axis, so
+that
+a hinge pays out or takes up wire by that moment arm times its angle. With two bending planes every vertebra
+has a second, crossed hinge, and there is a second pulley for the wires c and d.
 """
 
 import mujoco
 
 from twin.assets import assets_folder
+from twin.physics.layout import PLANES, WIRES, hinge_groups
+from twin.physics.load import LEAST_FRICTION, joint_friction
+from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset import Preset
 
-WIRES = ("a", "b")
-_SIDE = {"a": 1.0, "b": -1.0}
+_PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
-_RESOLUTION = 1.6  # largest angular frequency times the time step; explicit springs are stable below 2
-_UNSEEN = 3  # group of geoms that MuJoCo does not draw, unless asked to: masses
-_PULLEY_MASS = 1.0  # [kg]
-_PULLEY_STIFFNESS = 4e5  # [N/m], far above that of a wire
-_PULLEY_DAMPING = 2 * (_PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5  # critical
+_LIGHTNESS = (
+    0.4  # inertia over stiffness times the time step squared: light, and still a smooth stick and slip
+)
+_PULLEY_MASS = 0.1  # [kg]
+_PULLEY_STIFFNESS = 4e6  # [N/m], far above that of a wire
 
 
 def model_xml(preset: Preset) -> str:
     """Return the whole model as MJCF text."""
     spec = mujoco.MjSpec.from_file(str(assets_folder() / "endoscope.xml"))
     spec.option.timestep = preset.time_step
-    _add_pulley(spec)
+    spec.option.gravity = preset.gravity
     _add_sheath(spec, preset)
-    _add_bending_section(spec, preset)
-    for wire in WIRES:
+    tip = _add_bending_section(spec, preset)
+    _add_slides(tip, preset)
+    for plane in PLANES[: preset.bending_planes]:
+        _add_motor(spec, preset, plane)
+        _add_joint_friction(spec, preset, plane)
+    for wire in WIRES[: preset.wires]:
         _add_wire(spec, preset, wire)
     spec.compile()
     return spec.to_xml()
 
 
-def segment_stiffness(preset: Preset) -> float:
-    """Stiffness of one length of wire between two elements [N / m]: all of them in series are the wire."""
-    return preset.wire_stiffness * (preset.sheath_elements + 1)
-
-
 def element_mass(preset: Preset) -> float:
-    """Inertia of one sheath element [kg]: the least that resolves the fastest wave along the wire.
+    """Inertia of one sheath element [kg].
 
-    A wire's own mass would need steps of microseconds. The motion is quasi-static, so a larger inertia
-    changes nothing that is measured. A chain of masses and springs has frequencies up to sqrt(4 k / m).
+    A wire's own mass would need steps of microseconds. The motion is quasi-static and the springs are taken
+    implicitly, so an inertia well below stiffness times the time step squared changes nothing that is
+    measured; a
+    much lighter element would be thrown about by the friction constraint, which MuJoCo solves explicitly.
     """
-    return 4 * segment_stiffness(preset) * (preset.time_step / _RESOLUTION) ** 2
+    return _LIGHTNESS * segment_stiffness(preset) * preset.time_step**2
 
 
 def section_inertia(preset: Preset) -> float:
     """Inertia added against bending of the whole section [kg m^2]: as `element_mass`, stiffest mode."""
     stiffness = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
-    return stiffness * (preset.time_step / _RESOLUTION) ** 2
+    return 0.3 * _LIGHTNESS * stiffness * preset.time_step**2
 
 
-def _add_pulley(spec: mujoco.MjSpec) -> None:
-    """One slide that pulls wire a and pays out wire b, driven by a servo without lag.
+def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
+    """Drive a pulley where it is told to be; servo and backlash come before it (`twin/drive.py`).
 
-    The integrating actuator ramps linearly between two commanded distances and holds each as a stiff spring
-    does: it yields by the difference of the tensions over its stiffness. The other one feeds the commanded
-    velocity forward, so that no error in position is needed to move.
+    The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
+    yields by
+    the difference of the tensions over its stiffness. The other one feeds the velocity forward, so that no
+    error in position is needed to move. Time step times stiffness, added to the damping, makes the spring
+    implicit (see `Loads.damping`).
     """
-    body = spec.worldbody.add_body(name="pulley")
-    body.add_joint(name="pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
-    _add_point_mass(body)
+    damping = 2 * (_PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * _PULLEY_STIFFNESS
     spec.add_actuator(
-        name="pulley_position",
-        target="pulley",
+        name=f"{plane}position",
+        target=f"{plane}pulley",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
         gaintype=mujoco.mjtGain.mjGAIN_FIXED,
@@ -75,147 +80,159 @@ def _add_pulley(spec: mujoco.MjSpec) -> None:
         biasprm=[0, -_PULLEY_STIFFNESS] + [0] * 8,
     )
     spec.add_actuator(
-        name="pulley_velocity",
-        target="pulley",
+        name=f"{plane}velocity",
+        target=f"{plane}pulley",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        gainprm=[_PULLEY_DAMPING] + [0] * 9,
+        gainprm=[damping] + [0] * 9,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        biasprm=[0, 0, -_PULLEY_DAMPING] + [0] * 7,
+        biasprm=[0, 0, -damping] + [0] * 7,
     )
 
 
-def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """The friction elements: masses that slide along the shaft; their friction follows the tension."""
-    radius = 1.35 * preset.wire_offset
-    spec.worldbody.add_geom(
-        name="sheath",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[-preset.sheath_length, 0, 0, 0, 0, 0],
-        size=[radius, 0, 0],
-        material="sheath",
-    )
-    for wire in WIRES:
+def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
+    """The pulleys and the sheath's friction elements, as coordinates: unseen bodies without weight.
+
+    They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
+    the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
+    armature, so the frame it is carried in does not matter.
+    """
+    body = tip
+    names = [f"{plane}pulley" for plane in PLANES[: preset.bending_planes]]
+    for name in names:
+        body = _add_weightless(body, name)
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
+    for wire in WIRES[: preset.wires]:
         for element in range(preset.sheath_elements):
-            body = spec.worldbody.add_body(
-                name=f"sheath_{wire}{element}",
-                pos=[_element_position(preset, element), 0, _SIDE[wire] * preset.wire_offset],
-            )
+            body = _add_weightless(body, f"sheath_{wire}{element}")
             joint = body.add_joint(
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
                 axis=[-1, 0, 0],
                 armature=element_mass(preset),
-                frictionloss=max(preset.sheath_friction_floor / preset.sheath_elements, _LEAST_FRICTION),
+                frictionloss=max(preset.sheath_friction_floor / preset.sheath_elements, LEAST_FRICTION),
             )
             _make_friction_dry(joint, preset)
-            _add_point_mass(body)
-            body.add_site(name=f"sheath_{wire}{element}")
 
 
-def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """A chain of links on hinges, with a hole for each wire in the middle of each link."""
-    count = preset.vertebrae
-    link = preset.section_length / count
-    for wire in WIRES:
-        spec.worldbody.add_site(name=f"base_{wire}", pos=[0, 0, _SIDE[wire] * preset.wire_offset])
+def _add_weightless(parent: mujoco.MjsBody, name: str) -> mujoco.MjsBody:
+    body = parent.add_body(name=name)
+    body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-9, [0, 0, 0], [1e-12] * 3, True
+    return body
+
+
+def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Draw the shaft."""
+    spec.worldbody.add_geom(
+        name="sheath",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[-preset.sheath_length, 0, 0, 0, 0, 0],
+        size=[1.35 * preset.wire_offset, 0, 0],
+        material="sheath",
+    )
+
+
+def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
+    """A chain of links on hinges; returns the last one, the tip."""
+    link = preset.section_length / preset.vertebrae
     body = spec.worldbody
-    for index in range(count):
+    for index in range(preset.vertebrae):
         body = body.add_body(name=f"vertebra_{index}", pos=[0 if index == 0 else link, 0, 0])
-        joint = body.add_joint(
-            name=f"hinge_{index}",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[0, -1, 0],
-            stiffness=preset.section_stiffness * count,
-            damping=preset.section_damping * count,
-            armature=section_inertia(preset) * count,
-            frictionloss=preset.joint_friction,
-        )
-        _make_friction_dry(joint, preset)
-        body.add_geom(
-            name=f"vertebra_{index}",
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            fromto=[0.1 * link, 0, 0, link if index == count - 1 else 0.9 * link, 0, 0],
-            size=[1.25 * preset.wire_offset, 0, 0],
-            mass=_SECTION_MASS / count,
-            group=_UNSEEN,
-        )
-        _add_bones(body, link, preset.wire_offset)
-        for wire in WIRES:
-            body.add_site(name=f"hole_{wire}{index}", pos=[link / 2, 0, _SIDE[wire] * preset.wire_offset])
+        for plane, axis in zip(PLANES[: preset.bending_planes], ([0, -1, 0], [0, 0, 1]), strict=False):
+            _add_hinge(body, preset, f"{plane}hinge_{index}", axis, curved=not plane)
+        body.mass = preset.section_mass / preset.vertebrae
+        body.ipos = [link / 2, 0, 0]
+        slender = body.mass * (link**2 / 12 + preset.wire_offset**2 / 4)
+        body.inertia = [body.mass * preset.wire_offset**2 / 2, slender, slender]
+        body.explicitinertial = True
+        _draw_link(body, link, preset)
     body.add_site(name="tip", pos=[link, 0, 0])
-    _add_drawn(
-        body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.75 * link, 1.05 * link, 1.3 * preset.wire_offset, "tip"
+    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.75 * link, 1.05 * link, 1.3 * preset.wire_offset, "tip")
+    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 1.05 * link, 1.06 * link, 0.6 * preset.wire_offset, "lens")
+    return body
+
+
+def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
+    """One hinge; time step times stiffness makes its spring implicit, as in `Loads.damping`."""
+    count = preset.vertebrae
+    stiffness = preset.section_stiffness * count
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=axis,
+        stiffness=stiffness,
+        springref=preset.initial_bend / count if curved else 0.0,
+        damping=preset.section_damping * count + preset.time_step * stiffness,
+        armature=section_inertia(preset) * count,
     )
-    _add_drawn(
-        body, mujoco.mjtGeom.mjGEOM_CYLINDER, 1.05 * link, 1.06 * link, 0.6 * preset.wire_offset, "lens"
-    )
-
-
-def _add_bones(body: mujoco.MjsBody, link: float, wire_offset: float) -> None:
-    """Draw the inside of one link: a disc that guides the wires, on a slender backbone."""
-    _add_drawn(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.45 * wire_offset, "backbone")
-    _add_drawn(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.28 * link, 0.72 * link, 1.05 * wire_offset, "vertebra")
-
-
-def _add_drawn(
-    body: mujoco.MjsBody, shape: mujoco.mjtGeom, start: float, end: float, radius: float, material: str
-) -> None:
-    """Add a shape along x that is only seen: it has no mass and touches nothing."""
-    body.add_geom(type=shape, fromto=[start, 0, 0, end, 0, 0], size=[radius, 0, 0], material=material, mass=0)
 
 
 def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
-    """The lengths of one wire, as springs in series, stretched so far that they carry the pretension."""
-    stiffness = segment_stiffness(preset)
-    damping = preset.wire_damping * (preset.sheath_elements + 1)
-    stretch = preset.pretension / stiffness
-    for element in range(preset.sheath_elements):
+    """The lengths of one wire, as springs in series, stretched by the tension that winding up leaves."""
+    place = WIRES.index(wire)
+    plane, side = PLANES[place // 2], 1.0 - 2.0 * (place % 2)
+    stiffness, quadratic = segment_stiffness(preset), quadratic_stiffness(preset)
+    damping = preset.wire_damping * (preset.sheath_elements + 1) + preset.time_step * stiffness
+    for length, tension in enumerate(wound_tension(preset)):
         tendon = spec.add_tendon(
-            name=f"wire_{wire}{element}",
-            stiffness=stiffness,
-            damping=damping,
-            springlength=[_FAR, -stretch],
+            name=f"wire_{wire}{length}",
+            stiffness=[stiffness, quadratic, 0],
+            damping=[damping, 0, 0],
+            springlength=[_FAR, -float(stretch_at(tension, stiffness, quadratic))],
         )
-        if element == 0:
-            tendon.wrap_joint("pulley", _SIDE[wire])
+        if length == 0:
+            tendon.wrap_joint(f"{plane}pulley", side)
         else:
-            tendon.wrap_joint(f"sheath_{wire}{element - 1}", 1.0)
-        tendon.wrap_joint(f"sheath_{wire}{element}", -1.0)
+            tendon.wrap_joint(f"sheath_{wire}{length - 1}", 1.0)
+        if length < preset.sheath_elements:
+            tendon.wrap_joint(f"sheath_{wire}{length}", -1.0)
+        else:
+            for index in range(preset.vertebrae):
+                tendon.wrap_joint(f"{plane}hinge_{index}", -side * preset.wire_offset)
 
-    last = preset.sheath_elements - 1
-    straight = preset.section_length * (1 - 0.5 / preset.vertebrae) - _element_position(preset, last)
-    tendon = spec.add_tendon(
-        name=f"wire_{wire}{preset.sheath_elements}",
-        stiffness=stiffness,
-        damping=damping,
-        springlength=[0, straight - stretch],
-        width=0.2 * preset.wire_offset,
-        material=f"wire_{wire}",
+
+def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
+    """Dry friction of the hinges, as one constraint for each group of neighbours.
+
+    A fixed tendon over the hinges of a group opposes their common motion by the same torque in each of them.
+    They act in
+    series and carry nearly the same moment, so that they move together; a constraint for every hinge would
+    say no more and make the cost grow with the square of their number.
+    """
+    for group, friction in enumerate(joint_friction(preset)):
+        tendon = spec.add_tendon(name=f"{plane}joints_{group}", frictionloss=max(friction, LEAST_FRICTION**2))
+        _make_friction_dry(tendon, preset)
+        for index in hinge_groups(preset.vertebrae)[group]:
+            tendon.wrap_joint(f"{plane}hinge_{index}", 1.0)
+
+
+def _draw_link(body: mujoco.MjsBody, link: float, preset: Preset) -> None:
+    """The inside of one link: a disc that guides the wires, on a slender backbone."""
+    radius = preset.wire_offset
+    _draw(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.45 * radius, "backbone")
+    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.28 * link, 0.72 * link, 1.05 * radius, "vertebra")
+    for wire in WIRES[: preset.wires]:
+        y, z = _PLACE[wire]
+        place = (y * radius, z * radius)
+        _draw(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.2 * radius, f"wire_{wire}", place)
+
+
+def _draw(
+    body: mujoco.MjsBody,
+    shape: mujoco.mjtGeom,
+    start: float,
+    end: float,
+    radius: float,
+    material: str,
+    place: tuple[float, float] = (0, 0),
+) -> None:
+    """Add a shape along x that is only seen: it has no mass and touches nothing."""
+    body.add_geom(
+        type=shape, fromto=[start, *place, end, *place], size=[radius, 0, 0], material=material, mass=0
     )
-    tendon.wrap_site(f"sheath_{wire}{last}")
-    tendon.wrap_site(f"base_{wire}")
-    for index in range(preset.vertebrae):
-        tendon.wrap_site(f"hole_{wire}{index}")
 
 
-_SECTION_MASS = 2e-4  # [kg] a few vertebrae of steel; weightless here, and its inertia is below the added one
-_LEAST_FRICTION = (
-    1e-9  # [N] keeps the constraint in the model where the friction of the sheath is set to zero
-)
-
-
-def _element_position(preset: Preset, element: int) -> float:
-    """Where an element of the sheath lies along x [m], pulley to tip; the last is near the vertebrae."""
-    return -preset.sheath_length * (preset.sheath_elements - element - 0.5) / preset.sheath_elements
-
-
-def _make_friction_dry(joint: mujoco.MjsJoint, preset: Preset) -> None:
+def _make_friction_dry(rubbing: mujoco.MjsJoint | mujoco.MjsTendon, preset: Preset) -> None:
     """Set a near-rigid friction constraint: the defaults turn dry friction into viscous drag."""
-    joint.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2]
-    joint.solref_friction = [2 * preset.time_step, 1]
-
-
-def _add_point_mass(body: mujoco.MjsBody) -> None:
-    """Give a body that only slides the mass that MuJoCo demands; its inertia is the joint's armature."""
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[1e-3, 0, 0], mass=1e-3, rgba=[0, 0, 0, 0])
+    rubbing.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2]
+    rubbing.solref_friction = [2 * preset.time_step, 1]

@@ -1,5 +1,6 @@
-"""Driving the endoscope by a command signal: arrays in, an `Episode` out."""
+"""Driving the endoscope by command signals: arrays in, an `Episode` out."""
 
+import dataclasses
 from collections.abc import Callable
 
 import mujoco
@@ -10,6 +11,7 @@ from twin import __version__
 from twin.episode import Episode
 from twin.excitation import approach, check_finite
 from twin.physics.endoscope import Endoscope, State
+from twin.physics.layout import Layout
 from twin.preset import Preset
 
 Array = NDArray[np.float64]
@@ -20,6 +22,8 @@ def simulate(
     pull: Array,
     sample_time: float,
     *,
+    lateral_pull: Array | None = None,
+    sheath_bend: Array | float | None = None,
     state: State | None = None,
     endoscope: Endoscope | None = None,
     on_sample: Callable[[Endoscope], None] | None = None,
@@ -28,61 +32,154 @@ def simulate(
 
     Args:
         preset: the endoscope.
-        pull: (N,) commanded pulling distance at each sample [m], linear in between.
+        pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
         sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
+        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; without it,
+        zero.
+        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
+            angle; without it, the preset's.
         state: where the run begins. Without it the run begins straight and at rest, and goes to `pull[0]`
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
     Returns:
-        The record; `measured_bend` equals `bend`, as no sensor is part of the physics.
+        The record; `measured_bend` equals `bend`: the sensor comes after the physics (`twin/sensor.py`).
 
     Raises:
-        ValueError: the command is not finite, or the sample time does not fit the control period.
+        ValueError: a command is not finite or of another length, the sheath's bend is negative, or the
+            sample time does not fit the control period.
         FloatingPointError: the simulation diverged.
     """
-    pull = np.asarray(pull, dtype=float)
-    check_finite(pull)
-    periods = check_sample_time(preset, sample_time)
+    command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
     endoscope = endoscope or Endoscope.from_preset(preset)
     if state is not None:
         endoscope.restore_state(state)
     else:
-        for target in approach(pull[0], preset.control_period):
-            endoscope.advance(target)
-
-    count, elements = len(pull), preset.sheath_elements
-    bend = np.empty(count)
-    joint_angle = np.empty((count, preset.vertebrae))
-    wire_tension = np.empty((count, 2, elements + 1))
-    sheath_friction = np.empty((count, 2, elements))
-    for k in range(count):
-        if k > 0:
-            for target in np.linspace(pull[k - 1], pull[k], periods + 1)[1:]:
-                endoscope.advance(target)
-        bend[k] = endoscope.bend()
-        joint_angle[k] = endoscope.joint_angle()
-        wire_tension[k] = endoscope.wire_tension()
-        sheath_friction[k] = endoscope.sheath_friction()
+        for inputs in command.before.tolist():
+            endoscope.advance(*inputs)
+    record = Record(command, endoscope.layout)
+    for k, periods in enumerate(command.between.tolist()):
+        for inputs in periods if k > 0 else ():
+            endoscope.advance(*inputs)
+        record.add(k, endoscope.data.ptr.qpos, endoscope.wire_tension(), endoscope.sheath_friction())
         if on_sample is not None:
             on_sample(endoscope)
+    return record.episode(endoscope.xml)
 
-    return Episode(
-        time=np.arange(count, dtype=float) * sample_time,
-        pull=pull,
-        bend=bend,
-        measured_bend=bend.copy(),
-        joint_angle=joint_angle,
-        wire_tension=wire_tension,
-        sheath_friction=sheath_friction,
-        metadata={
-            "preset": preset.to_dict(),
-            "endotwin": __version__,
-            "mujoco": mujoco.__version__,
-        },
-        attachments={"endoscope.xml": endoscope.xml.encode()},
-    )
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """What an endoscope is told during a run, checked, at every sample and at every control period."""
+
+    preset: Preset
+    sample_time: float
+    pull: Array
+    """(N,) pulling distance of wire a at each sample [m]."""
+    lateral_pull: Array
+    """(N,) pulling distance of wire c at each sample [m]."""
+    sheath_bend: Array
+    """(N,) angle that the sheath is bent by at each sample [rad]."""
+    before: Array
+    """(M, 3) pull, lateral pull and bend of the sheath at each control period before the first sample."""
+    between: Array
+    """(N, periods, 3) the same at each control period that leads to a sample; the first sample has none."""
+
+    @classmethod
+    def of(
+        cls,
+        preset: Preset,
+        pull: Array,
+        sample_time: float,
+        lateral_pull: Array | None = None,
+        sheath_bend: Array | float | None = None,
+    ) -> "Command":
+        """Check the signals of a run and spread them over the control periods; see `simulate`."""
+        pull = np.asarray(pull, dtype=float)
+        check_finite(pull)
+        if lateral_pull is None:
+            lateral_pull = np.zeros(len(pull))
+        elif preset.bending_planes == 1:
+            raise ValueError(f"a lateral command: {preset.name!r} has one bending plane, it needs two")
+        lateral_pull = np.asarray(lateral_pull, dtype=float)
+        check_finite(lateral_pull)
+        bend = np.asarray(preset.sheath_bend if sheath_bend is None else sheath_bend, dtype=float)
+        if bend.ndim == 0:
+            bend = np.full(len(pull), bend)
+        for name, values in (("lateral command", lateral_pull), ("bend of the sheath", bend)):
+            if values.shape != pull.shape:
+                raise ValueError(f"{name} has {values.size} samples, the command has {len(pull)}")
+        if not (np.isfinite(bend).all() and (bend >= 0).all()):
+            wrong = bend[~(np.isfinite(bend) & (bend >= 0))][0]
+            raise ValueError(f"the sheath's bend is {wrong:g} rad: every sample must be finite, not negative")
+
+        periods = check_sample_time(preset, sample_time)
+        samples = np.stack([pull, lateral_pull, bend], axis=1)
+        share = np.arange(1, periods + 1)[:, None] / periods
+        between = np.empty((len(pull), periods, 3))
+        between[1:] = samples[:-1, None] * (1 - share) + samples[1:, None] * share
+        between[:, -1] = samples
+        return cls(preset, sample_time, pull, lateral_pull, bend, _approach(samples[0], preset), between)
+
+
+def _approach(first: Array, preset: Preset) -> Array:
+    """(M, 3) inputs on the way from rest to the first sample; the shorter way waits at rest."""
+    ways = [approach(start, preset.control_period) for start in first[:2]]
+    inputs = np.zeros((max(map(len, ways)), 3))
+    for column, way in enumerate(ways):
+        inputs[len(inputs) - len(way) :, column] = way
+    inputs[:, 2] = first[2]
+    return inputs
+
+
+class Record:
+    """Collects what an endoscope does at each sample of a command."""
+
+    def __init__(self, command: Command, layout: Layout) -> None:
+        """Make room for every sample."""
+        count = len(command.pull)
+        self._command, self._layout = command, layout
+        self._pulley = np.empty(count)
+        self._joint_angle = np.empty((count, *layout.hinge.shape))
+        self._wire_tension = np.empty((count, *layout.wire.shape))
+        self._sheath_friction = np.empty((count, *layout.element.shape))
+
+    def add(self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array) -> None:
+        """Note positions, tensions (wires, elements + 1) and frictions (wires, elements) at one sample."""
+        self._pulley[sample] = qpos[self._layout.pulley[0]]
+        self._joint_angle[sample] = qpos[self._layout.hinge]
+        self._wire_tension[sample] = wire_tension
+        self._sheath_friction[sample] = sheath_friction
+
+    def episode(self, xml: str) -> Episode:
+        """Return the whole record, with the model that made it."""
+        command, preset = self._command, self._command.preset
+        bend = self._joint_angle.sum(axis=2)
+        lateral = {}
+        if preset.bending_planes == 2:
+            lateral = {
+                "lateral_pull": command.lateral_pull,
+                "lateral_bend": bend[:, 1],
+                "lateral_joint_angle": self._joint_angle[:, 1],
+            }
+        return Episode(
+            time=np.arange(len(bend), dtype=float) * command.sample_time,
+            pull=command.pull,
+            bend=bend[:, 0],
+            measured_bend=bend[:, 0].copy(),
+            joint_angle=self._joint_angle[:, 0],
+            wire_tension=self._wire_tension,
+            sheath_friction=self._sheath_friction,
+            pulley=self._pulley,
+            sheath_bend=command.sheath_bend,
+            **lateral,
+            metadata={
+                "preset": preset.to_dict(),
+                "endotwin": __version__,
+                "mujoco": mujoco.__version__,
+            },
+            attachments={"endoscope.xml": xml.encode()},
+        )
 
 
 def check_sample_time(preset: Preset, sample_time: float) -> int:

@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x0e\x65ndotwin.proto\x12\x08\x65ndotwin\"\x1a\n\x07\x43ommand\x12\x0f\n\x07pull_mm\x18\x01 \x01(\x01\"\x87\x01\n\x05Truth\x12\x10\n\x08\x62\x65nd_deg\x18\x01 \x01(\x01\x12\x18\n\x10wire_tension_a_n\x18\x02 \x03(\x01\x12\x18\n\x10wire_tension_b_n\x18\x03 \x03(\x01\x12\x1b\n\x13sheath_friction_a_n\x18\x04 \x03(\x01\x12\x1b\n\x13sheath_friction_b_n\x18\x05 \x03(\x01\"\x1f\n\x0bMeasurement\x12\x10\n\x08\x62\x65nd_deg\x18\x01 \x01(\x01\"3\n\x07Tension\x12\x13\n\x0btension_a_n\x18\x01 \x01(\x01\x12\x13\n\x0btension_b_n\x18\x02 \x01(\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x0e\x65ndotwin.proto\x12\x08\x65ndotwin\"L\n\x07\x43ommand\x12\x0f\n\x07pull_mm\x18\x01 \x01(\x01\x12\x1c\n\x0flateral_pull_mm\x18\x02 \x01(\x01H\x00\x88\x01\x01\x42\x12\n\x10_lateral_pull_mm\"\x81\x03\n\x05Truth\x12\x10\n\x08\x62\x65nd_deg\x18\x01 \x01(\x01\x12\x18\n\x10wire_tension_a_n\x18\x02 \x03(\x01\x12\x18\n\x10wire_tension_b_n\x18\x03 \x03(\x01\x12\x1b\n\x13sheath_friction_a_n\x18\x04 \x03(\x01\x12\x1b\n\x13sheath_friction_b_n\x18\x05 \x03(\x01\x12\x1d\n\x10lateral_bend_deg\x18\x06 \x01(\x01H\x00\x88\x01\x01\x12\x16\n\tpulley_mm\x18\x07 \x01(\x01H\x01\x88\x01\x01\x12\x1c\n\x0fsheath_bend_deg\x18\x08 \x01(\x01H\x02\x88\x01\x01\x12\x18\n\x10wire_tension_c_n\x18\t \x03(\x01\x12\x18\n\x10wire_tension_d_n\x18\n \x03(\x01\x12\x1b\n\x13sheath_friction_c_n\x18\x0b \x03(\x01\x12\x1b\n\x13sheath_friction_d_n\x18\x0c \x03(\x01\x42\x13\n\x11_lateral_bend_degB\x0c\n\n_pulley_mmB\x12\n\x10_sheath_bend_deg\"\x1f\n\x0bMeasurement\x12\x10\n\x08\x62\x65nd_deg\x18\x01 \x01(\x01\"\x87\x01\n\x07Tension\x12\x13\n\x0btension_a_n\x18\x01 \x01(\x01\x12\x13\n\x0btension_b_n\x18\x02 \x01(\x01\x12\x18\n\x0btension_c_n\x18\x03 \x01(\x01H\x00\x88\x01\x01\x12\x18\n\x0btension_d_n\x18\x04 \x01(\x01H\x01\x88\x01\x01\x42\x0e\n\x0c_tension_c_nB\x0e\n\x0c_tension_d_nb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -32,11 +32,11 @@ _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'endotwin_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
   _globals['_COMMAND']._serialized_start=28
-  _globals['_COMMAND']._serialized_end=54
-  _globals['_TRUTH']._serialized_start=57
-  _globals['_TRUTH']._serialized_end=192
-  _globals['_MEASUREMENT']._serialized_start=194
-  _globals['_MEASUREMENT']._serialized_end=225
-  _globals['_TENSION']._serialized_start=227
-  _globals['_TENSION']._serialized_end=278
+  _globals['_COMMAND']._serialized_end=104
+  _globals['_TRUTH']._serialized_start=107
+  _globals['_TRUTH']._serialized_end=492
+  _globals['_MEASUREMENT']._serialized_start=494
+  _globals['_MEASUREMENT']._serialized_end=525
+  _globals['_TENSION']._serialized_start=528
+  _globals['_TENSION']._serialized_end=663
 # @@protoc_insertion_point(module_scope)

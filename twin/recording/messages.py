@@ -4,7 +4,7 @@ Degrees and millimetres are on the side of the messages, SI units on the side of
 place of the recording that converts them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,9 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from numpy.typing import NDArray
 
-from twin.episode import Episode
+from twin.episode import OPTIONAL, Episode
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
+from twin.recording.poses import LATERAL_HINGE, joint_states, link_length, transforms
 
 Array = NDArray[np.float64]
 
@@ -70,17 +71,18 @@ def encode(episode: Episode) -> Iterator[tuple[str, int, Any]]:
     nanoseconds = to_nanoseconds(episode.time)
     _check_shapes(episode)
     streams: dict[str, Iterator[Any]] = {
-        "/command": _scalars(Command(), "pull_mm", episode.pull_mm),
-        "/truth": _truths(episode),
-        "/measurement": _scalars(Measurement(), "bend_deg", episode.measured_bend_deg),
+        "/command": _samples(Command(), _command_columns(episode)),
+        "/truth": _samples(Truth(), _truth_columns(episode)),
+        "/measurement": _samples(Measurement(), {"bend_deg": episode.measured_bend_deg}),
     }
     if episode.wire_tension.shape[2] > 0:
-        streams["/tension"] = _tensions(episode)
+        tensions = {f"tension_{name}_n": episode.tension[:, wire] for wire, name in _wires_of(episode)}
+        streams["/tension"] = _samples(Tension(), tensions)
     if episode.joint_angle.shape[1] > 0:
-        streams["/joint_states"] = _joint_states(episode, nanoseconds)
-        link = _link_length(episode)
+        streams["/joint_states"] = joint_states(episode, nanoseconds)
+        link = link_length(episode)
         if link is not None:
-            streams["/tf"] = _transforms(episode, nanoseconds, link)
+            streams["/tf"] = transforms(episode, nanoseconds, link)
     for time, *messages in zip(nanoseconds, *streams.values(), strict=True):
         for topic, message in zip(streams, messages, strict=True):
             yield topic, time, message
@@ -94,10 +96,12 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
         payloads: the messages of each topic, in the same order.
 
     Returns:
-        Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded.
+        Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded;
+        other optional fields (`episode.OPTIONAL`) that were not are empty or left out.
 
     Raises:
-        ValueError: a topic is missing, topics differ in their times, or messages of a topic differ in size.
+        ValueError: a topic is missing, topics differ in their times, or messages of a topic differ in what
+            they hold.
         google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
     """
     for topic in REQUIRED_TOPICS:
@@ -114,28 +118,59 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
     truths = [Truth.FromString(payload) for payload in payloads["/truth"]]
     measurements = [Measurement.FromString(payload) for payload in payloads["/measurement"]]
     joints = [JointStates.FromString(payload).joints for payload in payloads.get("/joint_states", [])]
-    return {
+    arrays = {
         "time": np.array(times["/command"], dtype=float) / 1e9,
         "pull": np.array([message.pull_mm for message in commands]) / 1e3,
         "bend": np.radians([message.bend_deg for message in truths]),
         "measured_bend": np.radians([message.bend_deg for message in measurements]),
-        "joint_angle": _table("joints", [[joint.position for joint in row] for row in joints], count),
-        "wire_tension": _wires(truths, "wire_tension"),
-        "sheath_friction": _wires(truths, "sheath_friction"),
+        "joint_angle": _hinges("joints", joints, count, lateral=False),
+        "pulley": _optional(truths, "pulley_mm") / 1e3,
+        "sheath_bend": np.radians(_optional(truths, "sheath_bend_deg")),
     }
+    lateral = {
+        "lateral_pull": _optional(commands, "lateral_pull_mm") / 1e3,
+        "lateral_bend": np.radians(_optional(truths, "lateral_bend_deg")),
+    }
+    sideways = _hinges("lateral joints", joints, count, lateral=True)
+    if sideways.shape[1] not in (0, arrays["joint_angle"].shape[1]):
+        sizes = arrays["joint_angle"].shape[1], sideways.shape[1]
+        raise ValueError(f"/joint_states has {sizes[0]} hinges, {sizes[1]} lateral ones")
+    if sideways.shape[1] > 0:
+        lateral["lateral_joint_angle"] = sideways
+    wires = _wire_names(lateral.values())
+    return (
+        arrays | lateral | {name: _wires(truths, name, wires) for name in ("wire_tension", "sheath_friction")}
+    )
+
+
+def _wire_names(lateral: Iterable[Array]) -> str:
+    """Which wires there are: c and d where anything sideways was recorded."""
+    return "abcd" if any(values.size > 0 for values in lateral) else "ab"
+
+
+def _wires_of(episode: Episode) -> Iterator[tuple[int, str]]:
+    """Yield index and name of each wire."""
+    return enumerate(_wire_names((episode.lateral_pull, episode.lateral_bend, episode.lateral_joint_angle)))
 
 
 def _check_shapes(episode: Episode) -> None:
-    count = len(episode.time)
+    count, wires = len(episode.time), len(list(_wires_of(episode)))
     for field, columns, valid in (
         ("pull", (), "(N,)"),
         ("bend", (), "(N,)"),
         ("measured_bend", (), "(N,)"),
         ("joint_angle", (None,), "(N, vertebrae)"),
-        ("wire_tension", (2, None), "(N, 2, elements + 1)"),
-        ("sheath_friction", (2, None), "(N, 2, elements)"),
+        ("wire_tension", (wires, None), f"(N, {wires}, elements + 1)"),
+        ("sheath_friction", (wires, None), f"(N, {wires}, elements)"),
+        ("pulley", (), "(N,)"),
+        ("sheath_bend", (), "(N,)"),
+        ("lateral_pull", (), "(N,)"),
+        ("lateral_bend", (), "(N,)"),
+        ("lateral_joint_angle", np.shape(episode.joint_angle)[1:], "as joint_angle"),
     ):
         shape = np.shape(getattr(episode, field))
+        if field in OPTIONAL and shape == (0,):
+            continue
         fits = len(shape) == 1 + len(columns) and all(
             wanted is None or size == wanted for size, wanted in zip(shape[1:], columns, strict=True)
         )
@@ -143,87 +178,74 @@ def _check_shapes(episode: Episode) -> None:
             raise ValueError(f"{field} has shape {shape} for {count} samples: must be {valid}")
 
 
-def _link_length(episode: Episode) -> float | None:
-    """Length of one vertebra [m], or None where the metadata does not tell."""
-    preset = episode.metadata.get("preset")
-    if not isinstance(preset, Mapping) or not {"section_length", "vertebrae"} <= set(preset):
-        return None
-    joints = episode.joint_angle.shape[1]
-    if preset["vertebrae"] != joints:
-        raise ValueError(f"joint_angle has {joints} columns, the preset {preset['vertebrae']} vertebrae")
-    return float(preset["section_length"]) / joints
+def _command_columns(episode: Episode) -> dict[str, Array]:
+    return _recorded({"pull_mm": episode.pull_mm, "lateral_pull_mm": episode.lateral_pull * 1e3})
 
 
-def _scalars(message: Any, field: str, values: Array) -> Iterator[Any]:
-    for value in np.asarray(values, dtype=float).tolist():
-        setattr(message, field, value)
+def _truth_columns(episode: Episode) -> dict[str, Array]:
+    columns = {
+        "bend_deg": episode.bend_deg,
+        "lateral_bend_deg": np.degrees(episode.lateral_bend),
+        "pulley_mm": episode.pulley * 1e3,
+        "sheath_bend_deg": np.degrees(episode.sheath_bend),
+    }
+    for wire, name in _wires_of(episode):
+        columns[f"wire_tension_{name}_n"] = episode.wire_tension[:, wire]
+        columns[f"sheath_friction_{name}_n"] = episode.sheath_friction[:, wire]
+    return _recorded(columns)
+
+
+def _recorded(columns: dict[str, Array]) -> dict[str, Array]:
+    return {name: values for name, values in columns.items() if len(values) > 0}
+
+
+def _samples(message: Any, columns: dict[str, Array]) -> Iterator[Any]:
+    """Yield a message at each sample; its fields are the numbers, or the rows of numbers, of the columns."""
+    rows = zip(*(np.asarray(values, dtype=float).tolist() for values in columns.values()), strict=True)
+    for row in rows:
+        for field, value in zip(columns, row, strict=True):
+            if isinstance(value, list):
+                getattr(message, field)[:] = value
+            else:
+                setattr(message, field, value)
         yield message
 
 
-def _truths(episode: Episode) -> Iterator[Any]:
-    message = Truth()
-    for bend, tension, friction in zip(
-        np.asarray(episode.bend_deg, dtype=float).tolist(),
-        np.asarray(episode.wire_tension, dtype=float).tolist(),
-        np.asarray(episode.sheath_friction, dtype=float).tolist(),
-        strict=True,
-    ):
-        message.bend_deg = bend
-        message.wire_tension_a_n[:], message.wire_tension_b_n[:] = tension
-        message.sheath_friction_a_n[:], message.sheath_friction_b_n[:] = friction
-        yield message
+def _optional(messages: list[Any], field: str) -> Array:
+    """(N,) of a field that all messages have; (0,) if none has it."""
+    known = [message.HasField(field) for message in messages]
+    if not any(known):
+        return np.empty(0)
+    if not all(known):
+        raise ValueError(f"{field} is missing at sample {known.index(False)}, not at {known.index(True)}")
+    return np.array([getattr(message, field) for message in messages])
 
 
-def _tensions(episode: Episode) -> Iterator[Any]:
-    message = Tension()
-    for tension in np.asarray(episode.tension, dtype=float).tolist():
-        message.tension_a_n, message.tension_b_n = tension
-        yield message
+def _hinges(name: str, joints: list[Any], count: int, *, lateral: bool) -> Array:
+    """(count, columns) of the angles of the hinges that bend it sideways, or of the others."""
+    rows = [
+        [joint.position for joint in row if joint.name.startswith(LATERAL_HINGE) is lateral] for row in joints
+    ]
+    return _table(name, rows, count)
 
 
-def _joint_states(episode: Episode, nanoseconds: list[int]) -> Iterator[Any]:
-    message = JointStates()
-    joints = [message.joints.add(name=f"hinge_{index}") for index in range(episode.joint_angle.shape[1])]
-    for time, angles in zip(nanoseconds, np.asarray(episode.joint_angle, dtype=float).tolist(), strict=True):
-        _stamp(message.timestamp, time)
-        for joint, angle in zip(joints, angles, strict=True):
-            joint.position = angle
-        yield message
-
-
-def _transforms(episode: Episode, nanoseconds: list[int], link: float) -> Iterator[Any]:
-    """Frames base -> vertebra_0 -> vertebra_1 ..., a link apart, each turned about (0, -1, 0) by a hinge."""
-    message = FrameTransforms()
-    frames = []
-    for index in range(episode.joint_angle.shape[1]):
-        frame = message.transforms.add(child_frame_id=f"vertebra_{index}")
-        frame.parent_frame_id = f"vertebra_{index - 1}" if index else "base"
-        frame.translation.x = link if index else 0.0
-        frames.append((frame.timestamp, frame.rotation))
-    half = np.asarray(episode.joint_angle, dtype=float) / 2
-    for time, sines, cosines in zip(
-        nanoseconds, (-np.sin(half)).tolist(), np.cos(half).tolist(), strict=True
-    ):
-        for (stamp, rotation), sine, cosine in zip(frames, sines, cosines, strict=True):
-            _stamp(stamp, time)
-            rotation.y = sine
-            rotation.w = cosine
-        yield message
-
-
-def _stamp(timestamp: Any, nanoseconds: int) -> None:
-    timestamp.seconds, timestamp.nanos = divmod(nanoseconds, 10**9)
-
-
-def _wires(truths: list[Any], quantity: str) -> Array:
-    """(N, 2, columns) of a quantity that both wires have."""
-    a, b = (
-        _table(name, [getattr(message, name) for message in truths], len(truths))
-        for name in (f"{quantity}_a_n", f"{quantity}_b_n")
-    )
-    if a.shape != b.shape:
-        raise ValueError(f"{quantity}_a_n has {a.shape[1]} columns, {quantity}_b_n has {b.shape[1]}")
-    return np.stack([a, b], axis=1)
+def _wires(truths: list[Any], quantity: str, wires: str) -> Array:
+    """(N, wires, columns) of a quantity that all wires have."""
+    tables = {
+        name: _table(
+            f"{quantity}_{name}_n",
+            [getattr(message, f"{quantity}_{name}_n") for message in truths],
+            len(truths),
+        )
+        for name in "abcd"
+    }
+    for name, table in tables.items():
+        if name not in wires and table.shape[1] > 0:
+            raise ValueError(f"{quantity}_{name}_n is recorded, but no lateral pull, bend or joints")
+        if name in wires and table.shape != tables["a"].shape:
+            sizes = tables["a"].shape[1], table.shape[1]
+            raise ValueError(f"{quantity}_a_n has {sizes[0]} columns, {quantity}_{name}_n has {sizes[1]}")
+    return np.stack([tables[name] for name in wires], axis=1)
 
 
 def _table(name: str, rows: Sequence[Sequence[float]], count: int) -> Array:

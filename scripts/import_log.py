@@ -1,0 +1,98 @@
+"""`endotwin import`: read a measured log, a CSV file, into an MCAP file as `generate` writes them."""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from scripts.command import Summary, output_folder, run_verb
+from twin.command_file import SECONDS_PER_CYCLE
+from twin.measured_dataset import check_name, write_measured
+from twin.measured_log import LogFormat, read_measured_log
+
+
+@dataclasses.dataclass(frozen=True)
+class Import:
+    """Read a measured log, a CSV file, into an MCAP file in the form of simulated records."""
+
+    file: tyro.conf.Positional[Path]
+    """CSV file with a header."""
+    out: Path
+    """Folder to write into; other measured logs in it stay."""
+    command_column: str = "command_deg"
+    """What the drive was told: an angle of the pulley, or a pulling distance."""
+    command_unit: Literal["deg", "rad", "mm", "m"] | None = None
+    """Its unit, if the column's name does not end in it."""
+    pulley_radius_mm: float = 10.0
+    """An angle of the pulley becomes a pulling distance by this; kept in the metadata, to undo it."""
+    angle_column: str = "angle_deg"
+    """Measured bending angle."""
+    angle_unit: Literal["deg", "rad"] | None = None
+    """Its unit, if the column's name does not end in it."""
+    time_column: str | None = None
+    """Time or phase; if not given, time_s or phase_rad, whichever there is."""
+    time_unit: Literal["s", "ms", "us", "rad"] | None = None
+    """Its unit, if the column's name does not end in it; rad for a phase."""
+    seconds_per_cycle: float = SECONDS_PER_CYCLE
+    """Time that 2 pi of a phase take."""
+    tension_a_column: str | None = None
+    """Tension of wire a at the pulley [N]; if not given, tension_a_n, where there are it and tension_b_n."""
+    tension_b_column: str | None = None
+    """Tension of wire b at the pulley [N]."""
+    sheath_bend_deg: float | None = None
+    """Angle that the sheath was bent by; if not given, the column of that name, where there is one."""
+    name: str | None = None
+    """Name of the MCAP file without its ending; that of the CSV file if not given."""
+    seed: int = 0
+    """Nothing is drawn by chance; here for uniformity."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def import_log(args: Import) -> Summary:
+    """Write the log as an episode."""
+    name = args.file.stem if args.name is None else args.name
+    check_name(name)
+    form = LogFormat(
+        command_column=args.command_column,
+        command_unit=args.command_unit,
+        pulley_radius=args.pulley_radius_mm * 1e-3,
+        angle_column=args.angle_column,
+        angle_unit=args.angle_unit,
+        time_column=args.time_column,
+        time_unit=args.time_unit,
+        seconds_per_cycle=args.seconds_per_cycle,
+        tension_a_column=args.tension_a_column,
+        tension_b_column=args.tension_b_column,
+        sheath_bend_deg=args.sheath_bend_deg,
+    )
+    episode = read_measured_log(args.file, form, on_warning=_warn)
+    path = write_measured(output_folder(args.out), name, episode)
+    low, high = float(episode.bend_deg.min()), float(episode.bend_deg.max())
+    return Summary(
+        f"{path}: {len(episode.time)} samples, {episode.time[-1]:g} s, bent from {low:.1f} to {high:.1f} deg",
+        {
+            "out": str(args.out),
+            "file": str(path),
+            "samples": len(episode.time),
+            "seconds": float(episode.time[-1]),
+            "sample_time_s": episode.sample_time,
+            "bend_deg": [low, high],
+        },
+    )
+
+
+def _warn(line: str) -> None:
+    print(f"endotwin import: warning: {line}", file=sys.stderr)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb."""
+    return run_verb(Import, import_log, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,251 @@
+"""No damage to a file passes unnoticed or unexplained."""
+
+import io
+from pathlib import Path
+
+import pytest
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Chunk, DataEnd, Footer, Header
+from mcap.writer import Writer
+from recorded import assert_equal, make_episode
+
+from twin.episode import Episode
+from twin.recording import EpisodeWriter, read_dataset, read_episode, write_csv, write_episode
+from twin.recording import endotwin_pb2 as schema
+from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def fault_of(path: Path) -> str:
+    """What is said of a damaged file: one line that begins with its name."""
+    with pytest.raises(ValueError, match="mcap") as caught:
+        read_episode(path)
+    assert type(caught.value) is ValueError
+    text = str(caught.value)
+    assert text.startswith(f"{path} ")
+    assert len(text.splitlines()) == 1
+    return text.removeprefix(f"{path} ")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all examples of a property: each example overwrites its file."""
+    return tmp_path_factory.mktemp("recording")
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> bytes:
+    return write_episode(folder / "whole.mcap", make_episode()).read_bytes()
+
+
+@settings(max_examples=150, deadline=None)
+@given(part=st.floats(0, 1, exclude_max=True))
+def test_cut_file_is_said_to_be_cut(folder, whole, part):
+    path = folder / "cut.mcap"
+    path.write_bytes(whole[: int(part * len(whole))])
+    assert fault_of(path).startswith("is cut off: ")
+
+
+@settings(max_examples=400, deadline=None)
+@given(data=st.data())
+def test_flipped_bit_never_changes_an_episode(folder, whole, data):
+    damaged = bytearray(whole)
+    bit = data.draw(st.integers(0, 8 * len(whole) - 1))
+    damaged[bit // 8] ^= 1 << bit % 8
+    path = folder / "flip.mcap"
+    path.write_bytes(damaged)
+    try:
+        episode = read_episode(path)
+    except ValueError:
+        fault_of(path)
+    else:
+        assert_equal(episode, make_episode())
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    flips=st.lists(
+        st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), min_size=2, max_size=20
+    ),
+    tail=st.binary(max_size=40),
+)
+def test_any_bytes_give_an_episode_or_a_value_error(folder, whole, flips, tail):
+    damaged = bytearray(whole)
+    for place, value in flips:
+        damaged[int(place * len(whole))] = value
+    path = folder / "fuzz.mcap"
+    for content in (bytes(damaged), MAGIC + tail + MAGIC, tail, whole + tail + MAGIC):
+        path.write_bytes(content)
+        try:
+            assert isinstance(read_episode(path), Episode)
+        except ValueError:
+            fault_of(path)
+
+
+def rewrite(source: bytes, path: Path, edit) -> Path:
+    """Write a file again with whole CRCs; `edit(topic, index, data)` gives new data, or None for none."""
+    reader = make_reader(io.BytesIO(source))
+    counts: dict[str, int] = {}
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels: dict[str, int] = {}
+        for kind, channel, message in reader.iter_messages():
+            index = counts.get(channel.topic, 0)
+            counts[channel.topic] = index + 1
+            data = edit(channel.topic, index, message.data)
+            if data is None:
+                continue
+            if channel.topic not in channels:
+                schema_id = writer.register_schema(kind.name, kind.encoding, kind.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
+            writer.add_message(channels[channel.topic], message.log_time, data, message.publish_time)
+        for record in reader.iter_metadata():
+            items = {name: edit("metadata", name, text) for name, text in record.metadata.items()}
+            if None not in items.values():
+                writer.add_metadata(record.name, items)
+        writer.finish()
+    return path
+
+
+def change(topic, index, new):
+    """An edit of one message (or of all, with `index=None`), or of one item of metadata."""
+    return lambda at, k, data: new if at == topic and index in (k, None) else data
+
+
+NAN = schema.Truth(bend_deg=float("nan")).SerializeToString()
+SHORT = schema.Truth(wire_tension_a_n=[1.0]).SerializeToString()
+UNEVEN = schema.Truth(wire_tension_a_n=[1.0, 2.0]).SerializeToString()
+
+
+@pytest.mark.parametrize(
+    ("edit", "fault"),
+    [
+        *((change(topic, None, None), f"topic {topic} is missing") for topic in REQUIRED_TOPICS),
+        *(
+            (change(topic, 4, None), f"topic {topic} has 11 messages, /command has 12")
+            for topic in SCHEMAS
+            if topic != "/command"
+        ),
+        (
+            lambda topic, k, data: None if k == 3 + (topic == "/truth") else data,
+            "/truth are not at the times",
+        ),
+        (change("/truth", 0, SHORT), "wire_tension_a_n has 3 values at sample 1, 1 at sample 0"),
+        (change("/truth", None, UNEVEN), "wire_tension_a_n has 2 columns, wire_tension_b_n has 0"),
+        (change("/command", 5, b"\xff\xff"), "DecodeError"),
+        (change("metadata", "seed", "{"), "metadata 'seed' is not JSON"),
+        (change("metadata", "seed", "NaN"), "metadata 'seed' is not JSON: NaN is not a number"),
+        (change("metadata", "seed", "[" * 100_000), "RecursionError"),
+        (change("metadata", "seed", None), "metadata record 'endotwin' is missing"),
+    ],
+)
+def test_what_is_wrong_inside_a_sound_file_is_named(tmp_path, whole, edit, fault):
+    text = fault_of(rewrite(whole, tmp_path / "a.mcap", edit))
+    assert text.startswith("holds no whole episode: ")
+    assert fault in text
+
+
+HINGES = JointStates(joints=[JointState(name=name) for name in ("hinge_0", "hinge_1", "lateral_hinge_0")])
+
+
+@pytest.mark.parametrize(
+    ("edit", "fault"),
+    [
+        (change("/command", 5, b""), "lateral_pull_mm is missing at sample 5, not at 0"),
+        (change("/truth", 0, b""), "pulley_mm is missing at sample 0, not at 1"),
+        (
+            change("/truth", None, schema.Truth(wire_tension_c_n=[1.0]).SerializeToString()),
+            "wire_tension_a_n has 0 columns, wire_tension_c_n has 1",
+        ),
+        (
+            change("/joint_states", None, HINGES.SerializeToString()),
+            "/joint_states has 2 hinges, 1 lateral ones",
+        ),
+    ],
+)
+def test_what_is_not_there_in_all_messages_is_named(tmp_path, edit, fault):
+    whole = write_episode(tmp_path / "a.mcap", make_episode(planes=2, drive=True)).read_bytes()
+    assert fault in fault_of(rewrite(whole, tmp_path / "b.mcap", edit))
+
+
+def test_wires_without_anything_sideways_are_named(tmp_path, whole):
+    sideways = schema.Truth(sheath_friction_d_n=[1.0]).SerializeToString()
+    path = rewrite(whole, tmp_path / "a.mcap", change("/truth", None, sideways))
+    assert "sheath_friction_d_n is recorded, but no lateral" in fault_of(path)
+
+
+def test_not_a_number_is_named_by_field_and_sample(tmp_path):
+    bare = write_episode(tmp_path / "a.mcap", make_episode(vertebrae=0, elements=None)).read_bytes()
+    path = rewrite(bare, tmp_path / "b.mcap", change("/truth", 7, NAN))
+    assert fault_of(path) == "holds no whole episode: bend is not finite at sample 7"
+
+
+@settings(max_examples=100, deadline=None)
+@given(topic=st.sampled_from([*SCHEMAS]), index=st.integers(0, 11), data=st.binary(max_size=60))
+def test_any_payload_gives_an_episode_or_a_value_error(folder, whole, topic, index, data):
+    path = rewrite(whole, folder / "payload.mcap", change(topic, index, data))
+    try:
+        assert isinstance(read_episode(path), Episode)
+    except ValueError:
+        fault_of(path)
+
+
+def test_topic_of_another_schema_is_refused(tmp_path):
+    path = tmp_path / "a.mcap"
+    with EpisodeWriter(path) as writer:
+        writer.add_message("/command", schema.Measurement(bend_deg=1.0), 0)
+        writer.write(make_episode())
+    assert "topic /command has 'protobuf' messages of schema endotwin.Measurement" in fault_of(path)
+
+
+@pytest.mark.parametrize(
+    ("compression", "size", "fault"),
+    [("zstd", 2**40, "claims 1099511627776 bytes"), ("lzma", 10, "compressed by 'lzma'")],
+)
+def test_absurd_chunk_is_refused_before_it_is_unpacked(tmp_path, compression, size, fault):
+    builder = RecordBuilder()
+    Header("", "").write(builder)
+    Chunk(compression, b"\x28\xb5\x2f\xfd\x00\x00\x01\x00\x00", 0, 0, 0, size).write(builder)
+    DataEnd(0).write(builder)
+    Footer(0, 0, 0).write(builder)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + builder.end() + MAGIC)
+    assert fault in fault_of(path)
+
+
+def test_record_longer_than_the_file_is_damage(tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + b"\x01" + (2**31).to_bytes(8, "little") + bytes(8) + MAGIC)
+    assert fault_of(path).startswith("is damaged: ")
+
+
+def test_damaged_summary_is_noticed(tmp_path, whole):
+    damaged = bytearray(whole)
+    damaged[whole.rindex(b"/measurement") + 1] ^= 1
+    path = tmp_path / "a.mcap"
+    path.write_bytes(damaged)
+    assert fault_of(path) == "is damaged: the CRC of the summary does not match"
+
+
+def test_file_of_another_kind_is_named(tmp_path):
+    assert fault_of(write_csv(tmp_path / "a.mcap", make_episode())).startswith("is not an MCAP file")
+    (tmp_path / "b.mcap").mkdir()
+    assert fault_of(tmp_path / "b.mcap") == "is a folder, not an MCAP file"
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no file .*a\.mcap"):
+        read_episode(tmp_path / "a.mcap")
+    with pytest.raises(FileNotFoundError, match="no file"):
+        read_dataset(tmp_path / "nothing")
+    with pytest.raises(FileNotFoundError, match=r"no \*\.mcap file in"):
+        read_dataset(tmp_path)
+    with pytest.raises(FileNotFoundError, match="no folder"):
+        write_episode(tmp_path / "nothing" / "a.mcap", make_episode())

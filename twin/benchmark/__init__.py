@@ -1,0 +1,1 @@
+"""Long measurements of the twin: physics against theory at full size, and speed (`endotwin benchmark`)."""

@@ -1,0 +1,178 @@
+"""The twin's physics against theory, at the size that a test has no time for."""
+
+import statistics
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.benchmark.result import Result
+from twin.benchmark.signals import SAMPLE_TIME, random_cycles, sinusoid
+from twin.episode import Episode
+from twin.physics import simulate_batch
+from twin.preset import Preset
+from twin.randomization import Ranges
+
+Array = NDArray[np.float64]
+OnProgress = Callable[[int, int], None]
+
+PERIOD = 8.0
+AT_ONCE = 100  # endoscopes in one batch of the long measurements
+
+
+def rate_independence(preset: Preset, amplitude: float) -> Result:
+    """Loop area at periods of 2, 8 and 32 s: how far apart."""
+    periods = (2.0, PERIOD, 32.0)
+    episodes = _whole(
+        simulate_batch([preset] * 3, [sinusoid(amplitude, period, 2) for period in periods], SAMPLE_TIME)
+    )
+    areas: list[float] = []
+    for episode, period in zip(episodes, periods, strict=True):
+        second = slice(round(period / SAMPLE_TIME), None)
+        areas.append(abs(float(np.trapezoid(episode.bend[second], episode.pull[second]))))
+    spread = (max(areas) - min(areas)) / statistics.mean(areas)
+    return _below("loop area at periods of 2, 8, 32 s", 100 * spread, 2.0, "%")
+
+
+def hold(preset: Preset, amplitude: float) -> Result:
+    """A command held for 30 s after stops at full speed, anywhere on a loop: the largest drift."""
+    stops = 1 + np.arange(16) / 16
+    moving = [sinusoid(amplitude, PERIOD, cycles) for cycles in stops]
+    rest = round(30 / SAMPLE_TIME)
+    held = [np.concatenate([path, np.full(rest, path[-1])]) for path in moving]
+    episodes = _whole(simulate_batch([preset] * len(held), held, SAMPLE_TIME))
+    drift = max(np.abs(e.bend[-rest - 1 :] - e.bend[-rest - 1]).max() for e in episodes)
+    return _below("drift of a command held for 30 s", 100 * drift / _range(episodes), 0.5)
+
+
+def time_step(preset: Preset, amplitude: float) -> Result:
+    """The default time step against one 8 times smaller: the largest difference."""
+    command = [sinusoid(amplitude, PERIOD, 2)]
+    coarse, fine = (
+        _whole(simulate_batch([p], command, SAMPLE_TIME))[0]
+        for p in (preset, preset.replace(time_step=preset.time_step / 8))
+    )
+    off = np.abs(coarse.bend - fine.bend).max()
+    return _below("time step against one 8 times smaller", 100 * off / np.ptp(fine.bend), 1.0)
+
+
+def capstan(preset: Preset, amplitude: float) -> Result:
+    """Tension out over in of a sliding wire, pulled and released, sheath bent by 0 to 2 pi: worst error."""
+    bends = np.linspace(0, 2 * np.pi, 9)
+    bare = preset.replace(sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0)
+    presets = [bare.replace(sheath_bend=float(bend), sheath_bend_offset=0.0) for bend in bends]
+    there, back = np.linspace(0, 2 * amplitude, 201), np.linspace(2 * amplitude, 0.25 * amplitude, 351)
+    command = np.concatenate([there, back])
+    episodes = _whole(simulate_batch(presets, [command] * len(bends), SAMPLE_TIME))
+    worst = 0.0
+    for episode, bend in zip(episodes, bends, strict=True):
+        factor = np.exp(preset.sheath_friction * bend)
+        ends = episode.wire_tension[:, 0]
+        pulled, released = ends[120:201], ends[-60:]
+        worst = max(worst, np.abs(pulled[:, 0] / pulled[:, -1] / factor - 1).max())
+        worst = max(worst, np.abs(released[:, -1] / released[:, 0] / factor - 1).max())
+    return _below("tension out / in against exp(-mu phi), phi = 0 ... 2 pi", 100 * worst, 2.0, "%")
+
+
+def return_point(preset: Preset, amplitude: float) -> Result:
+    """Madelung's rules: minor loops close and are wiped out; the largest trace that one leaves."""
+    worst, span = 0.0, 0.0
+    for low, high in ((-0.25, 0.5), (0.1, 0.9), (-0.75, -0.5), (-0.9, 0.9)):
+        before = np.concatenate([sinusoid(amplitude, PERIOD, 1.25), np.linspace(1, low, 300)[1:] * amplitude])
+        minor = np.concatenate([np.linspace(low, high, 200)[1:], np.linspace(high, low, 200)[1:]]) * amplitude
+        after = np.linspace(low, -1, 200)[1:] * amplitude
+        paths = [np.concatenate([before, minor, after]), np.concatenate([before, after])]
+        looped, plain = _whole(simulate_batch([preset] * 2, paths, SAMPLE_TIME))
+        off = looped.bend[len(before) + len(minor) - 1 :] - plain.bend[len(before) - 1 :]
+        worst, span = max(worst, np.abs(off).max()), max(span, np.ptp(plain.bend))
+    return _below("trace of a minor loop (Madelung)", 100 * worst / span, 0.5)
+
+
+def no_friction(preset: Preset, amplitude: float) -> Result:
+    """Without dry friction: width of the loop at the same pull, against its range."""
+    episode = _whole(
+        simulate_batch([preset.without_friction()], [sinusoid(amplitude, PERIOD, 2)], SAMPLE_TIME)
+    )[0]
+    samples = round(PERIOD / SAMPLE_TIME)
+    cycle = episode.bend[-samples:]
+    mirror = (samples // 2 - 2 - np.arange(samples)) % samples  # sin(phi) = sin(pi - phi): the same pull
+    return _below(
+        "width of the loop without friction", 100 * np.ptp(cycle - cycle[mirror]) / 2 / np.ptp(cycle), 0.5
+    )
+
+
+def vertebrae(preset: Preset, amplitude: float) -> Result:
+    """8, 16, 32 and 64 vertebrae at equal total stiffness: the largest difference between loops."""
+    bends = [
+        _whole(simulate_batch([preset.replace(vertebrae=n)], [sinusoid(amplitude, PERIOD, 2)], SAMPLE_TIME))[
+            0
+        ].bend
+        for n in (8, 16, 32, 64)
+    ]
+    return _below("loops of 8, 16, 32, 64 vertebrae", 100 * np.ptp(bends, axis=0).max() / np.ptp(bends), 2.0)
+
+
+def closed_cycles(
+    preset: Preset, amplitude: float, count: int = 1000, on_progress: OnProgress | None = None
+) -> Result:
+    """Work of the drive over random closed cycles, settled: the least, as a share of the largest."""
+    rng = np.random.default_rng(0)
+    waves = random_cycles(count, amplitude, PERIOD, rng)
+    twice = np.concatenate([waves, waves[:, 1:]], axis=1)
+    second = slice(waves.shape[1] - 1, None)
+    work: list[float] = []
+    for start in range(0, count, AT_ONCE):
+        some = list(twice[start : start + AT_ONCE])
+        for episode in _whole(simulate_batch([preset] * len(some), some, SAMPLE_TIME)):
+            force = (episode.tension[:, 0] - episode.tension[:, 1])[second]
+            work.append(float(np.trapezoid(force, episode.pulley[second])))
+        if on_progress:
+            on_progress(len(work), count)
+    least = min(work) / max(work)
+    return Result(
+        f"least work over {count} random closed cycles", least, "of the largest", "never negative", least >= 0
+    )
+
+
+def random_draws(
+    preset: Preset,
+    ranges: Ranges,
+    amplitude: float,
+    count: int = 10_000,
+    on_progress: OnProgress | None = None,
+) -> Result:
+    """Endoscopes drawn from the randomisation ranges, each driven for 10 s: how many diverge."""
+    rng = np.random.default_rng(0)
+    diverged = 0
+    for start in range(0, count, AT_ONCE):
+        some = min(AT_ONCE, count - start)
+        presets = [ranges.draw(preset, rng) for _ in range(some)]
+        waves = random_cycles(some, amplitude, 10.0, rng)
+        waves -= waves[:, :1]  # from rest
+        for episode in simulate_batch(presets, list(waves), SAMPLE_TIME):
+            diverged += episode is None or not np.isfinite(episode.wire_tension).all()
+        if on_progress:
+            on_progress(start + some, count)
+    return Result(
+        f"of {count} random endoscopes, driven for 10 s", diverged, "diverged", "none", not diverged
+    )
+
+
+def _whole(episodes: list[Episode | None]) -> list[Episode]:
+    """Narrow the type: a diverged run ends the measurement.
+
+    Raises:
+        FloatingPointError: one diverged.
+    """
+    whole = [episode for episode in episodes if episode is not None]
+    if len(whole) < len(episodes):
+        raise FloatingPointError("a simulation diverged")
+    return whole
+
+
+def _range(episodes: list[Episode]) -> float:
+    return max(float(np.ptp(episode.bend)) for episode in episodes)
+
+
+def _below(name: str, value: float, limit: float, unit: str = "% of range") -> Result:
+    return Result(name, float(value), unit, f"< {limit:g} {unit}", bool(value < limit))

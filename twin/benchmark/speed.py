@@ -1,0 +1,107 @@
+"""Speed of the simulation, beside a plain MuJoCo chain of the same size in the same run."""
+
+import statistics
+import time
+from collections.abc import Callable
+
+import mujoco
+
+from twin.benchmark.result import Result
+from twin.benchmark.signals import SAMPLE_TIME, sinusoid
+from twin.physics import Endoscope, simulate, simulate_batch
+from twin.preset import Preset
+
+REPEATS = 5
+PERIOD = 8.0
+
+
+def one_core(preset: Preset, amplitude: float) -> Result:
+    """Simulated seconds per second of one endoscope, and of a plain chain of hinges of the same nv."""
+    command = sinusoid(amplitude, PERIOD, 2)
+    degrees = Endoscope.from_preset(preset).model.ptr.nv
+    ours, theirs = _in_turn(
+        lambda: simulate(preset, command, SAMPLE_TIME),
+        lambda: _run_chain(degrees, preset.time_step, 2 * PERIOD),
+    )
+    simulated = 2 * PERIOD + 1  # and the second of rest before a record
+    return Result(
+        "speed on one core",
+        simulated / ours,
+        "times real time",
+        ">= 100",
+        simulated / ours >= 100,
+        f"plain MuJoCo chain of nv = {degrees}",
+        2 * PERIOD / theirs,
+    )
+
+
+def two_threads(preset: Preset, amplitude: float) -> Result:
+    """Simulated seconds per second of a batch on two threads, against one."""
+    count = 32
+    commands = [sinusoid(amplitude, PERIOD, 2)] * count
+    two, one = _in_turn(
+        lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=2),
+        lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=1),
+    )
+    simulated = count * (2 * PERIOD + 1)
+    return Result(
+        "speed of a batch on two threads",
+        simulated / two,
+        "times real time",
+        ">= 1.8 times one thread",
+        one / two >= 1.8,
+        "the same batch on one thread",
+        simulated / one,
+    )
+
+
+def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
+    """Time for a simulated second with 64 vertebrae, against 8: it may be 8 times as long."""
+    command = sinusoid(amplitude, 4.0, 1)
+    few, many = (preset.replace(vertebrae=n) for n in (8, 64))
+    slow, fast = _in_turn(
+        lambda: simulate(many, command, SAMPLE_TIME), lambda: simulate(few, command, SAMPLE_TIME)
+    )
+    return Result(
+        "time of 64 vertebrae",
+        slow / 5,
+        "s per simulated second",
+        "<= 8 times that of 8",
+        slow / fast <= 8,
+        "8 vertebrae",
+        fast / 5,
+    )
+
+
+def _in_turn(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
+    """Median times of two jobs that take turns, so that a noisy machine disturbs both alike [s]."""
+    times: tuple[list[float], list[float]] = ([], [])
+    for repeat in range(REPEATS + 1):
+        for job, taken in zip((first, second), times, strict=True):
+            start = time.perf_counter()
+            job()
+            if repeat > 0:  # the first warms up
+                taken.append(time.perf_counter() - start)
+    return statistics.median(times[0]), statistics.median(times[1])
+
+
+def _run_chain(degrees: int, time_step: float, seconds: float) -> None:
+    """Step a chain of hinges with springs and damping: no wires, no friction, no contact."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = time_step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    body = spec.worldbody
+    for _ in range(degrees):
+        body = body.add_body(pos=[0.0025, 0, 0])
+        body.add_joint(
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 1, 0],
+            stiffness=[0.4, 0, 0],
+            damping=[0.01, 0, 0],
+            armature=1e-6,
+        )
+        body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-5, [0, 0, 0], [1e-10] * 3, True
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.05
+    mujoco.mj_step(model, data, round(seconds / time_step))

@@ -1,0 +1,17 @@
+"""Calibration of a preset on measured logs: logs -> free parameters -> fit -> uncertainty."""
+
+from twin.calibration.measured import MeasuredLoop, measured_loop
+from twin.calibration.parameters import FreeParameters, free_parameters
+from twin.calibration.search import Fit, calibrate
+from twin.calibration.uncertainty import Uncertainty, uncertainty
+
+__all__ = [
+    "Fit",
+    "FreeParameters",
+    "MeasuredLoop",
+    "Uncertainty",
+    "calibrate",
+    "free_parameters",
+    "measured_loop",
+    "uncertainty",
+]

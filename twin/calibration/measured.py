@@ -1,0 +1,92 @@
+"""Logs made ready for calibration: checked, on an even grid of samples, at a pace the physics can follow."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+
+Array = NDArray[np.float64]
+
+LEAST_MOTION = 1e-6  # [m]
+SECONDS_PER_CYCLE = 8.0
+"""Pace of a log that tells the phase of a cycle and not its time: quasi-static, and quick to simulate."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MeasuredLoop:
+    """One log, on an even grid."""
+
+    name: str
+    sample_time: float
+    """Time between two samples [s]."""
+    pull: Array
+    """(N,) commanded pulling distance [m]."""
+    bend: Array
+    """(N,) measured bending angle [rad]."""
+    tension: Array
+    """(N, 2) measured tension of wires a and b at the pulley [N]; (N, 0) without load cells."""
+    sheath_bend: float | None
+    """Angle that the sheath was bent by [rad], where the log tells."""
+    fitted: NDArray[np.bool_]
+    """(N,) which samples are fitted; the others are only predicted."""
+
+    @property
+    def tension_range(self) -> float:
+        """Range of the measured tensions [N]."""
+        return float(np.ptp(self.tension)) if self.tension.size else math.nan
+
+
+def measured_loop(
+    episode: Episode, name: str, sample_time: float, *, pace: float | None = None, fraction: float = 1.0
+) -> MeasuredLoop:
+    """Check a log and put it on an even grid, linear between its own samples.
+
+    Args:
+        episode: the log; its measured bending angle is what counts.
+        name: what messages call it.
+        sample_time: of the grid [s].
+        pace: how many times faster than recorded it is played. Without it, the recorded pace; a log of
+        phases,
+            which has none, is played at `SECONDS_PER_CYCLE`.
+        fraction: share of the log, from its start, that is fitted.
+
+    Raises:
+        ValueError: the command does not move or never reverses, or a value is out of range.
+    """
+    if pace is None:
+        recorded = episode.metadata.get("seconds_per_cycle")
+        pace = float(recorded) / SECONDS_PER_CYCLE if recorded else 1.0
+    if not 0 < pace < math.inf:
+        raise ValueError(f"pace = {pace}: must be positive")
+    if not 0 < fraction <= 1:
+        raise ValueError(f"fraction = {fraction}: must be above 0 and at most 1")
+    time = (episode.time - episode.time[0]) / pace
+    grid = np.arange(0.0, time[-1] + 1e-9, sample_time)
+    if len(grid) < 10:
+        lasts = f"{name} lasts {time[-1]:.3g} s at its pace"
+        raise ValueError(f"{lasts}: too short for samples of {sample_time:g} s")
+
+    def on_grid(values: Array) -> Array:
+        return np.interp(grid, time, values)
+
+    pull = on_grid(episode.pull)
+    fitted = np.arange(len(grid)) < round(fraction * len(grid))
+    _check_motion(pull[fitted], name)
+    columns = [on_grid(column) for column in episode.tension.T] if episode.wire_tension.shape[2] else []
+    tension = np.stack(columns[:2], axis=1) if columns else np.empty((len(grid), 0))
+    sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
+    return MeasuredLoop(name, sample_time, pull, on_grid(episode.measured_bend), tension, sheath_bend, fitted)
+
+
+def _check_motion(pull: Array, name: str) -> None:
+    span = np.ptp(pull)
+    if span < LEAST_MOTION:
+        raise ValueError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")
+    # The farthest way back from the highest, or up from the lowest, point so far.
+    back = (np.maximum.accumulate(pull) - pull).max()
+    forth = (pull - np.minimum.accumulate(pull)).max()
+    if min(back, forth) < 0.05 * span:
+        raise ValueError(f"{name}: the command never reverses: friction shows only on the way back")

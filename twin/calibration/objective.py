@@ -1,0 +1,60 @@
+"""How far candidates are from the logs: all candidates times all logs in one batch of simulations."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.calibration.measured import MeasuredLoop
+from twin.episode import Episode
+from twin.physics import simulate_batch
+from twin.preset import Preset
+
+Array = NDArray[np.float64]
+
+BEND_SCALE = np.radians(1.0)
+"""[rad] An angle off by this costs 1."""
+TENSION_SHARE = 0.1
+"""Share of the range of a log's tensions: both tensions off by this cost 1 together."""
+_HOPELESS = 1e3  # residual of a candidate whose simulation diverged
+
+
+def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[list[Episode | None]]:
+    """Simulate every candidate along every log: (candidates, logs); None where it diverged."""
+    pairs = [(preset, loop) for preset in presets for loop in loops]
+    episodes = simulate_batch(
+        [preset for preset, _ in pairs],
+        [loop.pull for _, loop in pairs],
+        loops[0].sample_time,
+        sheath_bends=[loop.sheath_bend for _, loop in pairs],
+    )
+    count = len(loops)
+    return [episodes[start : start + count] for start in range(0, len(pairs), count)]
+
+
+def residuals(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> Array:
+    """Return the weighted differences between candidates and logs.
+
+    Each log weighs the same: its squared differences are divided by its number of samples.
+
+    Returns:
+        (candidates, R) such that half the mean ... the sum of squares of a row is the cost of that candidate.
+    """
+    return np.array(
+        [
+            np.concatenate([_of_log(episode, loop) for episode, loop in zip(episodes, loops, strict=True)])
+            for episodes in predict(presets, loops)
+        ]
+    )
+
+
+def _of_log(episode: Episode | None, loop: MeasuredLoop) -> Array:
+    count = np.count_nonzero(loop.fitted)
+    parts = 1 + loop.tension.shape[1]
+    if episode is None:
+        return np.full(count * parts, _HOPELESS / np.sqrt(count))
+    off = [(episode.bend - loop.bend)[loop.fitted] / BEND_SCALE]
+    if loop.tension.size:
+        scale = np.sqrt(2) * TENSION_SHARE * loop.tension_range
+        off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T / scale)
+    return np.concatenate(off) / np.sqrt(count)

@@ -1,0 +1,165 @@
+"""Which parameters of a preset are fitted, from where, and how a candidate's numbers become a preset."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.calibration.measured import MeasuredLoop
+from twin.preset import Preset, parameter_limits
+
+Array = NDArray[np.float64]
+
+SIGNED = {"initial_bend": 0.1, "joint_friction_taper": 0.3}
+"""Parameters that may be negative: searched on a linear scale, in these steps. Others by their logarithm."""
+_FARTHEST = np.log(100.0)  # a positive parameter is searched up to a factor of 100 from its start
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeParameters:
+    """The fitted parameters: a preset to start from and the scale of each."""
+
+    base: Preset
+    names: tuple[str, ...]
+
+    @property
+    def start(self) -> Array:
+        """(P,) the starting preset on the scale of the search."""
+        return self.encode(self.base)
+
+    @property
+    def lower(self) -> Array:
+        """(P,) lowest values on the scale of the search."""
+        return self._limits(0)
+
+    @property
+    def upper(self) -> Array:
+        """(P,) highest values on the scale of the search."""
+        return self._limits(1)
+
+    def encode(self, preset: Preset) -> Array:
+        """Return (P,) the numbers of the search for a preset."""
+        values = [getattr(preset, name) for name in self.names]
+        return np.array(
+            [v / SIGNED[n] if n in SIGNED else np.log(v) for n, v in zip(self.names, values, strict=True)]
+        )
+
+    def decode(self, numbers: Array) -> Preset:
+        """Return the preset of (P,) numbers of the search."""
+        return self.base.replace(
+            **{
+                name: float(number * SIGNED[name] if name in SIGNED else np.exp(number))
+                for name, number in zip(self.names, np.clip(numbers, self.lower, self.upper), strict=True)
+            }
+        )
+
+    def standard_deviation(self, preset: Preset, deviation: Array) -> dict[str, float]:
+        """Return standard deviations in the parameters' units from (P,) those on the search's scale."""
+        return {
+            name: float(d * (SIGNED[name] if name in SIGNED else getattr(preset, name)))
+            for name, d in zip(self.names, deviation, strict=True)
+        }
+
+    def _limits(self, side: int) -> Array:
+        limits = []
+        for name, start in zip(self.names, self.encode(self.base), strict=True):
+            limit = parameter_limits(name)[side]
+            if name in SIGNED:
+                limits.append(limit / SIGNED[name])
+            else:
+                physical = np.log(max(limit, 1e-12))
+                within = start + (2 * side - 1) * _FARTHEST
+                limits.append(max(physical, within) if side == 0 else min(physical, within))
+        return np.array(limits)
+
+
+def free_parameters(
+    base: Preset, loops: Sequence[MeasuredLoop], names: Sequence[str] | None = None
+) -> FreeParameters:
+    """Choose what to fit and start it from what the logs show at a glance.
+
+    Without load cells the scale of all forces is not in the data: the pretension then stays. Without logs at
+    different bends of the sheath, the bend in the housing does.
+
+    Args:
+        base: everything that is not fitted.
+        loops: the logs.
+        names: parameters to fit; without them, those that the logs can tell.
+
+    Raises:
+        ValueError: a name is no parameter, or one that cannot be fitted.
+    """
+    has_tension = any(loop.tension.size for loop in loops)
+    bends = {round(loop.sheath_bend, 6) for loop in loops if loop.sheath_bend is not None}
+    if names is None:
+        names = [name for name in DEFAULT if name != "pretension" or has_tension]
+        if len(bends) < 2:
+            names = [name for name in names if name != "sheath_bend_offset"]
+    for name in names:
+        low, _ = parameter_limits(name)
+        if isinstance(getattr(base, name), int) or name in _NOT_PHYSICAL:
+            raise ValueError(f"parameter {name!r} cannot be fitted; usual ones: {', '.join(DEFAULT)}")
+        if name not in SIGNED and low < 0:
+            raise ValueError(f"parameter {name!r} may be negative and has no scale to be searched on")
+    if len(set(names)) < len(names):
+        raise ValueError(f"parameters {', '.join(names)}: one is named twice")
+    guess = {name: value for name, value in _guess(base, loops).items() if name in names}
+    for name in names:
+        if name not in SIGNED and not guess.get(name, getattr(base, name)) > 0:
+            raise ValueError(f"parameter {name!r} is 0 in the preset: give it a value to start from")
+    return FreeParameters(base.replace(**guess), tuple(names))
+
+
+def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
+    """Rough values from the slopes and ranges of the logs; all positive parameters above zero."""
+    guess = {name: value for name, value in _FROM_NOTHING.items() if getattr(base, name) == 0}
+    loop = max(loops, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
+    speed = np.diff(loop.pull)
+    moving = np.abs(speed) > 0.3 * np.abs(speed).max()
+    slope = np.abs(np.diff(loop.bend)[moving] / speed[moving])
+    guess["wire_offset"] = _inside("wire_offset", 1 / np.percentile(slope, 80))
+    with_tension = [loop for loop in loops if loop.tension.size]
+    if with_tension:
+        guess["pretension"] = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
+        loop = with_tension[0]
+        steps = np.abs(np.diff(loop.tension[:, 0]))[np.abs(np.diff(loop.pull)) > 0]
+        slopes = steps / np.abs(np.diff(loop.pull))[np.abs(np.diff(loop.pull)) > 0]
+        guess["wire_stiffness"] = _inside("wire_stiffness", np.percentile(slopes, 80))
+        moment = np.ptp(loop.tension[:, 0] - loop.tension[:, 1]) * guess["wire_offset"]
+        guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.bend))
+        guess["joint_friction"] = 0.05 * moment
+        guess["sheath_friction_floor"] = 0.1 * guess["pretension"]
+    return guess
+
+
+def _inside(name: str, value: float) -> float:
+    low, high = parameter_limits(name)
+    return float(np.clip(value, 2 * low, high / 2))
+
+
+DEFAULT = (
+    "section_stiffness",
+    "initial_bend",
+    "joint_friction",
+    "joint_friction_taper",
+    "wire_offset",
+    "wire_stiffness",
+    "wire_stiffening",
+    "pretension",
+    "sheath_friction",
+    "sheath_bend_offset",
+    "sheath_friction_floor",
+)
+"""Parameters that loops at several bends of the sheath, with tensions, can tell."""
+_FROM_NOTHING = {
+    "joint_friction": 1e-3,
+    "wire_stiffening": 0.1,
+    "pretension": 3.0,
+    "sheath_friction": 0.2,
+    "sheath_bend_offset": 0.5,
+    "sheath_friction_floor": 0.5,
+    "routing_friction": 0.05,
+    "backlash": 1e-4,
+}
+_NOT_PHYSICAL = ("time_step", "control_period", "pulley_radius", "sheath_bend")

@@ -1,0 +1,116 @@
+"""What a calibration reports: errors on every log, parameters with their uncertainty, and a figure."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin.calibration.measured import MeasuredLoop
+from twin.calibration.objective import predict
+from twin.calibration.parameters import FreeParameters
+from twin.calibration.search import Fit
+from twin.calibration.uncertainty import Uncertainty
+from twin.episode import Episode
+from twin.figures import INK, MUTED, clean_axes
+from twin.identification import identify
+
+Array = NDArray[np.float64]
+
+_MEASURED, _TWIN = "#8a939e", "#c4161c"
+
+
+def fit_report(
+    fit: Fit, free: FreeParameters, known: Uncertainty, loops: Sequence[MeasuredLoop], seed: int
+) -> tuple[dict[str, Any], list[Episode]]:
+    """Simulate the fit along every log and compare.
+
+    Beside the twin stands a Coleman-Hodgdon model fitted to the same samples of each log alone: what a
+    phenomenological model, which knows neither tension nor sheath, makes of them.
+
+    Returns:
+        Plain values, for JSON; and the simulated record of each log.
+
+    Raises:
+        FloatingPointError: the fit itself diverges.
+    """
+    episodes: list[Episode] = []
+    logs = []
+    for loop, episode in zip(loops, predict([fit.preset], loops)[0], strict=True):
+        if episode is None:
+            raise FloatingPointError(f"the calibrated twin diverges along {loop.name}")
+        episodes.append(episode)
+        logs.append(_of_log(loop, episode, seed))
+    values = {
+        "cost": fit.cost,
+        "evaluations": fit.evaluations,
+        "optimizer": "CMA-ES, then trust-region least squares",
+        "seed": seed,
+        "logs": logs,
+        "parameters": {
+            name: {"value": getattr(fit.preset, name), "standard_deviation": _finite(known.deviation[name])}
+            for name in free.names
+        },
+        "warnings": list(known.warnings),
+    }
+    return values, episodes
+
+
+def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
+    held_out = ~loop.fitted
+    off = np.degrees(episode.bend - loop.bend)
+    pull_mm, bend_deg = loop.pull * 1e3, np.degrees(loop.bend)
+    model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
+    own = model.response(pull_mm, bend_deg[0]) - bend_deg
+    values: dict[str, Any] = {
+        "name": loop.name,
+        "sheath_bend_deg": None if loop.sheath_bend is None else float(np.degrees(loop.sheath_bend)),
+        "rmse_deg": _rmse(off[loop.fitted]),
+        "held_out_rmse_deg": _rmse(off[held_out]) if held_out.any() else None,
+        "coleman_hodgdon_rmse_deg": _rmse(own[loop.fitted]),
+        "coleman_hodgdon_held_out_rmse_deg": _rmse(own[held_out]) if held_out.any() else None,
+    }
+    for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
+        off = (episode.tension[:, index] - loop.tension[:, index])[loop.fitted]
+        values[f"tension_{wire}_rmse_n"] = _rmse(off)
+        values[f"tension_{wire}_rmse_percent_of_range"] = 100 * _rmse(off) / np.ptp(loop.tension[:, index])
+    return values
+
+
+def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Figure:
+    """Draw every log and its simulation: bend over pull, and the tensions where they were measured."""
+    with_tension = any(loop.tension.size for loop in loops)
+    rows = 2 if with_tension else 1
+    figure = Figure(figsize=(3.4 * len(loops) + 0.4, 2.9 * rows), layout="constrained")
+    axes = figure.subplots(rows, len(loops), squeeze=False, sharex="col")
+    for column, (loop, episode) in enumerate(zip(loops, episodes, strict=True)):
+        pull = loop.pull * 1e3
+        top = clean_axes(axes[0, column])
+        top.plot(pull, np.degrees(loop.bend), color=_MEASURED, lw=2.2, label="measured")
+        top.plot(pull, np.degrees(episode.bend), color=_TWIN, lw=1.1, label="twin")
+        rmse = _rmse(np.degrees(episode.bend - loop.bend))
+        bent = "" if loop.sheath_bend is None else f", sheath bent by {np.degrees(loop.sheath_bend):.0f}°"
+        top.set_title(f"{loop.name}{bent}\nRMSE {rmse:.2f}°", color=INK, fontsize=9)
+        if with_tension:
+            bottom = clean_axes(axes[1, column])
+            for index, line in enumerate(("-", (0, (4, 1.5)))[: loop.tension.shape[1]]):
+                bottom.plot(pull, loop.tension[:, index], color=_MEASURED, lw=2.0, ls=line)
+                bottom.plot(pull, episode.tension[:, index], color=_TWIN, lw=1.1, ls=line)
+        axes[-1, column].set_xlabel("pulling distance [mm]", color=INK)
+    axes[0, 0].set_ylabel("bending angle [deg]", color=INK)
+    axes[0, 0].legend(frameon=False, fontsize=8, labelcolor=INK)
+    if with_tension:
+        axes[1, 0].set_ylabel("tension at the pulley [N]", color=INK)
+        axes[1, 0].text(
+            0.02, 0.02, "wire a solid, wire b dashed", transform=axes[1, 0].transAxes, fontsize=7, color=MUTED
+        )
+    return figure
+
+
+def _rmse(off: Array) -> float:
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

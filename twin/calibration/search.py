@@ -1,0 +1,137 @@
+"""Calibration: an evolution strategy finds the valley, least squares its bottom, and how well it is known."""
+
+import dataclasses
+import pickle
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import cma
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from twin.calibration.measured import MeasuredLoop
+from twin.calibration.objective import residuals
+from twin.calibration.parameters import FreeParameters
+from twin.preset import Preset
+from twin.recording.atomic import write_whole
+
+Array = NDArray[np.float64]
+
+STEP = 0.4  # of the first generation, on the scale of the search: a factor of 1.5
+DIFFERENCE = 0.02  # of finite differences, on the same scale
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """A fitted preset and what is known about its parameters."""
+
+    preset: Preset
+    cost: float
+    """Sum over logs of the mean square error, in units of `BEND_SCALE` and `TENSION_SHARE`."""
+    jacobian: Array
+    """(R, P) change of the residuals with the numbers of the search, at the fit."""
+    residual: Array
+    """(R,) at the fit."""
+    evaluations: int
+
+
+def calibrate(
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    *,
+    seed: int,
+    evaluations: int = 1500,
+    state_file: Path | None = None,
+    on_progress: Callable[[int, int, float], None] | None = None,
+) -> Fit:
+    """Fit a preset to logs.
+
+    CMA-ES (Hansen 2016, package `cma`) spends most of the evaluations, at twice the time step; then least
+    squares in a trust region (SciPy's `trf`) goes to the bottom of the valley, with finite differences of
+    all parameters in one batch.
+
+    Args:
+        free: what is fitted, and from where.
+        loops: the logs.
+        seed: of the evolution strategy.
+        evaluations: simulations of all logs that the evolution strategy may use.
+        state_file: where its state is kept after each generation; an interrupted calibration goes on there.
+        on_progress: told how many of how many evaluations are done, and the best cost so far.
+
+    Returns:
+        The fit.
+
+    Raises:
+        ValueError: there is no log, or `evaluations` is too small for one generation.
+    """
+    if not loops:
+        raise ValueError("no log to calibrate on")
+    if evaluations < 20:
+        raise ValueError(f"evaluations = {evaluations}: must be at least 20")
+    strategy = _resume(state_file, free, loops, seed) or cma.CMAEvolutionStrategy(
+        free.start,
+        STEP,
+        {"seed": seed + 1, "bounds": [free.lower, free.upper], "verbose": -9, "maxfevals": evaluations},
+    )  # CMA takes a seed of 0 for the time of day
+    while not strategy.stop():
+        candidates = strategy.ask()
+        off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
+        strategy.tell(candidates, (off**2).sum(axis=1).tolist())
+        if state_file is not None:
+            write_whole(state_file, pickle.dumps((_key(free, loops, seed), strategy)))
+        if on_progress:
+            on_progress(min(strategy.countevals, evaluations), evaluations, float(strategy.best.f))
+    return _polish(free, loops, np.asarray(strategy.best.x), int(strategy.countevals))
+
+
+def _coarse(preset: Preset) -> Preset:
+    """Double the time step, where the control period allows it."""
+    steps = round(preset.control_period / preset.time_step)
+    return preset.replace(time_step=2 * preset.time_step) if steps % 2 == 0 else preset
+
+
+def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, used: int) -> Fit:
+    def of_one(numbers: Array) -> Array:
+        return residuals([free.decode(numbers)], loops)[0]
+
+    def jacobian(numbers: Array) -> Array:
+        up = np.minimum(numbers + DIFFERENCE, free.upper)
+        down = np.maximum(numbers - DIFFERENCE, free.lower)
+        number = np.arange(len(numbers))
+        both = [np.where(number == i, side, numbers) for side in (up, down) for i in number]
+        off = residuals([free.decode(numbers) for numbers in both], loops)
+        count = len(numbers)
+        return ((off[:count] - off[count:]) / (up - down)[:, None]).T
+
+    margin = 1e-6
+    inside = np.clip(start, free.lower + margin, free.upper - margin)
+    result = least_squares(
+        of_one, inside, jac=jacobian, bounds=(free.lower, free.upper), max_nfev=12, xtol=1e-4, ftol=1e-5
+    )
+    return Fit(
+        preset=free.decode(result.x),
+        cost=float(2 * result.cost),
+        jacobian=result.jac,
+        residual=result.fun,
+        evaluations=used + int(result.nfev) + 2 * len(start) * int(result.njev),
+    )
+
+
+def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int) -> Any:
+    """What an interrupted calibration must have in common with the one that goes on."""
+    logs = [(loop.name, loop.pull.tobytes(), loop.bend.tobytes(), loop.sheath_bend) for loop in loops]
+    return free, seed, logs
+
+
+def _resume(
+    state_file: Path | None, free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int
+) -> Any | None:
+    if state_file is None or not state_file.is_file():
+        return None
+    try:
+        key, strategy = pickle.loads(state_file.read_bytes())
+    except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
+        return None
+    return strategy if key == _key(free, loops, seed) else None

@@ -1,0 +1,74 @@
+"""How well a calibration knows its parameters, and which of them the logs do not tell."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.calibration.parameters import SIGNED, FreeParameters
+from twin.calibration.search import Fit
+
+Array = NDArray[np.float64]
+
+UNKNOWN = 0.5
+"""A positive parameter whose standard deviation is above this share of it is not told by the logs."""
+ENTANGLED = 0.98
+"""Two parameters whose estimates correlate beyond this are told only in combination."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations and correlations of fitted parameters."""
+
+    deviation: dict[str, float]
+    """Standard deviation of each, in its own unit."""
+    correlation: Array
+    """(P, P) between the estimates."""
+    warnings: tuple[str, ...]
+    """One sentence for each parameter or pair that the logs do not tell."""
+
+
+def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
+    """Return the standard deviations by linearised least squares.
+
+    The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989). Residuals of neighbouring samples are alike, so
+    that there is
+    less information than samples: s^2 is inflated by (1 + r) / (1 - r), with r their correlation from one
+    sample to the next (the effective number of samples of an AR(1) process, Bayley and Hammersley 1946).
+    """
+    residual, jacobian = fit.residual, fit.jacobian
+    freedom = max(len(residual) - jacobian.shape[1], 1)
+    power = float(residual @ residual)
+    r = float(np.clip(residual[1:] @ residual[:-1] / power, 0.0, 0.999)) if power > 0 else 0.0
+    variance = power / freedom * (1 + r) / (1 - r)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) * variance
+    blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
+    deviation = np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    scale = np.where(np.isfinite(deviation) & (deviation > 0), deviation, 1.0)
+    correlation = covariance / np.outer(scale, scale)
+    return Uncertainty(
+        free.standard_deviation(fit.preset, deviation),
+        correlation,
+        tuple(_warnings(fit, free, deviation, correlation)),
+    )
+
+
+def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Array) -> list[str]:
+    numbers = free.encode(fit.preset)
+    warnings = []
+    for name, number, low, high, d in zip(
+        free.names, numbers, free.lower, free.upper, deviation, strict=True
+    ):
+        value = getattr(fit.preset, name)
+        if not np.isfinite(d):
+            warnings.append(f"{name}: the logs do not depend on it")
+        elif min(number - low, high - number) < 1e-2:
+            warnings.append(f"{name} = {value:.4g} ran to its limit: the logs do not tell it")
+        elif name not in SIGNED and d > UNKNOWN:
+            warnings.append(f"{name} = {value:.4g} is known to a factor of {np.exp(d):.2g} only")
+    for i, first in enumerate(free.names):
+        for j in range(i):
+            if abs(correlation[i, j]) > ENTANGLED:
+                pair = f"{free.names[j]} and {first}"
+                warnings.append(f"{pair} are told only together (correlation {correlation[i, j]:+.3f})")
+    return warnings

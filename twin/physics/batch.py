@@ -1,0 +1,171 @@
+"""Many endoscopes of one layout at once, on all cores: presets and commands in, one `Episode` each out.
+
+The physics is that of `simulate`, bit for bit; `mujoco.batch` steps the endoscopes on a pool of threads, and
+what follows the load is computed for all of them together.
+"""
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import MODEL_FIELDS, Batch
+from numpy.typing import NDArray
+
+from twin.drive import Drive
+from twin.episode import Episode
+from twin.physics.layout import Layout
+from twin.physics.load import Loads
+from twin.physics.model import model_xml
+from twin.physics.simulation import Command, Record
+from twin.preset import Preset
+
+Array = NDArray[np.float64]
+_REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping")
+
+
+def simulate_batch(
+    presets: Sequence[Preset],
+    pulls: Sequence[Array],
+    sample_time: float,
+    *,
+    sheath_bends: Sequence[Array | float | None] | None = None,
+    lateral_pulls: Sequence[Array | None] | None = None,
+    threads: int = 0,
+    on_sample: Callable[[int, int], None] | None = None,
+) -> list[Episode | None]:
+    """Run many endoscopes, each along its own command.
+
+    Args:
+        presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
+        pulls: B commands, as `simulate` takes them; they may differ in length.
+        sample_time: time between two samples [s], of all.
+        sheath_bends: B bends of the sheath, as `simulate` takes them.
+        lateral_pulls: B lateral commands.
+        threads: how many; 0 for one per core.
+        on_sample: told how many of how many samples are done.
+
+    Returns:
+        B records; None in the place of an endoscope whose simulation diverged.
+
+    Raises:
+        ValueError: the endoscopes differ in layout, or a command cannot be.
+    """
+    count = len(presets)
+    bends = sheath_bends or [None] * count
+    laterals = lateral_pulls or [None] * count
+    commands = [
+        Command.of(*of_one)
+        for of_one in zip(presets, pulls, [sample_time] * count, laterals, bends, strict=True)
+    ]
+    endoscopes = EndoscopeBatch(presets, threads)
+    records = [Record(command, endoscopes.layout) for command in commands]
+
+    # Commands of different lengths end together, so that the samples of all are due at the same periods.
+    periods = commands[0].between.shape[1]
+    tracks = [np.concatenate([command.before, command.between[1:].reshape(-1, 3)]) for command in commands]
+    longest = max(map(len, tracks))
+    start = longest - np.array([len(track) for track in tracks])
+    first_sample = longest - np.array([(len(command.pull) - 1) * periods for command in commands])
+    inputs = np.zeros((longest, count, 3))
+    for index, track in enumerate(tracks):
+        inputs[start[index] :, index] = track
+    for done in range(longest + 1):
+        if done > 0:
+            endoscopes.advance(inputs[done - 1], start < done)
+        if (longest - done) % periods == 0:
+            tension, friction = endoscopes.wire_tension(), endoscopes.sheath_friction()
+            for index in np.flatnonzero(first_sample <= done).tolist():
+                sample = int(done - first_sample[index]) // periods
+                records[index].add(sample, endoscopes.qpos[index], tension[index], friction[index])
+            if on_sample is not None:
+                on_sample(done // periods, longest // periods)
+    return [
+        None if failed else record.episode(xml)
+        for record, xml, failed in zip(records, endoscopes.xml, endoscopes.failed, strict=True)
+    ]
+
+
+class EndoscopeBatch:
+    """B endoscopes that are stepped together."""
+
+    def __init__(self, presets: Sequence[Preset], threads: int = 0) -> None:
+        """Build all of them, at rest and straight.
+
+        Raises:
+            ValueError: there is none, or they differ in layout.
+        """
+        if not presets:
+            raise ValueError("a batch needs at least one endoscope")
+        alike = ("bending_planes", "vertebrae", "sheath_elements", "time_step", "control_period")
+        for name in alike:
+            if len({getattr(preset, name) for preset in presets}) > 1:
+                raise ValueError(f"the endoscopes of a batch must agree in {name}")
+        self.presets = list(presets)
+        self.xml = [model_xml(preset) for preset in presets]
+        models = [mujoco.MjModel.from_xml_string(xml) for xml in self.xml]
+        self.layout = Layout.of(models[0], presets[0])
+        self._loads = Loads(presets, self.layout)
+        self._batch = Batch(models[0], len(presets), threads)
+        for name in _fields_that_differ(models):
+            self._batch.expand(name)[:] = [_field(model, name) for model in models]
+        self._friction, self._joint_friction, self._damping = (
+            self._batch.expand(name) for name in _REWRITTEN
+        )
+        self.qpos: Array = self._batch.bind("qpos")
+        self._qvel = self._batch.bind("qvel")
+        self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
+        self._ctrl = self._batch.bind("ctrl")
+        self._drives = [[Drive(preset) for _ in range(preset.bending_planes)] for preset in presets]
+        self._travel = np.zeros(len(presets))
+        self._steps = round(presets[0].control_period / presets[0].time_step)
+        self.failed = np.zeros(len(presets), dtype=bool)
+        """(B,) whether a simulation has diverged; it then stands still."""
+        self._follow_load(np.array([preset.sheath_bend for preset in presets]))
+
+    def wire_tension(self) -> Array:
+        """(B, wires, elements + 1) tension in each length of wire, pulley to tip [N]."""
+        return self._loads.tension(self._loads.stretch(self.qpos))
+
+    def sheath_friction(self) -> Array:
+        """(B, wires, elements) force at which each element of the sheath begins to slide [N]."""
+        return self._friction[:, self.layout.element]
+
+    def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
+        """Run one control period of those that are active, as `Endoscope.advance`; the others stand still.
+
+        Args:
+            inputs: (B, 3) pull, lateral pull and bend of the sheath.
+            active: (B,) which endoscopes move.
+        """
+        moving = np.flatnonzero(active & ~self.failed)
+        self._follow_load(inputs[:, 2])
+        for plane in range(len(self.layout.pulley)):
+            for index in moving.tolist():
+                target = self._drives[index][plane].advance(float(inputs[index, plane]))
+                step = target - self._act[index, plane]
+                self._ctrl[index, 2 * plane : 2 * plane + 2] = step / self.presets[0].control_period
+                self._travel[index] += abs(step)
+        self._batch.step(ids=moving, nstep=self._steps)
+        self.failed |= self._batch.warning.reshape(len(self.presets), -1).any(axis=1)
+
+    def _follow_load(self, sheath_bend: Array) -> None:
+        stretch = self._loads.stretch(self.qpos)
+        tension = self._loads.tension(stretch)
+        drift = self._loads.drift(self._time, self._travel)
+        sheath, joints = self._loads.friction(tension, self.qpos, sheath_bend, drift)
+        self._friction[:, self.layout.element] = sheath
+        self._joint_friction[:, self.layout.joints] = joints
+        self._damping[:, self.layout.wire] = self._loads.damping(stretch, tension, self._qvel)
+
+
+def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
+    return [
+        name
+        for name in sorted(MODEL_FIELDS)
+        if name not in _REWRITTEN
+        and any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in models[1:])
+    ]
+
+
+def _field(model: mujoco.MjModel, name: str) -> Array:
+    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)

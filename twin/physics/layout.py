@@ -1,0 +1,65 @@
+"""Where things are in MuJoCo's arrays: looked up by name once, used at every control period."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.preset import Preset
+
+Index = NDArray[np.intp]
+WIRES = ("a", "b", "c", "d")
+"""Names of the wires: a against b in the first bending plane, c against d sideways."""
+PLANES = ("", "lateral_")
+"""Prefix of the joints of each bending plane."""
+
+
+def hinge_groups(vertebrae: int) -> list[Index]:
+    """Return the hinges, base to tip, in at most 8 groups of neighbours that share a friction constraint."""
+    return np.array_split(np.arange(vertebrae), min(vertebrae, 8))
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Indices of joints (positions and velocities alike: no joint has more than one) and tendons."""
+
+    hinge: Index
+    """(planes, vertebrae), base to tip."""
+    pulley: Index
+    """(planes,)"""
+    element: Index
+    """(wires, elements) of the sheath, pulley to tip."""
+    wire: Index
+    """(wires, elements + 1) tendons, the lengths of every wire, pulley to tip."""
+    joints: Index
+    """(planes, groups) tendons that hold the friction of the hinges, base to tip."""
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, preset: Preset) -> "Layout":
+        """Look everything up in a compiled model of a preset."""
+        planes, wires = PLANES[: preset.bending_planes], WIRES[: preset.wires]
+        vertebrae, elements = range(preset.vertebrae), range(preset.sheath_elements)
+        lengths, groups = range(preset.sheath_elements + 1), range(len(hinge_groups(preset.vertebrae)))
+        return cls(
+            hinge=np.array([[model.joint(f"{p}hinge_{i}").qposadr[0] for i in vertebrae] for p in planes]),
+            pulley=np.array([model.joint(f"{p}pulley").qposadr[0] for p in planes]),
+            element=np.array([[model.joint(f"sheath_{w}{i}").qposadr[0] for i in elements] for w in wires]),
+            wire=np.array([[model.tendon(f"wire_{w}{i}").id for i in lengths] for w in wires]),
+            joints=np.array([[model.tendon(f"{p}joints_{i}").id for i in groups] for p in planes]),
+        )
+
+    @property
+    def wires(self) -> int:
+        """How many wires there are."""
+        return len(self.element)
+
+    @property
+    def plane_of_wire(self) -> Index:
+        """(wires,) bending plane of each wire."""
+        return np.arange(self.wires) // 2
+
+    @property
+    def pulley_of_wire(self) -> Index:
+        """(wires,) joint of the pulley that each wire is wound on."""
+        return self.pulley[self.plane_of_wire]
