@@ -53,10 +53,7 @@ def test_drawn_parameters_lie_in_their_ranges_and_no_other_changes(data, names, 
     for name, low, high in ranges.limits:
         drawn = getattr(preset, name)
         assert low <= drawn <= high or drawn == pytest.approx(low, rel=1e-12)  # exp(log(low)) rounds
-    kept = {field.name: getattr(PRESET, field.name) for field in dataclasses.fields(Preset)} | {}
-    assert {name: value for name, value in preset.to_dict().items() if name not in names} == {
-        name: value for name, value in kept.items() if name not in names
-    }
+    assert preset.replace(**{name: getattr(PRESET, name) for name in names}) == PRESET
 
 
 @pytest.mark.parametrize("ratio", [2.5, 1e4])
@@ -94,7 +91,8 @@ def test_same_seed_gives_the_same_presets_and_another_seed_others():
 
 def test_ranges_come_back_from_yaml_to_the_last_digit(tmp_path):
     ranges = Ranges((("wire_stiffness", 1e4 / 3, 2e4), ("gravity_z", -9.81, 1e-7)))
-    assert load_ranges(write(tmp_path, yaml.safe_dump({"ranges": ranges.to_dict()}))) == ranges
+    text = yaml.safe_dump({"ranges": ranges.to_dict()}, sort_keys=False)
+    assert load_ranges(write(tmp_path, text)) == ranges
     text = "ranges: {wire_stiffness: [1e4, 2e4]}"  # YAML 1.1 reads these as text
     assert load_ranges(write(tmp_path, text)) == Ranges((("wire_stiffness", 1e4, 2e4),))
 
@@ -125,10 +123,10 @@ def test_shipped_ranges_lie_around_their_preset_and_give_endoscopes(name):
         ("{pretension: [low, high]}", r"range of pretension = \['low', 'high'\]: must be \[low, high\]"),
         ("{pretension: [1, null]}", r"range of pretension = \[1, None\]: must be \[low, high\]"),
         ("{pretension: }", r"range of pretension = None: must be \[low, high\]"),
-        ("{vertebrae: [8, 16]}", "range of vertebrae: a whole number is not drawn"),
-        ("{bending_planes: [1, 2]}", "range of bending_planes: a whole number is not drawn"),
-        ("{sheath_elements: [1, 9]}", "range of sheath_elements: a whole number is not drawn"),
-        ("{encoder_counts: [100, 200]}", "range of encoder_counts: a whole number is not drawn"),
+        ("{vertebrae: [8, 16]}", "range of vertebrae: it is not drawn"),
+        ("{bending_planes: [1, 2]}", "range of bending_planes: it is not drawn"),
+        ("{sheath_elements: [1, 9]}", "range of sheath_elements: it is not drawn"),
+        ("{encoder_counts: [100, 200]}", "range of encoder_counts: it is not drawn"),
         ("{}", "preset 'mine' states no ranges: add `ranges:` with"),
         ("[1, 2]", "preset 'mine' states no ranges"),
         ("wide", "preset 'mine' states no ranges"),

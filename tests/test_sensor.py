@@ -13,6 +13,7 @@ from twin.sensor import measure
 
 SIGMAS = 5  # one test in two million fails by chance; the seed is fixed anyway
 TICK = Fraction(1, 1000)  # s; not a binary fraction: sums of it round
+STARTS = st.floats(0.0, 1000.0) | st.just(1.7e9)  # s; the last one as a clock on the wall counts
 ANGLES = st.floats(-3.0, 3.0)
 
 
@@ -73,7 +74,7 @@ def test_report_is_that_of_a_naive_loop_in_exact_arithmetic(start, increments, p
 
 @given(
     sample_time=st.floats(1e-4, 0.1),
-    start=st.floats(0.0, 1000.0),
+    start=STARTS,
     ratio=st.integers(1, 7),
     summed=st.booleans(),
 )
@@ -88,7 +89,7 @@ def test_period_of_whole_samples_gives_one_reading_every_so_many(sample_time, st
 
 @given(
     sample_time=st.floats(1e-3, 0.1),
-    start=st.floats(0.0, 100.0),
+    start=STARTS,
     delay=st.integers(0, 30),
     ratio=st.sampled_from([0, 0.4, 1, 3, 2.7]),
 )
@@ -171,6 +172,12 @@ def test_sensor_of_tiny_period_and_step_reads_without_pause(least, sample_time, 
     np.testing.assert_allclose(late, np.maximum(time - latency, start), atol=rounding)
     prompt = report(time, time, resolution=least)
     np.testing.assert_allclose(prompt, time, atol=least)
+
+
+@pytest.mark.parametrize(("start", "sample_time"), [(1.9, 0.0556), (0.7, 0.0282), (4.0, 0.0774)])
+def test_reading_that_rounds_past_the_last_sample_is_of_the_last_sample(start, sample_time):
+    time = start + sample_time * np.arange(100)
+    assert report(time, time, period=1e-6 * sample_time)[-1] == time[-1]
 
 
 @pytest.mark.parametrize(

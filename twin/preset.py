@@ -36,6 +36,8 @@ class Preset:
     """Mass of the bending section [kg]."""
     section_stiffness: float = _within(0.05, 1e-6, 1e3)
     """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
+    section_stiffening: float = _within(0.0, 0.0, 1e3)
+    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2) [1 / rad^2]."""
     section_damping: float = _within(3e-5, 0.0, 10.0)
     """Viscous moment per bending rate of the whole section [N m s / rad]."""
     initial_bend: float = _within(0.0, -math.pi, math.pi)
@@ -112,7 +114,7 @@ class Preset:
     """Gravity in the plane of wires a and b, towards wire a [m / s^2]."""
     time_step: float = _within(2.5e-3, 1e-6, 0.02)
     """Step of the physics [s]."""
-    control_period: float = _within(5e-3, 1e-6, 0.1)
+    control_period: float = _within(1e-2, 1e-6, 0.1)
     """Time between two updates of the command and of the load-dependent friction [s]."""
 
     def __post_init__(self) -> None:
@@ -194,7 +196,11 @@ def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
         try:
             parsed[name] = int(text) if name in whole else float(text)
         except ValueError as error:
-            rule = "must be NAME=VALUE, as in wire_stiffness=2e4"
+            rule = (
+                "a whole number is needed"
+                if name in whole
+                else "must be NAME=VALUE, as in wire_stiffness=2e4"
+            )
             raise ValueError(f"change of the preset {change!r}: {rule}") from error
     return parsed
 

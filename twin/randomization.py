@@ -11,6 +11,12 @@ from twin.preset import Preset, parameter_limits, read_preset_file
 WIDE = 2.0
 """A range whose ends differ by more than this factor is drawn by its logarithm: 1 to 2 as often as 2 to 4."""
 
+_FIXED = (
+    *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
+    "time_step",
+    "control_period",
+)
+
 
 @dataclasses.dataclass(frozen=True)
 class Ranges:
@@ -26,6 +32,8 @@ class Ranges:
             ValueError: a name is no parameter, or a range is empty or leaves the parameter's physical range.
         """
         for name, low, high in self.limits:
+            if name in _FIXED:
+                raise ValueError(f"range of {name}: it is not drawn; choose it in the preset")
             least, most = parameter_limits(name)
             if not least <= low < high <= most:
                 raise ValueError(
@@ -61,8 +69,6 @@ def _range(name: str, limits: Any) -> tuple[str, float, float]:
         low, high = (float(limit) for limit in limits)
     except (TypeError, ValueError) as error:
         raise ValueError(f"range of {name} = {limits!r}: must be [low, high]") from error
-    if name in ("vertebrae", "sheath_elements", "bending_planes", "encoder_counts"):
-        raise ValueError(f"range of {name}: a whole number is not drawn; choose it in the preset")
     return name, low, high
 
 

@@ -47,7 +47,8 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
 
 def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
     """Return when the readings that are reported were taken (R,), and which is at each sample (N,)."""
-    tolerance = _COINCIDENT * float(np.diff(time).min(initial=1.0))
+    rounding = 4 * float(np.spacing(np.abs(time).max()))
+    tolerance = max(_COINCIDENT * float(np.diff(time).min(initial=1.0)), rounding)
     taken = time - preset.sensor_latency + tolerance  # what was taken by then has arrived at each sample
     if not preset.sensor_period:
         sample, reported = np.unique(

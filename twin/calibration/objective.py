@@ -20,13 +20,19 @@ _HOPELESS = 1e3  # residual of a candidate whose simulation diverged
 
 
 def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[list[Episode | None]]:
-    """Simulate every candidate along every log: (candidates, logs); None where it diverged."""
-    pairs = [(preset, loop) for preset in presets for loop in loops]
+    """Simulate every candidate along every log: (candidates, logs); None where it diverged.
+
+    The wires are wound up in the sheath as it is bent in that log.
+    """
+    pairs = [
+        (preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend), loop)
+        for preset in presets
+        for loop in loops
+    ]
     episodes = simulate_batch(
         [preset for preset, _ in pairs],
         [loop.pull for _, loop in pairs],
         loops[0].sample_time,
-        sheath_bends=[loop.sheath_bend for _, loop in pairs],
     )
     count = len(loops)
     return [episodes[start : start + count] for start in range(0, len(pairs), count)]

@@ -11,7 +11,7 @@ from twin.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
 
-SIGNED = {"initial_bend": 0.1, "joint_friction_taper": 0.3}
+SIGNED = {"initial_bend": 0.1, "joint_friction_taper": 0.3, "friction_warm_up": 0.2}
 """Parameters that may be negative: searched on a linear scale, in these steps. Others by their logarithm."""
 _FARTHEST = np.log(100.0)  # a positive parameter is searched up to a factor of 100 from its start
 
@@ -46,13 +46,12 @@ class FreeParameters:
         )
 
     def decode(self, numbers: Array) -> Preset:
-        """Return the preset of (P,) numbers of the search."""
-        return self.base.replace(
-            **{
-                name: float(number * SIGNED[name] if name in SIGNED else np.exp(number))
-                for name, number in zip(self.names, np.clip(numbers, self.lower, self.upper), strict=True)
-            }
-        )
+        """Return the preset of (P,) numbers of the search; those beyond their limits are put there."""
+        values = {}
+        for name, number in zip(self.names, np.clip(numbers, self.lower, self.upper), strict=True):
+            value = number * SIGNED[name] if name in SIGNED else np.exp(number)
+            values[name] = float(np.clip(value, *parameter_limits(name)))  # the exponential rounds
+        return self.base.replace(**values)
 
     def standard_deviation(self, preset: Preset, deviation: Array) -> dict[str, float]:
         """Return standard deviations in the parameters' units from (P,) those on the search's scale."""
@@ -79,8 +78,9 @@ def free_parameters(
 ) -> FreeParameters:
     """Choose what to fit and start it from what the logs show at a glance.
 
-    Without load cells the scale of all forces is not in the data: the pretension then stays. Without logs at
-    different bends of the sheath, the bend in the housing does.
+    Without load cells the scale of all forces is not in the data: the stiffness of the section then stays and
+    sets it. Without logs at different bends of the sheath, only friction coefficient times bend is in the
+    data: one of the two stays.
 
     Args:
         base: everything that is not fitted.
@@ -93,9 +93,11 @@ def free_parameters(
     has_tension = any(loop.tension.size for loop in loops)
     bends = {round(loop.sheath_bend, 6) for loop in loops if loop.sheath_bend is not None}
     if names is None:
-        names = [name for name in DEFAULT if name != "pretension" or has_tension]
+        names = [name for name in DEFAULT if name != "section_stiffness" or has_tension]
         if len(bends) < 2:
-            names = [name for name in names if name != "sheath_bend_offset"]
+            wrapped = max([*bends, 0.0] if bends else [base.sheath_bend]) + base.sheath_bend_offset
+            stays = "sheath_bend_offset" if wrapped > 0 else "sheath_friction"
+            names = [name for name in names if name != stays]
     for name in names:
         low, _ = parameter_limits(name)
         if isinstance(getattr(base, name), int) or name in _NOT_PHYSICAL:
@@ -140,10 +142,12 @@ def _inside(name: str, value: float) -> float:
 
 DEFAULT = (
     "section_stiffness",
+    "section_stiffening",
     "initial_bend",
     "joint_friction",
     "joint_friction_taper",
     "wire_offset",
+    "routing_friction",
     "wire_stiffness",
     "wire_stiffening",
     "pretension",
@@ -159,6 +163,7 @@ _FROM_NOTHING = {
     "sheath_friction": 0.2,
     "sheath_bend_offset": 0.5,
     "sheath_friction_floor": 0.5,
+    "section_stiffening": 0.3,
     "routing_friction": 0.05,
     "backlash": 1e-4,
 }

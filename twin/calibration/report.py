@@ -60,7 +60,9 @@ def fit_report(
 def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
     held_out = ~loop.fitted
     off = np.degrees(episode.bend - loop.bend)
-    pull_mm, bend_deg = loop.pull * 1e3, np.degrees(loop.bend)
+    # The Coleman-Hodgdon model is odd about zero: it gets the log centred, or it could not follow.
+    pull_mm = _centred(loop.pull * 1e3, loop.fitted)
+    bend_deg = _centred(np.degrees(loop.bend), loop.fitted)
     model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
     own = model.response(pull_mm, bend_deg[0]) - bend_deg
     values: dict[str, Any] = {
@@ -106,6 +108,10 @@ def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Fi
             0.02, 0.02, "wire a solid, wire b dashed", transform=axes[1, 0].transAxes, fontsize=7, color=MUTED
         )
     return figure
+
+
+def _centred(values: Array, among: NDArray[np.bool_]) -> Array:
+    return values - (values[among].max() + values[among].min()) / 2
 
 
 def _rmse(off: Array) -> float:

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 UNKNOWN = 0.5
 """A positive parameter whose standard deviation is above this share of it is not told by the logs."""
+BLIND = 3.0
+"""Beyond this, a factor of 20, they tell nothing at all."""
 ENTANGLED = 0.98
 """Two parameters whose estimates correlate beyond this are told only in combination."""
 
@@ -64,6 +66,8 @@ def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Arr
             warnings.append(f"{name}: the logs do not depend on it")
         elif min(number - low, high - number) < 1e-2:
             warnings.append(f"{name} = {value:.4g} ran to its limit: the logs do not tell it")
+        elif name not in SIGNED and d > BLIND:
+            warnings.append(f"{name} = {value:.4g}: the logs do not tell it")
         elif name not in SIGNED and d > UNKNOWN:
             warnings.append(f"{name} = {value:.4g} is known to a factor of {np.exp(d):.2g} only")
     for i, first in enumerate(free.names):

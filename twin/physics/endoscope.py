@@ -29,6 +29,8 @@ class State:
     """State of servo and backlash in each bending plane."""
     travel: float
     """Distance that the pulleys have travelled, which wears the sheath [m]."""
+    sheath_bend: float
+    """Angle that the sheath is bent by [rad]."""
     sheath_friction: Array
     """(wires, elements) friction of the sheath in the last control period [N]."""
 
@@ -128,8 +130,8 @@ class Endoscope(dm_mujoco.Physics):
         if lateral_pull and preset.bending_planes == 1:
             raise ValueError(f"lateral pull of {lateral_pull:g} m: {preset.name!r} has one bending plane")
         if sheath_bend is not None:
-            if not sheath_bend >= 0:
-                raise ValueError(f"sheath bend of {sheath_bend} rad: must not be negative")
+            if not 0 <= sheath_bend < math.inf:
+                raise ValueError(f"sheath bend of {sheath_bend} rad: must be finite and not negative")
             self._sheath_bend = np.array([sheath_bend])
         self._follow_load(self._sheath_bend)
         for plane, (drive, command) in enumerate(zip(self._drives, (pull, lateral_pull), strict=False)):
@@ -160,7 +162,7 @@ class Endoscope(dm_mujoco.Physics):
         physics = np.empty(mujoco.mj_stateSize(model, _WHOLE_STATE))
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
         drive = tuple(drive.state() for drive in self._drives)
-        return State(physics, drive, self._travel, self.sheath_friction().copy())
+        return State(physics, drive, self._travel, float(self._sheath_bend[0]), self.sheath_friction())
 
     def restore_state(self, state: State) -> None:
         """Go back to a saved state of an endoscope of the same preset.
@@ -179,6 +181,7 @@ class Endoscope(dm_mujoco.Physics):
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
         self._travel = state.travel
+        self._sheath_bend = np.array([state.sheath_bend])
         mujoco.mj_fwdPosition(model, data)
 
 

@@ -160,9 +160,9 @@ def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int],
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=axis,
-        stiffness=stiffness,
+        stiffness=[stiffness, 0, stiffness * preset.section_stiffening * count**2],
         springref=preset.initial_bend / count if curved else 0.0,
-        damping=preset.section_damping * count + preset.time_step * stiffness,
+        damping=[preset.section_damping * count + preset.time_step * stiffness, 0, 0],
         armature=section_inertia(preset) * count,
     )
 
