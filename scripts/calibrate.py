@@ -38,7 +38,7 @@ class Calibrate:
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can tell."""
-    evaluations: int = 1200
+    evaluations: int = 2000
     """Simulations of all logs that the evolution strategy may use."""
     fraction: float = 1.0
     """Share of each log, from its start, that is fitted; the rest is predicted."""
@@ -78,7 +78,7 @@ def run_calibration(args: Calibrate) -> Summary:
     values, episodes = fit_report(fit, free, known, loops, args.seed)
     write_whole(out.with_name(f"{out.stem}_fit.png"), to_png_bytes(fit_figure(loops, episodes)))
     write_whole(out.with_name(f"{out.stem}_fit.json"), json.dumps(values, indent=2) + "\n")
-    write_whole(out, _to_yaml(fit.preset, [loop.name for loop in loops]))
+    write_whole(out, _to_yaml(fit.preset, free.names, [loop.name for loop in loops]))
     state_file.unlink(missing_ok=True)
     for warning in known.warnings:
         print(f"warning: {warning}", file=sys.stderr)
@@ -103,11 +103,11 @@ def _name(path: Path, episode: Episode) -> str:
     return str(episode.metadata.get("name") or path.name)
 
 
-def _to_yaml(preset: Preset, names: Sequence[str]) -> str:
+def _to_yaml(preset: Preset, fitted: Sequence[str], logs: Sequence[str]) -> str:
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
-    rounded = {n: float(f"{v:.6g}") if isinstance(v, float) else v for n, v in values.items()}
-    head = f"# Calibrated by `endotwin calibrate` on {', '.join(names)}. SI units; see twin/preset.py.\n"
-    return head + yaml.safe_dump(rounded, sort_keys=False)
+    rounded = {name: float(f"{values[name]:.6g}") for name in fitted}
+    head = f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset.py.\n"
+    return head + yaml.safe_dump(values | rounded, sort_keys=False)
 
 
 def _in_words(log: dict[str, Any]) -> str:

@@ -9,6 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twin.measured_dataset import write_measured
+from twin.measured_log import read_measured_log
+from twin.preset import load_preset
+from twin.recording import read_dataset
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
@@ -38,6 +43,10 @@ def workspace(tmp_path_factory):
         "evaluate data/test --train data/train --model coleman_hodgdon.json "
         "--policy runs/ram/policy.onnx runs/direct/policy.onnx --lstm runs/lstm/lstm.pt "
         "--suite paper --seeds 2 --out results --json",
+        "calibrate data/test --preset short.yaml --free section_stiffness --evaluations 20 "
+        "--out fitted.yaml --json",
+        "benchmark --preset short.yaml --only return_point closed_cycles --cycles 4 "
+        "--out benchmark.json --json",
         "render data/test --out bend.png --json",
         "render data/test --episode 1 --speed 6 --size 320 180 --out bend.mp4 --json",
         "report . --out report.html --json",
@@ -55,6 +64,44 @@ def test_every_verb_writes_what_it_says_and_prints_one_json_object(workspace):
     assert printed["generate data/train"]["episodes"] == 2
     assert printed["identify coleman_hodgdon.json"]["a_per_mm"] > 0
     assert not [path for path in folder.rglob(".*") if path.is_file()]
+
+
+def test_calibration_leaves_a_preset_its_report_and_nothing_else(workspace):
+    folder, printed = workspace
+    summary = printed["calibrate fitted.yaml"]
+    fitted, start = (load_preset(folder / name) for name in ("fitted.yaml", "short.yaml"))
+    # from a log of the very preset, angles with noise: back to where it was, and nothing else changed
+    assert fitted.section_stiffness == pytest.approx(start.section_stiffness, rel=0.02)
+    assert fitted.replace(name="short", section_stiffness=start.section_stiffness) == start
+    assert [log["rmse_deg"] < 0.5 for log in summary["logs"]] == [True, True]
+    assert json.loads((folder / "fitted_fit.json").read_text())["parameters"].keys() == {"section_stiffness"}
+    assert (folder / "fitted_fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_benchmark_says_what_holds(workspace):
+    folder, printed = workspace
+    assert printed["benchmark benchmark.json"]["missed"] == []
+    measured = json.loads((folder / "benchmark.json").read_text())
+    assert measured.keys() == {"return_point", "closed_cycles"}
+    assert {"value", "unit", "peer", "peer_value", "ratio", "machine"} <= measured["return_point"].keys()
+    assert "Madelung" in (folder / "benchmark.md").read_text()
+
+
+def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
+    line = (
+        "generate --episodes 2 --seconds 2 --stroke -1 1 --randomize --sheath-bend-deg 0 "
+        "--sheath-bend-to-deg 90 --sensor-variance 0 --set encoder_counts=400 sensor_resolution=0.01 "
+        "--out out"
+    )
+    done = endotwin(*line.split(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    first, second = read_dataset(tmp_path / "out")
+    presets = [episode.metadata["preset"] for episode in (first, second)]
+    assert presets[0]["wire_stiffness"] != presets[1]["wire_stiffness"]
+    assert {preset["encoder_counts"] for preset in presets} == {400}
+    assert np.degrees(first.sheath_bend[[0, -1]]) == pytest.approx([0, 90])
+    steps = first.measured_bend / 0.01
+    assert np.abs(steps - np.round(steps)).max() < 1e-6
 
 
 def test_evaluation_has_a_row_of_every_method_and_noise(workspace):
@@ -163,11 +210,16 @@ def _mistakes(folder):
     (folder / "back.csv").write_text("time_s,command_deg,angle_deg\n0,0,0\n2,60,30\n1,0,9\n")
     (folder / "still.csv").write_text("time_s,command_deg,angle_deg\n0,5,0\n2,5,30\n")
     (folder / "negative.yaml").write_text("wire_stiffness: -5.0\n")
+    (folder / "bare.yaml").write_text("pretension: 2.0\n")
     (folder / "model.json").write_text("{}")
     model = json.loads((folder / "coleman_hodgdon.json").read_text())
     (folder / "absurd.json").write_text(json.dumps(model | {"a_per_mm": -5.0}))
     (folder / "other.json").write_text(json.dumps(model | {"a_per_mm": 0.5}))
     (folder / "empty").mkdir(exist_ok=True)
+    rows = [f"{second},{second},{second}" for second in range(20)]
+    (folder / "one-way.csv").write_text("\n".join(["time_s,command_deg,angle_deg", *rows]))
+    (folder / "data/one-way").mkdir(exist_ok=True)
+    write_measured(folder / "data/one-way", "one-way", read_measured_log(folder / "one-way.csv"))
 
 
 @pytest.mark.parametrize(
@@ -249,6 +301,20 @@ def _mistakes(folder):
             "beside another model",
         ),
         ("render data/test --speed inf --out x.mp4", "speed inf"),
+        ("generate --set wire_stifness=1 --out x", "did you mean 'wire_stiffness'?"),
+        ("generate --set wire_stiffness --out x", "must be NAME=VALUE"),
+        ("generate --lateral-stroke -1 1 --out x", "has one bending plane, it needs two"),
+        ("generate --preset bare.yaml --randomize --out x", "'bare' states no ranges"),
+        ("generate --sheath-bend-to-deg -5 --out x", "bend of the sheath -5 deg: must be from 0"),
+        ("calibrate --out x.yaml", "no data given"),
+        ("calibrate data/test --out x.json", "must end in .yaml"),
+        ("calibrate data/test --free mass --out x.yaml", "unknown preset parameter 'mass'"),
+        ("calibrate data/test --fraction 2 --out x.yaml", "fraction = 2"),
+        ("calibrate data/test --pace 0 --out x.yaml", "pace = 0"),
+        ("calibrate data/test --evaluations 1 --out x.yaml", "evaluations = 1"),
+        ("calibrate data/one-way --out x.yaml", "the command never reverses"),
+        ("benchmark --only speed --out x.json", "unknown measurement 'speed'; valid: rate_independence"),
+        ("benchmark --draws 0 --out x.json", "must be positive"),
         ("demo --out .", "which no demo made"),
         ("demo --records 0 --out x", "--records 0"),
     ],

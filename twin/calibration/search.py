@@ -42,7 +42,7 @@ def calibrate(
     loops: Sequence[MeasuredLoop],
     *,
     seed: int,
-    evaluations: int = 1500,
+    evaluations: int = 2000,
     state_file: Path | None = None,
     on_progress: Callable[[int, int, float], None] | None = None,
 ) -> Fit:
