@@ -1,0 +1,66 @@
+"""`python -m scripts.match_paper`: fit the preset of the ureteroscope to the paper's a, b and c."""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scripts.command import Summary, run_verb
+from twin.calibration.matching import match, training_commands
+from twin.calibration.parameters import FreeParameters
+from twin.preset import load_preset
+
+FITTED = (
+    "section_stiffness",
+    "wire_stiffness",
+    "joint_friction",
+    "sheath_friction_floor",
+    "pretension",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class MatchPaper:
+    """Fit a preset such that the Coleman-Hodgdon model of its loops has the paper's parameters."""
+
+    preset: str = "ureteroscope"
+    """Preset to start from."""
+    target: tuple[float, float, float] = (1.15, 22.38, 5.0)
+    """a [1/mm], b [deg/mm], c [deg/mm]."""
+    stroke: tuple[float, float] = (2.0, 4.0)
+    """Lowest and highest pulling distance [mm]."""
+    episodes: int = 4
+    """As of `endotwin generate`."""
+    seconds: float = 60.0
+    """As of `endotwin generate`."""
+    seed: int = 1
+    """As of `endotwin generate`."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def match_paper(args: MatchPaper) -> Summary:
+    """Print the fitted parameters."""
+    stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
+    commands = training_commands(stroke, args.episodes, args.seconds, args.seed)
+    preset = match(
+        FreeParameters(load_preset(args.preset), FITTED), args.target, commands, on_iteration=_tell
+    )
+    values = {name: float(f"{getattr(preset, name):.5g}") for name in FITTED}
+    return Summary(", ".join(f"{name}: {value}" for name, value in values.items()), values)
+
+
+def _tell(iteration: int, found: NDArray[np.float64], rmse: float) -> None:
+    a, b, c = found
+    print(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg", file=sys.stderr)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the script."""
+    return run_verb(MatchPaper, match_paper, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
