@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from twin.episode import Episode
-from twin.physics import headless
-from twin.physics.film import Film
+from twin.physics import headless, simulate
+from twin.physics.film import Film, _chain
 from twin.physics.loop_panel import LoopPanel
 from twin.physics.render import render_frame, render_mp4, render_png, telling_samples
+from twin.preset import load_preset
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 VERTEBRAE = 16
@@ -142,3 +143,15 @@ def test_without_gl_the_package_to_install_is_named(monkeypatch):
     with pytest.raises(OSError, match="apt-get install libegl1") as error:
         render_frame(make_episode(), 0, **SMALL)
     assert "\n" not in str(error.value)
+
+
+def test_tip_is_found_where_two_planes_bend_it():
+    """The end of the chain that labels and framing rely on is where MuJoCo puts the tip."""
+    preset = load_preset("ureteroscope").replace(bending_planes=2, vertebrae=6)
+    pull = 2.5e-3 * np.sin(np.arange(40) * 0.1)
+    tips = []
+    episode = simulate(
+        preset, pull, 0.02, lateral_pull=-0.8 * pull, on_sample=lambda e: tips.append(e.tip_position())
+    )
+    chain = _chain(episode.joint_angle, episode.lateral_joint_angle, preset.section_length)
+    np.testing.assert_allclose(chain[:, -1], np.array(tips)[:, [0, 2]], atol=1e-9)

@@ -73,7 +73,7 @@ def match(
 ) -> Preset:
     """Fit a preset such that the Coleman-Hodgdon model of its loops has given parameters.
 
-    Damped Gauss-Newton steps on 100 log(parameter / target), with a little weight on the misfit of the model and
+    Damped Gauss-Newton steps on 100 log(parameter / target), with a little weight on the model's misfit and
     on how far a parameter moves: more is free than three figures tell.
 
     Args:

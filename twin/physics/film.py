@@ -9,6 +9,7 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from scipy.spatial.transform import Rotation
 
 from twin.episode import Episode
 from twin.physics.endoscope import Endoscope
@@ -44,7 +45,7 @@ class Film:
         self._joint_angle = _joint_angle(episode)
         preset = _preset(episode, self._joint_angle.shape[1])
         self._endoscope = Endoscope.from_preset(preset)
-        self._chain = _chain(self._joint_angle, preset.section_length)
+        self._chain = _chain(self._joint_angle, episode.lateral_joint_angle, preset.section_length)
         self._centre, self._half_height = _framing(self._chain, self._scene_width / height)
         self._camera = _camera(self._endoscope, self._centre, self._half_height, self._scene_width, height)
         self._panel = LoopPanel(episode.pull_mm, episode.bend_deg, width - self._scene_width, height)
@@ -116,12 +117,21 @@ def _preset(episode: Episode, vertebrae: int) -> Preset:
     return Preset(name="recorded").replace(vertebrae=vertebrae, **shape)
 
 
-def _chain(joint_angle: Array, section_length: float) -> Array:
-    """Ends of the links (N, vertebrae + 1, 2) in the bending plane, base to tip, as (x, z) [m]."""
+def _chain(joint_angle: Array, lateral: Array, section_length: float) -> Array:
+    """Ends of the links (N, vertebrae + 1, 2) as seen from the side, base to tip, as (x, z) [m].
+
+    Every hinge turns the link after it about -y, and then, with two bending planes, about z.
+    """
     count, vertebrae = joint_angle.shape
-    heading = np.cumsum(joint_angle, axis=1)
-    steps = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * section_length / vertebrae
-    return np.concatenate([np.zeros((count, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
+    lateral = lateral if len(lateral) else np.zeros_like(joint_angle)
+    turned = Rotation.identity(count)
+    ends = np.zeros((count, vertebrae + 1, 2))
+    for index in range(vertebrae):
+        hinges = np.stack([-joint_angle[:, index], lateral[:, index]], axis=1)
+        turned = turned * Rotation.from_euler("YZ", hinges)
+        along = turned.apply([1.0, 0.0, 0.0]) * section_length / vertebrae
+        ends[:, index + 1] = ends[:, index] + along[:, [0, 2]]
+    return ends
 
 
 def _framing(chain: Array, aspect: float) -> tuple[Array, float]:
