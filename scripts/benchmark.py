@@ -12,7 +12,7 @@ from scripts.command import Progress, Summary, output_file, run_verb
 from twin.benchmark import physics, speed
 from twin.benchmark.result import Result
 from twin.preset import Preset, load_preset
-from twin.randomization import load_ranges
+from twin.randomization import Ranges, load_ranges
 from twin.recording.atomic import write_whole
 
 SHORT: dict[str, Callable[[Preset, float], Result]] = {
@@ -60,7 +60,8 @@ def benchmark(args: Benchmark) -> Summary:
             raise ValueError(f"unknown measurement {name!r}; valid: {', '.join(names)}")
     if args.cycles < 1 or args.draws < 1 or not args.amplitude > 0:
         raise ValueError("--cycles, --draws and --amplitude must be positive")
-    preset, ranges = load_preset(args.preset), load_ranges(args.preset)
+    preset = load_preset(args.preset)
+    ranges = load_ranges(args.preset) if "random_draws" in (args.only or names) else Ranges(())
     out = output_file(args.out, (".json",))
     amplitude = args.amplitude * 1e-3
     results: dict[str, Result] = {}
@@ -90,10 +91,10 @@ def _table(preset: str, results: Sequence[Result]) -> str:
     rows = []
     for result in results:
         ratio = "" if result.ratio is None else f"{result.ratio:.3g} times {result.peer}"
-        rows.append([result.name, f"{result.value:.3g} {result.unit}", ratio, result.bar])
-    table = tabulate(
-        rows, headers=["measurement", "figure", "ratio in the same run", "bar"], tablefmt="github"
-    )
+        holds = "yes" if result.holds else "no"
+        rows.append([result.name, f"{result.value:.3g} {result.unit}", ratio, result.bar, holds])
+    headers = ["measurement", "figure", "ratio in the same run", "bar", "holds"]
+    table = tabulate(rows, headers=headers, tablefmt="github")
     return f"Preset `{preset}`, by `endotwin benchmark`.\n\n{table}\n"
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import tyro
 import yaml
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.calibration import calibrate, free_parameters, measured_loop, uncertainty
+from twin.calibration import calibrate, free_parameters, likely_ranges, measured_loop, uncertainty
 from twin.calibration.report import fit_figure, fit_report
 from twin.episode import Episode
 from twin.figures import to_png_bytes
 from twin.preset import Preset, load_preset, parse_changes
+from twin.randomization import Ranges
 from twin.recording import read_dataset
 from twin.recording.atomic import write_whole
 
@@ -32,8 +34,10 @@ class Calibrate:
     """Folders of MCAP files, or files."""
     out: Path = Path("preset.yaml")
     """Preset to write."""
+    predict: tuple[Path, ...] = ()
+    """Logs that are not fitted, but predicted and reported: how far the fit carries."""
     preset: str = "vio_com"
-    """Preset that gives everything that is not fitted."""
+    """Preset that gives everything that is not fitted; what is fitted starts from what the logs show."""
     set: tuple[str, ...] = ()
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
@@ -57,12 +61,14 @@ def run_calibration(args: Calibrate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     out = output_file(args.out, (".yaml", ".yml"))
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)
-    records = [(path, episode) for path in args.data for episode in read_dataset(path)]
-    base = _with_pulley_of(base, [episode for _, episode in records])
-    loops = [
-        measured_loop(episode, _name(path, episode), args.sample_time, pace=args.pace, fraction=args.fraction)
-        for path, episode in records
-    ]
+    records, unseen = (
+        [(path, episode) for path in paths for episode in read_dataset(path)]
+        for paths in (args.data, args.predict)
+    )
+    base = _with_pulley_of(base, [episode for _, episode in records + unseen])
+    grid = partial(measured_loop, sample_time=args.sample_time, pace=args.pace)
+    loops = [grid(episode, _name(path, episode), fraction=args.fraction) for path, episode in records]
+    held_out = [grid(episode, _name(path, episode)).only_predicted() for path, episode in unseen]
     free = free_parameters(base, loops, args.free or None)
     state_file = out.with_name(f".{out.stem}.calibration")
     progress = Progress("calibrate", "sim")
@@ -75,10 +81,11 @@ def run_calibration(args: Calibrate) -> Summary:
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
     known = uncertainty(fit, free)
-    values, episodes = fit_report(fit, free, known, loops, args.seed)
-    write_whole(out.with_name(f"{out.stem}_fit.png"), to_png_bytes(fit_figure(loops, episodes)))
+    shown = loops + held_out
+    values, episodes = fit_report(fit, free, known, shown, args.seed)
+    write_whole(out.with_name(f"{out.stem}_fit.png"), to_png_bytes(fit_figure(shown, episodes)))
     write_whole(out.with_name(f"{out.stem}_fit.json"), json.dumps(values, indent=2) + "\n")
-    write_whole(out, _to_yaml(fit.preset, free.names, [loop.name for loop in loops]))
+    write_whole(out, _to_yaml(fit.preset, likely_ranges(fit, free, known), [loop.name for loop in loops]))
     state_file.unlink(missing_ok=True)
     for warning in known.warnings:
         print(f"warning: {warning}", file=sys.stderr)
@@ -103,17 +110,20 @@ def _name(path: Path, episode: Episode) -> str:
     return str(episode.metadata.get("name") or path.name)
 
 
-def _to_yaml(preset: Preset, fitted: Sequence[str], logs: Sequence[str]) -> str:
+def _to_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
+    """Return the preset's file; its ranges for domain randomisation are the uncertainty of the fit."""
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
-    rounded = {name: float(f"{values[name]:.6g}") for name in fitted}
+    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
     head = f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset.py.\n"
-    return head + yaml.safe_dump(values | rounded, sort_keys=False)
+    return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
 
 
 def _in_words(log: dict[str, Any]) -> str:
-    held_out = log["held_out_rmse_deg"]
+    fitted, held_out = log["rmse_deg"], log["held_out_rmse_deg"]
+    if fitted is None:
+        return f"{log['name']} predicted within {held_out:.2f} deg"
     more = "" if held_out is None else f" (held out {held_out:.2f})"
-    return f"{log['name']} RMSE {log['rmse_deg']:.2f} deg{more}"
+    return f"{log['name']} RMSE {fitted:.2f} deg{more}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -31,7 +31,7 @@ class Generate:
     set: tuple[str, ...] = ()
     """Change parameters of the preset: NAME=VALUE ..., in its SI units."""
     randomize: bool = False
-    """Draw the parameters of every episode from the ranges that the preset states."""
+    """Draw the parameters of every episode, other than those set here, from the preset's ranges."""
     stroke: tuple[float, float] = (2.0, 4.0)
     """Lowest and highest pulling distance [mm]."""
     lateral_stroke: tuple[float, float] | None = None
@@ -51,7 +51,7 @@ class Generate:
     sample_time: float = 0.02
     """Time between two samples [s]."""
     sensor_variance: float = 0.1
-    """Variance of the noise in /measurement [deg^2]."""
+    """Variance of noise that /measurement gets besides the preset's sensor [deg^2]; 0 for none."""
     format: Literal["mcap", "csv"] = "mcap"
     """csv writes a table beside each MCAP file."""
     workers: int = 0
@@ -63,12 +63,16 @@ class Generate:
 
 def generate(args: Generate) -> Summary:
     """Write the dataset."""
-    preset = load_preset(args.preset).replace(**parse_changes(args.set))
+    changes = parse_changes(args.set)
+    preset = load_preset(args.preset).replace(**changes)
+    chosen = set(changes)
     if args.sheath_bend_deg is not None:
         preset = preset.replace(sheath_bend=float(np.radians(args.sheath_bend_deg)))
+        chosen.add("sheath_bend")
     bends = None
     if args.sheath_bend_to_deg is not None:
         bends = (preset.sheath_bend, float(np.radians(args.sheath_bend_to_deg)))
+        chosen.add("sheath_bend")
     if args.signal not in ("all", *SIGNALS):
         raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
     stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
@@ -77,13 +81,14 @@ def generate(args: Generate) -> Summary:
     given, episodes = None, args.episodes
     if args.command_csv is not None:
         pull = read_command(args.command_csv, preset, args.sample_time)
-        given, stroke, episodes = tuple(pull.tolist()), (float(pull.min()), float(pull.max())), 1
+        given, stroke = tuple(pull.tolist()), (float(pull.min()), float(pull.max()))
+        episodes = args.episodes if args.randomize else 1
     recipe = Recipe(
         preset=preset,
         stroke=stroke,
         lateral_stroke=None if lateral is None else (lateral[0] * 1e-3, lateral[1] * 1e-3),
         sheath_bend=bends,
-        ranges=load_ranges(args.preset) if args.randomize else None,
+        ranges=load_ranges(args.preset).without(chosen) if args.randomize else None,
         seconds=len(given) * args.sample_time if given else args.seconds,
         sample_time=args.sample_time,
         signals=tuple(SIGNALS) if args.signal == "all" else (args.signal,),

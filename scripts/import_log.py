@@ -32,6 +32,8 @@ class Import:
     """Measured bending angle."""
     angle_unit: Literal["deg", "rad"] | None = None
     """Its unit, if the column's name does not end in it."""
+    reverse_angle: bool = False
+    """The sensor counts a bend towards wire a, the pulled one, as negative."""
     time_column: str | None = None
     """Time or phase; if not given, time_s or phase_rad, whichever there is."""
     time_unit: Literal["s", "ms", "us", "rad"] | None = None
@@ -62,6 +64,7 @@ def import_log(args: Import) -> Summary:
         pulley_radius=args.pulley_radius_mm * 1e-3,
         angle_column=args.angle_column,
         angle_unit=args.angle_unit,
+        reverse_angle=args.reverse_angle,
         time_column=args.time_column,
         time_unit=args.time_unit,
         seconds_per_cycle=args.seconds_per_cycle,

@@ -1,11 +1,13 @@
 """Calibration: known parameters come back from simulated logs, and what the logs do not tell is said."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.calibration import calibrate, free_parameters, measured_loop, uncertainty
+from twin.calibration import calibrate, free_parameters, likely_ranges, measured_loop, uncertainty
 from twin.calibration.matching import best_coleman_hodgdon, match, training_commands
 from twin.calibration.objective import BEND_SCALE, TENSION_SHARE, predict, residuals
 from twin.calibration.parameters import DEFAULT, FreeParameters
@@ -58,6 +60,17 @@ def fitted():
     return free, logs, fit, told
 
 
+def test_ranges_of_a_fit_hold_it_and_are_wide_where_the_logs_tell_nothing(fitted):
+    free, _, fit, _ = fitted
+    known = uncertainty(fit, free)
+    for name, low, high in likely_ranges(fit, free, known).limits:
+        assert low < getattr(fit.preset, name) < high
+        assert high / low < 1.2
+    blind = dataclasses.replace(known, deviation=dict.fromkeys(free.names, np.inf))
+    for name, low, high in likely_ranges(fit, free, blind).limits:
+        assert high / low == pytest.approx(9, rel=1e-3), name
+
+
 def test_known_parameters_come_back(fitted):
     free, _, fit, told = fitted
     for name in free.names:
@@ -88,6 +101,18 @@ def test_report_compares_with_each_log_and_draws_it(fitted):
     axes = fit_figure(logs, episodes).axes
     assert len(axes) == 4
     np.testing.assert_allclose(axes[0].lines[0].get_ydata(), np.degrees(logs[0].bend))
+
+
+def test_log_that_is_only_predicted_is_scored_apart(fitted):
+    free, logs, fit, _ = fitted
+    shown = [logs[0], logs[1].only_predicted()]
+    values, _ = fit_report(fit, free, uncertainty(fit, free), shown, seed=0)
+    seen, unseen = values["logs"]
+    assert seen["held_out_rmse_deg"] is None
+    assert unseen["rmse_deg"] is None
+    assert unseen["coleman_hodgdon_rmse_deg"] is None
+    assert unseen["held_out_rmse_deg"] < 0.05
+    assert unseen["tension_a_rmse_percent_of_range"] < 1
 
 
 def test_interrupted_calibration_goes_on_where_it_was(tmp_path):
@@ -170,6 +195,23 @@ def test_log_without_a_loop_is_refused(pull, rule):
     with pytest.raises(ValueError, match=f"a log: .*{rule}") as refused:
         measured_loop(Episode(pull=pull, **log), "a log", SAMPLE_TIME)
     assert "\n" not in str(refused.value)
+
+
+def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
+    episode = recorded()
+    count = len(episode.time)
+    for changes, rule in (
+        ({"sheath_bend": np.linspace(0, 1, count)}, "the sheath's bend changes"),
+        ({"lateral_pull": np.linspace(0, 1e-3, count)}, "wires c and d are pulled too"),
+        ({"measured_bend": -episode.measured_bend}, "import it with --reverse-angle"),
+        ({"wire_tension": np.full((count, 2, 1), 5.0)}, "the tensions do not change"),
+    ):
+        with pytest.raises(ValueError, match=f"odd: .*{rule}"):
+            measured_loop(dataclasses.replace(episode, **changes), "odd", SAMPLE_TIME)
+    with pytest.raises(ValueError, match=r"samples of 0\.05 s to fit: needs at least 10"):
+        measured_loop(episode, "odd", SAMPLE_TIME, fraction=0.01)
+    with pytest.raises(ValueError, match="sample time 0 s: must be positive"):
+        measured_loop(episode, "odd", 0.0)
 
 
 @pytest.mark.parametrize(

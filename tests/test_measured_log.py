@@ -267,3 +267,11 @@ def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
     with pytest.raises(ValueError, match="less than 1 ns"):
         write_measured(tmp_path, "log", late)
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_angle_may_be_counted_the_other_way(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,-30\n2,0,-9\n")
+    turned = read_measured_log(path, LogFormat(reverse_angle=True))
+    np.testing.assert_allclose(turned.bend, -read_measured_log(path).bend)
+    assert turned.metadata["reverse_angle"] is True

@@ -168,7 +168,7 @@ def test_unknown_preset_is_refused_with_the_valid_ones_and_a_guess():
         ("", "holds no preset"),
         ("a: [1,", "is not a YAML file"),
         ("wire_stiffness: -5", "must be positive"),
-        ("wire_stiffness: 5", r"must be from 10 to 1e\+07"),
+        ("wire_stiffness: 5", r"must be from 10 to 1e\+06"),
         ("sheath_friction: .nan", "must be a finite number"),
         ("bending_planes: 3", "must be a whole number from 1 to 2"),
         ("encoder_counts: 4e3", "must be a whole number from 0 to 16777216"),

@@ -99,6 +99,7 @@ def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
     presets = [episode.metadata["preset"] for episode in (first, second)]
     assert presets[0]["wire_stiffness"] != presets[1]["wire_stiffness"]
     assert {preset["encoder_counts"] for preset in presets} == {400}
+    assert {preset["sheath_bend"] for preset in presets} == {0.0}  # what is set is not drawn over
     assert np.degrees(first.sheath_bend[[0, -1]]) == pytest.approx([0, 90])
     steps = first.measured_bend / 0.01
     assert np.abs(steps - np.round(steps)).max() < 1e-6

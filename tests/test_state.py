@@ -131,3 +131,26 @@ def test_state_of_another_endoscope_is_refused(other):
     with pytest.raises(ValueError, match="does not fit this endoscope") as refused:
         Endoscope.from_preset(PLAIN).restore_state(state)
     assert "\n" not in str(refused.value)
+
+
+def test_reset_is_as_new_with_drive_and_wear():
+    preset = Preset("worn", vertebrae=4, sheath_elements=2, backlash=1e-4, friction_wear=5.0)
+    used, new = Endoscope.from_preset(preset), Endoscope.from_preset(preset)
+    for pull in np.linspace(0, 3e-3, 60):
+        used.advance(float(pull), sheath_bend=1.0)
+    used.reset()
+    for pull in np.linspace(0, 2e-3, 40):
+        for endoscope in (used, new):
+            endoscope.advance(float(pull))
+    assert used.bend() == new.bend()
+    assert np.array_equal(used.sheath_friction(), new.sheath_friction())
+
+
+def test_restored_endoscope_runs_on_after_a_divergence():
+    endoscope = Endoscope.from_preset(Preset("brave", vertebrae=4, sheath_elements=2))
+    before = endoscope.save_state()
+    with pytest.raises(FloatingPointError, match="diverged"):
+        for _ in range(50):
+            endoscope.advance(1e6)
+    endoscope.restore_state(before)
+    endoscope.advance(1e-5)

@@ -68,7 +68,7 @@ class Recipe:
                 low, high = _millimetres(stroke)
                 most = f"this endoscope is pulled by at most {farthest * 1e3:.3g} mm"
                 raise ValueError(f"stroke [{low:g}, {high:g}] mm: {most}")
-            if self.given_command is None:
+            if self.given_command is None or stroke is self.lateral_stroke:
                 for kind in self.signals:
                     command(kind, stroke, self.seconds, self.sample_time, rng)
         if self.lateral_stroke is not None and self.preset.bending_planes == 1:
@@ -176,8 +176,12 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, episodes: int) -> None
     """
     path = folder / "dataset.json"
     if path.is_file():
-        held, wanted = json.loads(path.read_text()), describe(recipe)
-        if {name: held.get(name) for name in wanted} != wanted:
+        try:
+            held = json.loads(path.read_bytes())
+        except ValueError as error:
+            raise ValueError(f"{path} is damaged: remove it, or choose another --out") from error
+        wanted = describe(recipe)
+        if not isinstance(held, dict) or {name: held.get(name) for name in wanted} != wanted:
             raise ValueError(f"{folder} holds a dataset of another recipe: choose another --out or remove it")
     ours = {_file_name(number) for number in range(episodes)}
     others = sorted(file.name for file in folder.glob("*.mcap") if file.name not in ours)

@@ -42,6 +42,8 @@ class LogFormat:
     """Measured bending angle."""
     angle_unit: str | None = None
     """deg or rad."""
+    reverse_angle: bool = False
+    """Whether the sensor counts a bend towards wire a as negative."""
     time_column: str | None = None
     """None: time_s or phase_rad, whichever there is."""
     time_unit: str | None = None
@@ -130,6 +132,7 @@ def read_measured_log(
             "pulley_radius": form.pulley_radius if command_unit in ANGLE_UNITS else None,
             "angle_column": form.angle_column,
             "angle_unit": angle_unit,
+            "reverse_angle": form.reverse_angle,
             "time_column": time_column,
             "time_unit": time_unit,
             "seconds_per_cycle": form.seconds_per_cycle if time_unit == "rad" else None,
@@ -173,7 +176,7 @@ def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     name = form.angle_column
     values = table.column(name)
     unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
-    bend = values * ANGLE_UNITS[unit]
+    bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
     limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
     _refuse_implausible(table, name, np.degrees(bend), "deg", limits, "check --angle-unit")
     return bend, unit

@@ -36,8 +36,9 @@ class Preset:
     """Mass of the bending section [kg]."""
     section_stiffness: float = _within(0.05, 1e-6, 1e3)
     """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
-    section_stiffening: float = _within(0.0, 0.0, 1e3)
-    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2) [1 / rad^2]."""
+    section_stiffening: float = _within(0.0, 0.0, 20.0)
+    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2),
+    the bend counted from `initial_bend` [1 / rad^2]."""
     section_damping: float = _within(3e-5, 0.0, 10.0)
     """Viscous moment per bending rate of the whole section [N m s / rad]."""
     initial_bend: float = _within(0.0, -math.pi, math.pi)
@@ -52,7 +53,7 @@ class Preset:
     """Coefficient of friction between the wires and the vertebrae that guide them."""
 
     # The wires.
-    wire_stiffness: float = _within(8e3, 10.0, 1e7)
+    wire_stiffness: float = _within(8e3, 10.0, 1e6)
     """Axial stiffness of one whole wire without tension, pulley to tip: E A / length [N / m]."""
     wire_stiffening: float = _within(0.0, 0.0, 10.0)
     """Growth of the stiffness with tension, relative, at no tension [1 / N]: strands and liner settle."""

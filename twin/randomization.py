@@ -1,6 +1,7 @@
 """Domain randomisation: presets drawn from the ranges that a preset's file states under `ranges`."""
 
 import dataclasses
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,10 @@ class Ranges:
     def draw(self, preset: Preset, rng: np.random.Generator) -> Preset:
         """Return a preset with all parameters that have a range drawn anew, independently of each other."""
         return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
+
+    def without(self, names: Collection[str]) -> "Ranges":
+        """Return the ranges of all other parameters."""
+        return Ranges(tuple(limits for limits in self.limits if limits[0] not in names))
 
     def to_dict(self) -> dict[str, list[float]]:
         """Return the ranges as a preset's file holds them."""

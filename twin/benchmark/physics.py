@@ -103,12 +103,9 @@ def no_friction(preset: Preset, amplitude: float) -> Result:
 
 def vertebrae(preset: Preset, amplitude: float) -> Result:
     """8, 16, 32 and 64 vertebrae at equal total stiffness: the largest difference between loops."""
-    bends = [
-        _whole(simulate_batch([preset.replace(vertebrae=n)], [sinusoid(amplitude, PERIOD, 2)], SAMPLE_TIME))[
-            0
-        ].bend
-        for n in (8, 16, 32, 64)
-    ]
+    command = [sinusoid(amplitude, PERIOD, 2)]
+    presets = [preset.replace(vertebrae=n) for n in (8, 16, 32, 64)]
+    bends = [_whole(simulate_batch([p], command, SAMPLE_TIME))[0].bend for p in presets]
     return _below("loops of 8, 16, 32, 64 vertebrae", 100 * np.ptp(bends, axis=0).max() / np.ptp(bends), 2.0)
 
 

@@ -3,7 +3,7 @@
 from twin.calibration.measured import MeasuredLoop, measured_loop
 from twin.calibration.parameters import FreeParameters, free_parameters
 from twin.calibration.search import Fit, calibrate
-from twin.calibration.uncertainty import Uncertainty, uncertainty
+from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 
 __all__ = [
     "Fit",
@@ -12,6 +12,7 @@ __all__ = [
     "Uncertainty",
     "calibrate",
     "free_parameters",
+    "likely_ranges",
     "measured_loop",
     "uncertainty",
 ]

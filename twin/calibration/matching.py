@@ -100,8 +100,8 @@ def match(
         count = len(commands)
         groups = [records[start : start + count] for start in range(0, len(records), count)]
         return [
-            best_coleman_hodgdon([r for r in group if r is not None])
-            if None not in group
+            best_coleman_hodgdon(whole)
+            if len(whole := [record for record in group if record is not None]) == count
             else (np.full(3, 1e-6), 1e3)
             for group in groups
         ]

@@ -11,7 +11,8 @@ from twin.episode import Episode
 Array = NDArray[np.float64]
 
 LEAST_MOTION = 1e-6  # [m]
-SECONDS_PER_CYCLE = 8.0
+LEAST_TENSION = 1e-3  # [N]
+SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Pace of a log that tells the phase of a cycle and not its time: quasi-static, and quick to simulate."""
 
 
@@ -33,6 +34,10 @@ class MeasuredLoop:
     fitted: NDArray[np.bool_]
     """(N,) which samples are fitted; the others are only predicted."""
 
+    def only_predicted(self) -> "MeasuredLoop":
+        """Return the log with no sample to fit."""
+        return dataclasses.replace(self, fitted=np.zeros_like(self.fitted))
+
     @property
     def tension_range(self) -> float:
         """Range of the measured tensions [N]."""
@@ -49,8 +54,7 @@ def measured_loop(
         name: what messages call it.
         sample_time: of the grid [s].
         pace: how many times faster than recorded it is played. Without it, the recorded pace; a log of
-        phases,
-            which has none, is played at `SECONDS_PER_CYCLE`.
+            phases, which has none, is played at `SIMULATED_SECONDS_PER_CYCLE`.
         fraction: share of the log, from its start, that is fitted.
 
     Raises:
@@ -58,27 +62,37 @@ def measured_loop(
     """
     if pace is None:
         recorded = episode.metadata.get("seconds_per_cycle")
-        pace = float(recorded) / SECONDS_PER_CYCLE if recorded else 1.0
+        pace = float(recorded) / SIMULATED_SECONDS_PER_CYCLE if recorded else 1.0
     if not 0 < pace < math.inf:
         raise ValueError(f"pace = {pace}: must be positive")
     if not 0 < fraction <= 1:
         raise ValueError(f"fraction = {fraction}: must be above 0 and at most 1")
+    if not 0 < sample_time < math.inf:
+        raise ValueError(f"sample time {sample_time:g} s: must be positive")
+    _check_fits(episode, name)
     time = (episode.time - episode.time[0]) / pace
-    grid = np.arange(0.0, time[-1] + 1e-9, sample_time)
-    if len(grid) < 10:
-        lasts = f"{name} lasts {time[-1]:.3g} s at its pace"
-        raise ValueError(f"{lasts}: too short for samples of {sample_time:g} s")
-
-    def on_grid(values: Array) -> Array:
-        return np.interp(grid, time, values)
-
-    pull = on_grid(episode.pull)
-    fitted = np.arange(len(grid)) < round(fraction * len(grid))
+    even = dataclasses.replace(episode, time=time)
+    count = int(time[-1] / sample_time) + 1
+    fitted = np.arange(count) < round(fraction * count)
+    if fitted.sum() < 10:
+        raise ValueError(f"{name}: {fitted.sum()} samples of {sample_time:g} s to fit: needs at least 10")
+    even = even.on_grid(sample_time)
+    pull, bend, tension = even.pull, even.measured_bend, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     _check_motion(pull[fitted], name)
-    columns = [on_grid(column) for column in episode.tension.T] if episode.wire_tension.shape[2] else []
-    tension = np.stack(columns[:2], axis=1) if columns else np.empty((len(grid), 0))
+    if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
+        raise ValueError(f"{name}: the angle falls where the command rises: import it with --reverse-angle")
+    if tension.size and np.ptp(tension) < LEAST_TENSION:
+        raise ValueError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
-    return MeasuredLoop(name, sample_time, pull, on_grid(episode.measured_bend), tension, sheath_bend, fitted)
+    return MeasuredLoop(name, sample_time, pull, bend, tension, sheath_bend, fitted)
+
+
+def _check_fits(episode: Episode, name: str) -> None:
+    """Refuse what the comparison with one plane in a sheath at rest cannot follow."""
+    if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
+        raise ValueError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
+    if episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION:
+        raise ValueError(f"{name}: wires c and d are pulled too: calibrate on logs of one bending plane")
 
 
 def _check_motion(pull: Array, name: str) -> None:

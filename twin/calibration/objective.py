@@ -44,7 +44,7 @@ def residuals(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> Array
     Each log weighs the same: its squared differences are divided by its number of samples.
 
     Returns:
-        (candidates, R) such that half the mean ... the sum of squares of a row is the cost of that candidate.
+        (candidates, R); the sum of squares of a row is the cost of that candidate.
     """
     return np.array(
         [

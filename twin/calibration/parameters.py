@@ -100,7 +100,7 @@ def free_parameters(
             names = [name for name in names if name != stays]
     for name in names:
         low, _ = parameter_limits(name)
-        if isinstance(getattr(base, name), int) or name in _NOT_PHYSICAL:
+        if name in _NOT_PHYSICAL:
             raise ValueError(f"parameter {name!r} cannot be fitted; usual ones: {', '.join(DEFAULT)}")
         if name not in SIGNED and low < 0:
             raise ValueError(f"parameter {name!r} may be negative and has no scale to be searched on")
@@ -123,14 +123,15 @@ def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
     guess["wire_offset"] = _inside("wire_offset", 1 / np.percentile(slope, 80))
     with_tension = [loop for loop in loops if loop.tension.size]
     if with_tension:
-        guess["pretension"] = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
+        at_start = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
+        guess["pretension"] = _inside("pretension", max(at_start, 0.1))
         loop = with_tension[0]
         steps = np.abs(np.diff(loop.tension[:, 0]))[np.abs(np.diff(loop.pull)) > 0]
         slopes = steps / np.abs(np.diff(loop.pull))[np.abs(np.diff(loop.pull)) > 0]
         guess["wire_stiffness"] = _inside("wire_stiffness", np.percentile(slopes, 80))
         moment = np.ptp(loop.tension[:, 0] - loop.tension[:, 1]) * guess["wire_offset"]
         guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.bend))
-        guess["joint_friction"] = 0.05 * moment
+        guess["joint_friction"] = _inside("joint_friction", max(0.05 * moment, 1e-6))
         guess["sheath_friction_floor"] = 0.1 * guess["pretension"]
     return guess
 
@@ -167,4 +168,10 @@ _FROM_NOTHING = {
     "routing_friction": 0.05,
     "backlash": 1e-4,
 }
-_NOT_PHYSICAL = ("time_step", "control_period", "pulley_radius", "sheath_bend")
+_NOT_PHYSICAL = (
+    *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
+    "time_step",
+    "control_period",
+    "pulley_radius",
+    "sheath_bend",
+)

@@ -60,24 +60,36 @@ def fit_report(
 def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
     held_out = ~loop.fitted
     off = np.degrees(episode.bend - loop.bend)
-    # The Coleman-Hodgdon model is odd about zero: it gets the log centred, or it could not follow.
-    pull_mm = _centred(loop.pull * 1e3, loop.fitted)
-    bend_deg = _centred(np.degrees(loop.bend), loop.fitted)
-    model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
-    own = model.response(pull_mm, bend_deg[0]) - bend_deg
+    own = _coleman_hodgdon_error(loop, seed)
     values: dict[str, Any] = {
         "name": loop.name,
         "sheath_bend_deg": None if loop.sheath_bend is None else float(np.degrees(loop.sheath_bend)),
         "rmse_deg": _rmse(off[loop.fitted]),
-        "held_out_rmse_deg": _rmse(off[held_out]) if held_out.any() else None,
-        "coleman_hodgdon_rmse_deg": _rmse(own[loop.fitted]),
-        "coleman_hodgdon_held_out_rmse_deg": _rmse(own[held_out]) if held_out.any() else None,
+        "held_out_rmse_deg": _rmse(off[held_out]),
+        "coleman_hodgdon_rmse_deg": None if own is None else _rmse(own[loop.fitted]),
+        "coleman_hodgdon_held_out_rmse_deg": None if own is None else _rmse(own[held_out]),
     }
+    scored = loop.fitted if loop.fitted.any() else held_out
     for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
-        off = (episode.tension[:, index] - loop.tension[:, index])[loop.fitted]
-        values[f"tension_{wire}_rmse_n"] = _rmse(off)
-        values[f"tension_{wire}_rmse_percent_of_range"] = 100 * _rmse(off) / np.ptp(loop.tension[:, index])
+        rmse = _rmse((episode.tension[:, index] - loop.tension[:, index])[scored])
+        values[f"tension_{wire}_rmse_n"] = rmse
+        values[f"tension_{wire}_rmse_percent_of_range"] = (
+            None if rmse is None else 100 * rmse / float(np.ptp(loop.tension[:, index]))
+        )
     return values
+
+
+def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
+    """(N,) error [deg] of a Coleman-Hodgdon model fitted to the log alone; None where nothing is fitted.
+
+    The model is odd about zero: it gets the log centred, or it could not follow.
+    """
+    if not loop.fitted.any():
+        return None
+    pull_mm = _centred(loop.pull * 1e3, loop.fitted)
+    bend_deg = _centred(np.degrees(loop.bend), loop.fitted)
+    model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
+    return model.response(pull_mm, bend_deg[0]) - bend_deg
 
 
 def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Figure:
@@ -114,8 +126,9 @@ def _centred(values: Array, among: NDArray[np.bool_]) -> Array:
     return values - (values[among].max() + values[among].min()) / 2
 
 
-def _rmse(off: Array) -> float:
-    return float(np.sqrt(np.mean(off**2)))
+def _rmse(off: Array) -> float | None:
+    """Root mean square of errors; None of none."""
+    return float(np.sqrt(np.mean(off**2))) if off.size else None
 
 
 def _finite(value: float) -> float | None:

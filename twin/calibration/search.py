@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from twin import __version__
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import residuals
 from twin.calibration.parameters import FreeParameters
-from twin.preset import Preset
+from twin.preset import Preset, parameter_limits
 from twin.recording.atomic import write_whole
 
 Array = NDArray[np.float64]
@@ -70,7 +71,8 @@ def calibrate(
         raise ValueError("no log to calibrate on")
     if evaluations < 20:
         raise ValueError(f"evaluations = {evaluations}: must be at least 20")
-    strategy = _resume(state_file, free, loops, seed) or cma.CMAEvolutionStrategy(
+    key = _key(free, loops, seed, evaluations)
+    strategy = _resume(state_file, key) or cma.CMAEvolutionStrategy(
         free.start,
         STEP,
         {"seed": seed + 1, "bounds": [free.lower, free.upper], "verbose": -9, "maxfevals": evaluations},
@@ -80,16 +82,23 @@ def calibrate(
         off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
         strategy.tell(candidates, (off**2).sum(axis=1).tolist())
         if state_file is not None:
-            write_whole(state_file, pickle.dumps((_key(free, loops, seed), strategy)))
+            write_whole(state_file, pickle.dumps((key, strategy)))
         if on_progress:
-            on_progress(min(strategy.countevals, evaluations), evaluations, float(strategy.best.f))
-    return _polish(free, loops, np.asarray(strategy.best.x), int(strategy.countevals))
+            done = min(int(strategy.countevals), evaluations - 1)  # the last one is the polish
+            on_progress(done, evaluations, float(strategy.best.f))
+    fit = _polish(free, loops, np.asarray(strategy.best.x), int(strategy.countevals))
+    if on_progress:
+        on_progress(evaluations, evaluations, fit.cost)
+    return fit
 
 
 def _coarse(preset: Preset) -> Preset:
     """Double the time step, where the control period allows it."""
-    steps = round(preset.control_period / preset.time_step)
-    return preset.replace(time_step=2 * preset.time_step) if steps % 2 == 0 else preset
+    doubled = 2 * preset.time_step
+    fits = round(preset.control_period / preset.time_step) % 2 == 0
+    return (
+        preset.replace(time_step=doubled) if fits and doubled <= parameter_limits("time_step")[1] else preset
+    )
 
 
 def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, used: int) -> Fit:
@@ -119,19 +128,34 @@ def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, u
     )
 
 
-def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int) -> Any:
+def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluations: int) -> tuple[Any, ...]:
     """What an interrupted calibration must have in common with the one that goes on."""
-    logs = [(loop.name, loop.pull.tobytes(), loop.bend.tobytes(), loop.sheath_bend) for loop in loops]
-    return free, seed, logs
+    logs = [
+        (
+            loop.name,
+            loop.sample_time,
+            loop.sheath_bend,
+            *(values.tobytes() for values in (loop.pull, loop.bend, loop.tension, loop.fitted)),
+        )
+        for loop in loops
+    ]
+    return __version__, free, seed, evaluations, logs
 
 
-def _resume(
-    state_file: Path | None, free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int
-) -> Any | None:
+def _resume(state_file: Path | None, key: tuple[Any, ...]) -> Any | None:
+    """Return the strategy that an interrupted calibration left, if it was of this very one."""
     if state_file is None or not state_file.is_file():
         return None
     try:
-        key, strategy = pickle.loads(state_file.read_bytes())
-    except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
+        saved, strategy = pickle.loads(state_file.read_bytes())
+    except (
+        pickle.UnpicklingError,
+        EOFError,
+        AttributeError,
+        ImportError,
+        ValueError,
+        LookupError,
+        TypeError,
+    ):
         return None
-    return strategy if key == _key(free, loops, seed) else None
+    return strategy if saved == key else None

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from twin.calibration.parameters import SIGNED, FreeParameters
 from twin.calibration.search import Fit
+from twin.preset import parameter_limits
+from twin.randomization import Ranges
 
 Array = NDArray[np.float64]
 
@@ -34,9 +36,9 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
     """Return the standard deviations by linearised least squares.
 
     The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989). Residuals of neighbouring samples are alike, so
-    that there is
-    less information than samples: s^2 is inflated by (1 + r) / (1 - r), with r their correlation from one
-    sample to the next (the effective number of samples of an AR(1) process, Bayley and Hammersley 1946).
+    that there is less information than samples: s^2 is inflated by (1 + r) / (1 - r), with r their
+    correlation from one sample to the next (the effective number of samples of an AR(1) process, Bayley and
+    Hammersley 1946).
     """
     residual, jacobian = fit.residual, fit.jacobian
     freedom = max(len(residual) - jacobian.shape[1], 1)
@@ -53,6 +55,28 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
         correlation,
         tuple(_warnings(fit, free, deviation, correlation)),
     )
+
+
+def likely_ranges(fit: Fit, free: FreeParameters, known: Uncertainty) -> Ranges:
+    """Return ranges for domain randomisation: three standard deviations about each fitted parameter.
+
+    A parameter that the logs do not tell is drawn within a factor of 3, or one step of the search where it
+    may be negative; all stay within their physical limits.
+    """
+    ranges = []
+    for name in free.names:
+        value, deviation = getattr(fit.preset, name), known.deviation[name]
+        least, most = parameter_limits(name)
+        if name in SIGNED:
+            reach = min(3 * deviation, SIGNED[name])
+            low, high = value - reach, value + reach
+        else:
+            factor = np.exp(min(3 * deviation / value, np.log(3.0)))
+            low, high = value / factor, value * factor
+        low, high = (float(f"{np.clip(end, least, most):.4g}") for end in (low, high))
+        if low < high:
+            ranges.append((name, low, high))
+    return Ranges(tuple(ranges))
 
 
 def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Array) -> list[str]:

@@ -51,8 +51,8 @@ def simulate_batch(
         ValueError: the endoscopes differ in layout, or a command cannot be.
     """
     count = len(presets)
-    bends = sheath_bends or [None] * count
-    laterals = lateral_pulls or [None] * count
+    bends = [None] * count if sheath_bends is None else sheath_bends
+    laterals = [None] * count if lateral_pulls is None else lateral_pulls
     commands = [
         Command.of(*of_one)
         for of_one in zip(presets, pulls, [sample_time] * count, laterals, bends, strict=True)
@@ -101,8 +101,10 @@ class EndoscopeBatch:
             if len({getattr(preset, name) for preset in presets}) > 1:
                 raise ValueError(f"the endoscopes of a batch must agree in {name}")
         self.presets = list(presets)
-        self.xml = [model_xml(preset) for preset in presets]
-        models = [mujoco.MjModel.from_xml_string(xml) for xml in self.xml]
+        built = {preset: model_xml(preset) for preset in set(presets)}
+        compiled = {preset: mujoco.MjModel.from_xml_string(xml) for preset, xml in built.items()}
+        self.xml = [built[preset] for preset in presets]
+        models = [compiled[preset] for preset in presets]
         self.layout = Layout.of(models[0], presets[0])
         self._loads = Loads(presets, self.layout)
         self._batch = Batch(models[0], len(presets), threads)
@@ -116,10 +118,12 @@ class EndoscopeBatch:
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
         self._ctrl = self._batch.bind("ctrl")
         self._drives = [[Drive(preset) for _ in range(preset.bending_planes)] for preset in presets]
+        self._rigid = not any(p.backlash or p.encoder_counts or _has_servo(p) for p in presets)
         self._travel = np.zeros(len(presets))
         self._steps = round(presets[0].control_period / presets[0].time_step)
         self.failed = np.zeros(len(presets), dtype=bool)
         """(B,) whether a simulation has diverged; it then stands still."""
+        self._warning = self._batch.warning.reshape(len(presets), -1)
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
 
     def wire_tension(self) -> Array:
@@ -138,15 +142,19 @@ class EndoscopeBatch:
             active: (B,) which endoscopes move.
         """
         moving = np.flatnonzero(active & ~self.failed)
+        everyone = len(moving) == len(self.presets)
         self._follow_load(inputs[:, 2])
         for plane in range(len(self.layout.pulley)):
-            for index in moving.tolist():
-                target = self._drives[index][plane].advance(float(inputs[index, plane]))
-                step = target - self._act[index, plane]
-                self._ctrl[index, 2 * plane : 2 * plane + 2] = step / self.presets[0].control_period
-                self._travel[index] += abs(step)
-        self._batch.step(ids=moving, nstep=self._steps)
-        self.failed |= self._batch.warning.reshape(len(self.presets), -1).any(axis=1)
+            target = inputs[:, plane]
+            if not self._rigid:
+                target = self._act[:, plane].copy()
+                for index in moving.tolist():
+                    target[index] = self._drives[index][plane].advance(float(inputs[index, plane]))
+            step = np.where(active & ~self.failed, target - self._act[:, plane], 0.0)
+            self._ctrl[:, 2 * plane : 2 * plane + 2] = step[:, None] / self.presets[0].control_period
+            self._travel += np.abs(step)
+        self._batch.step(ids=None if everyone else moving, nstep=self._steps)
+        self.failed |= self._warning.any(axis=1)
 
     def _follow_load(self, sheath_bend: Array) -> None:
         stretch = self._loads.stretch(self.qpos)
@@ -159,13 +167,18 @@ class EndoscopeBatch:
 
 
 def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
+    others = list({id(model): model for model in models[1:] if model is not models[0]}.values())
     return [
         name
         for name in sorted(MODEL_FIELDS)
         if name not in _REWRITTEN
-        and any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in models[1:])
+        and any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in others)
     ]
 
 
 def _field(model: mujoco.MjModel, name: str) -> Array:
     return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+
+
+def _has_servo(preset: Preset) -> bool:
+    return bool(preset.servo_gain or preset.servo_speed or preset.servo_acceleration)

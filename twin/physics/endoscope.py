@@ -61,13 +61,22 @@ class Endoscope(dm_mujoco.Physics):
         self._steps = round(preset.control_period / preset.time_step)
         self._drifts = bool(preset.friction_warm_up or preset.friction_wear)
         self._sheath_bend = np.array([preset.sheath_bend])
-        self._no_pull = (0.0,) * (preset.bending_planes - 1)
         model, data = self.model.ptr, self.data.ptr
         self._qpos, self._qvel = data.qpos[None], data.qvel[None]
         self._friction, self._damping = model.dof_frictionloss, model.tendon_damping
         self._joint_friction, self._warnings = model.tendon_frictionloss, data.warning.number
         self._joint_friction[self.layout.joints] = joint_friction(preset)
         self._follow_load(self._sheath_bend)
+
+    def reset(self, keyframe_id: int | None = None) -> None:
+        """Go back to rest and straight, with a new sheath; drive and wear included."""
+        super().reset(keyframe_id)
+        if hasattr(self, "_drives"):  # dm_control resets while it builds, before there is anything to read
+            for drive in self._drives:
+                drive.reset()
+            self._travel = 0.0
+            self._sheath_bend = np.array([self.preset.sheath_bend])
+            self._follow_load(self._sheath_bend)
 
     def bend(self) -> float:
         """Bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
@@ -138,9 +147,13 @@ class Endoscope(dm_mujoco.Physics):
             step = drive.advance(command) - data.act[plane]
             data.ctrl[2 * plane : 2 * plane + 2] = step / preset.control_period
             self._travel += abs(step)
+        start = data.time  # MuJoCo sets a diverged simulation back to 0
         mujoco.mj_step(self.model.ptr, data, self._steps)
         if self._warnings.any():
-            raise FloatingPointError(diverged(preset, self.time()))
+            raise FloatingPointError(
+                f"the simulation of {preset.name!r} diverged after {start:.3f} s: "
+                f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
+            )
 
     def _follow_load(self, sheath_bend: Array) -> None:
         """Set friction and damping for the tension that the wires have now."""
@@ -177,17 +190,10 @@ class Endoscope(dm_mujoco.Physics):
                 f"a state of {state.physics.size} numbers does not fit this endoscope, which has {size}"
             )
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
+        self._warnings[:] = 0  # that it diverged is no part of a state
         model.dof_frictionloss[self.layout.element] = state.sheath_friction
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
         self._travel = state.travel
         self._sheath_bend = np.array([state.sheath_bend])
         mujoco.mj_fwdPosition(model, data)
-
-
-def diverged(preset: Preset, time: float) -> str:
-    """Say that a simulation diverged, when, and what helps."""
-    return (
-        f"the simulation of {preset.name!r} diverged at {time:.3f} s: "
-        f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
-    )

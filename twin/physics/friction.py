@@ -46,9 +46,8 @@ def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: A
     """Return the largest friction torque of each hinge: its own, and that of the wires on the vertebrae.
 
     Where hinge i is bent by d_i, a wire of tension T presses on its guide with T |d_i|. Bending the hinges
-    beyond
-    i further pulls the wire through that guide, by the moment arm r times their angles. The work against
-    friction, mu T |d_i| r per angle, is a torque on each of those hinges:
+    beyond i further pulls the wire through that guide, by the moment arm r times their angles. The work
+    against friction, mu T |d_i| r per angle, is a torque on each of those hinges:
 
         tau_j = tau_joint_j + mu r T (|d_1| + ... + |d_j-1| + |d_j| / 2)
 

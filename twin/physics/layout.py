@@ -53,13 +53,3 @@ class Layout:
     def wires(self) -> int:
         """How many wires there are."""
         return len(self.element)
-
-    @property
-    def plane_of_wire(self) -> Index:
-        """(wires,) bending plane of each wire."""
-        return np.arange(self.wires) // 2
-
-    @property
-    def pulley_of_wire(self) -> Index:
-        """(wires,) joint of the pulley that each wire is wound on."""
-        return self.pulley[self.plane_of_wire]

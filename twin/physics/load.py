@@ -28,27 +28,26 @@ class Loads:
         """Gather the parameters of every endoscope; the leading axis of all arrays here is the endoscope."""
         self.layout = layout
         self.elements = presets[0].sheath_elements
-        column = lambda values: np.array(values, dtype=float)[:, None, None]  # noqa: E731
-        self._stiffness = column([segment_stiffness(p) for p in presets])
-        self._quadratic = column([quadratic_stiffness(p) for p in presets])
+        self._stiffness = _column([segment_stiffness(p) for p in presets])
+        self._quadratic = _column([quadratic_stiffness(p) for p in presets])
         self._stiffens = bool(self._quadratic.any())
         wound = np.array([wound_tension(p) for p in presets])[:, None, :]
         self._rest_stretch = stretch_at(wound, self._stiffness, self._quadratic)
         self._lengthening = np.array([_lengthening(p, layout) for p in presets])
         self._shape = (len(presets), layout.wires, self.elements + 1)
-        self._friction = column([p.sheath_friction for p in presets])
+        self._friction = _column([p.sheath_friction for p in presets])
         self._wrapped, self._share = np.empty(0), np.empty(0)
         self._bend_offset = np.array([p.sheath_bend_offset for p in presets])
-        self._floor = column([max(p.sheath_friction_floor / self.elements, LEAST_FRICTION) for p in presets])
+        self._floor = _column([max(p.sheath_friction_floor / self.elements, LEAST_FRICTION) for p in presets])
         self._warm_up = np.array([p.friction_warm_up for p in presets])
         self._warm_up_time = np.array([p.warm_up_time for p in presets])
         self._wear = np.array([p.friction_wear for p in presets])
         self._joint = np.array([joint_friction(p) for p in presets])[:, None, :]
-        self._routing = column([p.routing_friction * p.wire_offset for p in presets])[:, :, 0]
+        self._routing = _column([p.routing_friction * p.wire_offset for p in presets])[:, :, 0]
         self.routed = bool(self._routing.any())
         groups = hinge_groups(presets[0].vertebrae)
         self._first, self._sizes = [group[0] for group in groups], np.array([len(group) for group in groups])
-        self._wire_damping = column([p.wire_damping * (p.sheath_elements + 1) for p in presets])
+        self._wire_damping = _column([p.wire_damping * (p.sheath_elements + 1) for p in presets])
         self._time_step = presets[0].time_step
         self._ahead = 2 * presets[0].control_period
 
@@ -123,6 +122,11 @@ class Loads:
             stiffness = np.sqrt(stiffness**2 + 4 * self._quadratic * tension)
         soon = stretch + self._ahead * np.matmul(self._lengthening, qvel[:, :, None]).reshape(self._shape)
         return (np.maximum(stretch, soon) > -NEARLY_TAUT) * (self._wire_damping + self._time_step * stiffness)
+
+
+def _column(values: Sequence[float]) -> Array:
+    """(B, 1, 1): one number for each endoscope."""
+    return np.array(values, dtype=float)[:, None, None]
 
 
 def _lengthening(preset: Preset, layout: Layout) -> Array:

@@ -3,9 +3,8 @@
 A joint `hinge_i` bends each vertebra. The pulley and the friction elements of the sheath (`sheath_a0`,
 `sheath_a1`, ..., pulley to tip) slide. Between two of them a wire is a spring, a fixed tendon `wire_a0`,
 `wire_a1`, ...; the last length of a wire runs along the vertebrae at a constant distance from their axis, so
-that
-a hinge pays out or takes up wire by that moment arm times its angle. With two bending planes every vertebra
-has a second, crossed hinge, and there is a second pulley for the wires c and d.
+that a hinge pays out or takes up wire by that moment arm times its angle. With two bending planes every
+vertebra has a second, crossed hinge, and there is a second pulley for the wires c and d.
 """
 
 import mujoco
@@ -18,9 +17,8 @@ from twin.preset import Preset
 
 _PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
-_LIGHTNESS = (
-    0.4  # inertia over stiffness times the time step squared: light, and still a smooth stick and slip
-)
+# Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
+_LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
 _PULLEY_STIFFNESS = 4e6  # [N/m], far above that of a wire
 
@@ -47,8 +45,8 @@ def element_mass(preset: Preset) -> float:
 
     A wire's own mass would need steps of microseconds. The motion is quasi-static and the springs are taken
     implicitly, so an inertia well below stiffness times the time step squared changes nothing that is
-    measured; a
-    much lighter element would be thrown about by the friction constraint, which MuJoCo solves explicitly.
+    measured; a much lighter element would be thrown about by the friction constraint, which MuJoCo solves
+    explicitly.
     """
     return _LIGHTNESS * segment_stiffness(preset) * preset.time_step**2
 
@@ -63,10 +61,9 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     """Drive a pulley where it is told to be; servo and backlash come before it (`twin/drive.py`).
 
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
-    yields by
-    the difference of the tensions over its stiffness. The other one feeds the velocity forward, so that no
-    error in position is needed to move. Time step times stiffness, added to the damping, makes the spring
-    implicit (see `Loads.damping`).
+    yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
+    that no error in position is needed to move. Time step times stiffness, added to the damping, makes the
+    spring implicit (see `Loads.damping`).
     """
     damping = 2 * (_PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * _PULLEY_STIFFNESS
     spec.add_actuator(
@@ -195,12 +192,11 @@ def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None
     """Dry friction of the hinges, as one constraint for each group of neighbours.
 
     A fixed tendon over the hinges of a group opposes their common motion by the same torque in each of them.
-    They act in
-    series and carry nearly the same moment, so that they move together; a constraint for every hinge would
-    say no more and make the cost grow with the square of their number.
+    They act in series and carry nearly the same moment, so that they move together; a constraint for every
+    hinge would say no more and make the cost grow with the square of their number.
     """
     for group, friction in enumerate(joint_friction(preset)):
-        tendon = spec.add_tendon(name=f"{plane}joints_{group}", frictionloss=max(friction, LEAST_FRICTION**2))
+        tendon = spec.add_tendon(name=f"{plane}joints_{group}", frictionloss=friction)
         _make_friction_dry(tendon, preset)
         for index in hinge_groups(preset.vertebrae)[group]:
             tendon.wrap_joint(f"{plane}hinge_{index}", 1.0)

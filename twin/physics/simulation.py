@@ -139,38 +139,38 @@ class Record:
         """Make room for every sample."""
         count = len(command.pull)
         self._command, self._layout = command, layout
-        self._pulley = np.empty(count)
-        self._joint_angle = np.empty((count, *layout.hinge.shape))
+        self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))
         self._wire_tension = np.empty((count, *layout.wire.shape))
         self._sheath_friction = np.empty((count, *layout.element.shape))
 
     def add(self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array) -> None:
         """Note positions, tensions (wires, elements + 1) and frictions (wires, elements) at one sample."""
-        self._pulley[sample] = qpos[self._layout.pulley[0]]
-        self._joint_angle[sample] = qpos[self._layout.hinge]
+        self._qpos[sample] = qpos
         self._wire_tension[sample] = wire_tension
         self._sheath_friction[sample] = sheath_friction
 
     def episode(self, xml: str) -> Episode:
         """Return the whole record, with the model that made it."""
         command, preset = self._command, self._command.preset
-        bend = self._joint_angle.sum(axis=2)
+        # Contiguous, so that sums round as `Endoscope.bend` does.
+        joint_angle = np.ascontiguousarray(self._qpos[:, self._layout.hinge])
+        bend = joint_angle.sum(axis=2)
         lateral = {}
         if preset.bending_planes == 2:
             lateral = {
                 "lateral_pull": command.lateral_pull,
                 "lateral_bend": bend[:, 1],
-                "lateral_joint_angle": self._joint_angle[:, 1],
+                "lateral_joint_angle": joint_angle[:, 1],
             }
         return Episode(
             time=np.arange(len(bend), dtype=float) * command.sample_time,
             pull=command.pull,
             bend=bend[:, 0],
             measured_bend=bend[:, 0].copy(),
-            joint_angle=self._joint_angle[:, 0],
+            joint_angle=joint_angle[:, 0],
             wire_tension=self._wire_tension,
             sheath_friction=self._sheath_friction,
-            pulley=self._pulley,
+            pulley=self._qpos[:, self._layout.pulley[0]],
             sheath_bend=command.sheath_bend,
             **lateral,
             metadata={

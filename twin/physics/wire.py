@@ -2,10 +2,9 @@
 
     T = k x + k2 x^2  for a stretch x > 0, else 0,   with k2 = s k^2 / 2
 
-The stiffness dT/dx grows from k by the fraction s per newton: the strands of a wire rope and its liner
-settle under
-load (Costello, Theory of Wire Rope, 1997), while a solid wire has s = 0. MuJoCo's polynomial tendon stiffness
-computes the same force.
+The stiffness dT/dx begins at k and grows there by the fraction s per newton: the strands of a wire rope and
+its liner settle under load (Costello, Theory of Wire Rope, 1997), while a solid wire has s = 0. MuJoCo's
+polynomial tendon stiffness computes the same force.
 """
 
 import numpy as np
@@ -45,8 +44,8 @@ def wound_tension(preset: Preset) -> Array:
     """Return the tension that winding up from slack leaves in each length of wire.
 
     The pulley pulls both wires alike until they carry `preset.pretension` there. All elements then slide
-    towards the
-    pulley, so that every one of them keeps its share of the tension from the tip (capstan equation).
+    towards the pulley, so that every one of them keeps its share of the tension from the tip (capstan
+    equation).
 
     Returns:
         (elements + 1,) tension, pulley to tip [N].
