@@ -42,8 +42,8 @@ class Calibrate:
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can tell."""
-    evaluations: int = 2000
-    """Simulations of all logs that the evolution strategy may use."""
+    evaluations: int = 3000
+    """Simulations of all logs that the evolution strategy may use, in two starts."""
     fraction: float = 1.0
     """Share of each log, from its start, that is fitted; the rest is predicted."""
     pace: float | None = None

@@ -150,7 +150,6 @@ def test_restored_endoscope_runs_on_after_a_divergence():
     endoscope = Endoscope.from_preset(Preset("brave", vertebrae=4, sheath_elements=2))
     before = endoscope.save_state()
     with pytest.raises(FloatingPointError, match="diverged"):
-        for _ in range(50):
-            endoscope.advance(1e6)
+        endoscope.advance(1e9)
     endoscope.restore_state(before)
     endoscope.advance(1e-5)

@@ -20,6 +20,7 @@ from twin.recording.atomic import write_whole
 
 Array = NDArray[np.float64]
 
+STARTS = 2  # of the evolution strategy: valleys are many, and the best one by the fitted samples is taken
 STEP = 0.4  # of the first generation, on the scale of the search: a factor of 1.5
 DIFFERENCE = 0.02  # of finite differences, on the same scale
 
@@ -43,15 +44,15 @@ def calibrate(
     loops: Sequence[MeasuredLoop],
     *,
     seed: int,
-    evaluations: int = 2000,
+    evaluations: int = 3000,
     state_file: Path | None = None,
     on_progress: Callable[[int, int, float], None] | None = None,
 ) -> Fit:
     """Fit a preset to logs.
 
-    CMA-ES (Hansen 2016, package `cma`) spends most of the evaluations, at twice the time step; then least
-    squares in a trust region (SciPy's `trf`) goes to the bottom of the valley, with finite differences of
-    all parameters in one batch.
+    CMA-ES (Hansen 2016, package `cma`) spends most of the evaluations, in two starts at twice the time step;
+    then least squares in a trust region (SciPy's `trf`) goes to the bottom of the better valley, with finite
+    differences of all parameters in one batch.
 
     Args:
         free: what is fitted, and from where.
@@ -72,21 +73,23 @@ def calibrate(
     if evaluations < 20:
         raise ValueError(f"evaluations = {evaluations}: must be at least 20")
     key = _key(free, loops, seed, evaluations)
-    strategy = _resume(state_file, key) or cma.CMAEvolutionStrategy(
-        free.start,
-        STEP,
-        {"seed": seed + 1, "bounds": [free.lower, free.upper], "verbose": -9, "maxfevals": evaluations},
-    )  # CMA takes a seed of 0 for the time of day
-    while not strategy.stop():
-        candidates = strategy.ask()
-        off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
-        strategy.tell(candidates, (off**2).sum(axis=1).tolist())
-        if state_file is not None:
-            write_whole(state_file, pickle.dumps((key, strategy)))
-        if on_progress:
-            done = min(int(strategy.countevals), evaluations - 1)  # the last one is the polish
-            on_progress(done, evaluations, float(strategy.best.f))
-    fit = _polish(free, loops, np.asarray(strategy.best.x), int(strategy.countevals))
+    finished, strategy = _resume(state_file, key)
+    while len(finished) < STARTS:
+        strategy = strategy or _new_strategy(free, seed + len(finished), evaluations // STARTS)
+        while not strategy.stop():
+            candidates = strategy.ask()
+            off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
+            strategy.tell(candidates, (off**2).sum(axis=1).tolist())
+            if state_file is not None:
+                write_whole(state_file, pickle.dumps((key, finished, strategy)))
+            if on_progress:
+                done = len(finished) * (evaluations // STARTS) + int(strategy.countevals)
+                best = min([float(strategy.best.f), *(cost for cost, _ in finished)])
+                on_progress(min(done, evaluations - 1), evaluations, best)  # the last one is the polish
+        finished = [*finished, (float(strategy.best.f), np.asarray(strategy.best.x))]
+        strategy = None
+    _, nearest = min(finished, key=lambda start: start[0])
+    fit = _polish(free, loops, nearest, evaluations)
     if on_progress:
         on_progress(evaluations, evaluations, fit.cost)
     return fit
@@ -142,12 +145,20 @@ def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluat
     return __version__, free, seed, evaluations, logs
 
 
-def _resume(state_file: Path | None, key: tuple[Any, ...]) -> Any | None:
-    """Return the strategy that an interrupted calibration left, if it was of this very one."""
+def _new_strategy(free: FreeParameters, seed: int, evaluations: int) -> Any:
+    return cma.CMAEvolutionStrategy(
+        free.start,
+        STEP,
+        {"seed": seed + 1, "bounds": [free.lower, free.upper], "verbose": -9, "maxfevals": evaluations},
+    )  # CMA takes a seed of 0 for the time of day
+
+
+def _resume(state_file: Path | None, key: tuple[Any, ...]) -> tuple[list[tuple[float, Array]], Any]:
+    """Return what this very calibration left when interrupted: finished starts, and the strategy."""
     if state_file is None or not state_file.is_file():
-        return None
+        return [], None
     try:
-        saved, strategy = pickle.loads(state_file.read_bytes())
+        saved, finished, strategy = pickle.loads(state_file.read_bytes())
     except (
         pickle.UnpicklingError,
         EOFError,
@@ -157,5 +168,5 @@ def _resume(state_file: Path | None, key: tuple[Any, ...]) -> Any | None:
         LookupError,
         TypeError,
     ):
-        return None
-    return strategy if saved == key else None
+        return [], None
+    return (finished, strategy) if saved == key else ([], None)
