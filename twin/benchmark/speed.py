@@ -4,11 +4,10 @@ import statistics
 import time
 from collections.abc import Callable
 
-import mujoco
-
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.physics import Endoscope, simulate, simulate_batch
+from twin.physics.plain_chain import run_plain_chain
 from twin.preset import Preset
 
 REPEATS = 5
@@ -21,7 +20,7 @@ def one_core(preset: Preset, amplitude: float) -> Result:
     degrees = Endoscope.from_preset(preset).model.ptr.nv
     ours, theirs = _in_turn(
         lambda: simulate(preset, command, SAMPLE_TIME),
-        lambda: _run_chain(degrees, preset.time_step, 2 * PERIOD),
+        lambda: run_plain_chain(degrees, preset.time_step, 2 * PERIOD),
     )
     simulated = 2 * PERIOD + 1  # and the second of rest before a record
     return Result(
@@ -83,25 +82,3 @@ def _in_turn(first: Callable[[], object], second: Callable[[], object]) -> tuple
             if repeat > 0:  # the first warms up
                 taken.append(time.perf_counter() - start)
     return statistics.median(times[0]), statistics.median(times[1])
-
-
-def _run_chain(degrees: int, time_step: float, seconds: float) -> None:
-    """Step a chain of hinges with springs and damping: no wires, no friction, no contact."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = time_step
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    body = spec.worldbody
-    for _ in range(degrees):
-        body = body.add_body(pos=[0.0025, 0, 0])
-        body.add_joint(
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[0, 1, 0],
-            stiffness=[0.4, 0, 0],
-            damping=[0.01, 0, 0],
-            armature=1e-6,
-        )
-        body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-5, [0, 0, 0], [1e-10] * 3, True
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.05
-    mujoco.mj_step(model, data, round(seconds / time_step))
