@@ -46,6 +46,11 @@ class Drive:
         self._half_play = preset.backlash / 2
         self.reset()
 
+    @property
+    def rigid(self) -> bool:
+        """Whether the pulley is always where the command is: no servo, no encoder, no backlash."""
+        return self._stiff and not self._count and not self._half_play
+
     def reset(self) -> None:
         """Put motor and pulley to rest at 0, in the middle of the play."""
         self._motor = self._stride = self._pulley = 0.0

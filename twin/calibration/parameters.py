@@ -126,8 +126,8 @@ def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
         at_start = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
         guess["pretension"] = _inside("pretension", max(at_start, 0.1))
         loop = with_tension[0]
-        steps = np.abs(np.diff(loop.tension[:, 0]))[np.abs(np.diff(loop.pull)) > 0]
-        slopes = steps / np.abs(np.diff(loop.pull))[np.abs(np.diff(loop.pull)) > 0]
+        steps, pulls = np.abs(np.diff(loop.tension[:, 0])), np.abs(np.diff(loop.pull))
+        slopes = steps[pulls > 0] / pulls[pulls > 0]
         guess["wire_stiffness"] = _inside("wire_stiffness", np.percentile(slopes, 80))
         moment = np.ptp(loop.tension[:, 0] - loop.tension[:, 1]) * guess["wire_offset"]
         guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.bend))

@@ -118,7 +118,7 @@ class EndoscopeBatch:
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
         self._ctrl = self._batch.bind("ctrl")
         self._drives = [[Drive(preset) for _ in range(preset.bending_planes)] for preset in presets]
-        self._rigid = not any(p.backlash or p.encoder_counts or _has_servo(p) for p in presets)
+        self._rigid = all(drive.rigid for drives in self._drives for drive in drives)
         self._travel = np.zeros(len(presets))
         self._steps = round(presets[0].control_period / presets[0].time_step)
         self.failed = np.zeros(len(presets), dtype=bool)
@@ -178,7 +178,3 @@ def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
 
 def _field(model: mujoco.MjModel, name: str) -> Array:
     return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
-
-
-def _has_servo(preset: Preset) -> bool:
-    return bool(preset.servo_gain or preset.servo_speed or preset.servo_acceleration)
