@@ -8,9 +8,9 @@ takes what the policy says and returns the estimate. No agent sees the true angl
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from twin.estimation.active_model import ActiveModel, Belief, active_model_step, initial_belief
+from twin.estimation.active_model import ActiveModel
 
 Array = NDArray[np.float64]
 ANGLE_LIMIT_DEG = 25.0  # largest change of the angle that direct RL can make in one sample
@@ -24,15 +24,19 @@ class Agent(Protocol):
     observation_size: int
     action_size: int
 
-    def reset(self, initial_bend_deg: ArrayLike) -> None:
-        """Start B estimators at their (B,) initial estimates [deg]."""
+    @property
+    def bend_deg(self) -> Array:
+        """(B,) estimates [deg]."""
+
+    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
+        """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
 
     def observe(
         self,
-        pull_mm: ArrayLike,
-        previous_pull_mm: ArrayLike,
-        measurement_deg: ArrayLike,
-        oracle_deg: ArrayLike | None = None,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        oracle_deg: Array | None = None,
     ) -> Array:
         """Take in one sample and return the (B, observation_size) observation.
 
@@ -59,34 +63,39 @@ class ReinforcementActiveModel:
 
     def __init__(self, active_model: ActiveModel):
         self.active_model = active_model
-        self.belief: Belief = initial_belief(active_model, 0.0)
         self.residual: Array = np.zeros(1)
-        self._noise_deg = active_model.measurement_variance**0.5
+        self._noise_deg = np.sqrt(active_model.measurement_variance)
 
-    def reset(self, initial_bend_deg: ArrayLike) -> None:
-        """Start B estimators at their (B,) initial estimates [deg]."""
-        self.belief = initial_belief(self.active_model, initial_bend_deg)
+    @property
+    def bend_deg(self) -> Array:
+        """(B,) estimates [deg]."""
+        return self.belief.mean[0].copy()
+
+    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
+        """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
+        self.belief = self.active_model.start(pull_mm, initial_bend_deg)
 
     def observe(
         self,
-        pull_mm: ArrayLike,
-        previous_pull_mm: ArrayLike,
-        measurement_deg: ArrayLike,
-        oracle_deg: ArrayLike | None = None,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        oracle_deg: Array | None = None,
     ) -> Array:
-        """Run the active model by one sample; returns phi / sqrt(R) on a symmetric log scale: (B, 1)."""
-        self.belief = active_model_step(
-            self.active_model, self.belief, pull_mm, previous_pull_mm, measurement_deg
-        )
+        """Run the active model by one sample; returns phi / sqrt(R) on a symmetric log scale: (B, 1).
+
+        Without a measurement there is no residual: phi is zero.
+        """
+        self.belief = self.active_model.step(self.belief, pull_mm, previous_pull_mm, measurement_deg)
         reference = measurement_deg if oracle_deg is None else oracle_deg
-        self.residual = np.asarray(reference, dtype=float) - self.belief.mean[:, 0]
+        self.residual = np.nan_to_num(reference - self.belief.mean[0])
         return to_log_scale(self.residual / self._noise_deg)[:, None]
 
     def act(self, action: Array) -> Array:
         """Apply K_RAM = [(a0 + 1) / 2, (a1 + 1) / 2 per second] and return the (B,) estimates [deg]."""
         gain = (np.clip(action, -1, 1) + 1) / 2 * np.array([1.0, ERROR_GAIN_LIMIT])
-        self.belief = Belief(self.belief.mean + gain * self.residual[:, None], self.belief.covariance)
-        return self.belief.mean[:, 0].copy()
+        self.belief = self.belief._replace(mean=self.belief.mean + gain.T * self.residual)
+        return self.bend_deg
 
 
 class DirectEstimator:
@@ -99,30 +108,34 @@ class DirectEstimator:
     action_size = 1
 
     def __init__(self) -> None:
-        self.bend: Array = np.zeros(1)
+        self._bend: Array = np.zeros(1)
 
-    def reset(self, initial_bend_deg: ArrayLike) -> None:
+    @property
+    def bend_deg(self) -> Array:
+        """(B,) estimates [deg]."""
+        return self._bend.copy()
+
+    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
         """Start B estimators at their (B,) initial estimates [deg]."""
-        self.bend = np.array(np.atleast_1d(initial_bend_deg), dtype=float)
+        self._bend = np.array(initial_bend_deg, dtype=float)
 
     def observe(
         self,
-        pull_mm: ArrayLike,
-        previous_pull_mm: ArrayLike,
-        measurement_deg: ArrayLike,
-        oracle_deg: ArrayLike | None = None,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        oracle_deg: Array | None = None,
     ) -> Array:
         """Return y - theta on a symmetric log scale, and the increment of the pull [0.1 mm]: (B, 2)."""
         reference = measurement_deg if oracle_deg is None else oracle_deg
-        residual = np.asarray(reference, dtype=float) - self.bend
-        increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
-        return np.stack(np.broadcast_arrays(to_log_scale(residual), increment * 10), axis=-1)
+        residual = np.nan_to_num(reference - self._bend)
+        return np.stack([to_log_scale(residual), (pull_mm - previous_pull_mm) * 10], axis=-1)
 
     def act(self, action: Array) -> Array:
         """Move the angle by (B, 1) actions, on the logarithmic scale of the residual, and return it [deg]."""
         change = from_log_scale(np.clip(action[:, 0], -1, 1) * np.log1p(ANGLE_LIMIT_DEG))
-        self.bend = self.bend + change
-        return self.bend.copy()
+        self._bend = self._bend + change
+        return self.bend_deg
 
 
 def to_log_scale(angle_deg: Array) -> Array:

@@ -1,6 +1,5 @@
 """The estimation task as environments: one for Gymnasium, and one batched over many episodes for training."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,43 +11,11 @@ from stable_baselines3.common.vec_env import VecEnv
 from rl.agents import Agent, make_agent
 from twin.estimation.active_model import ActiveModel
 from twin.hysteresis import ColemanHodgdon
-from twin.noise import draw_noise
+from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 ENVIRONMENT_ID = "EndoTwin/Estimation-v0"
 _OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
-
-
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """Recorded episodes of equal length, and what is unknown about them to the estimator."""
-
-    pull_mm: Array
-    """(records, N) pulling distance [mm]."""
-    bend_deg: Array
-    """(records, N) true bending angle [deg]: it makes measurements and rewards, never observations."""
-    noise: str = "gaussian"
-    """Kind of the measurement noise."""
-    noise_level: float = 0.1
-    """Its level: the paper trains at R = 0.1."""
-    initial_error_deg: float = 20.0
-    """The initial estimate is off by up to this, evenly drawn [deg]."""
-
-    def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
-        """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg]."""
-        record = rng.integers(len(self.pull_mm), size=count)
-        truth = self.bend_deg[record]
-        measurement = truth + draw_noise(self.noise, self.noise_level, truth.shape, rng)
-        initial = truth[:, 0] + rng.uniform(-self.initial_error_deg, self.initial_error_deg, size=count)
-        return record, measurement, initial
-
-
-def stack_records(records: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Cut `(pull_mm, bend_deg)` records to the shortest and stack them: two (records, N) arrays."""
-    samples = min(len(pull) for pull, _ in records)
-    return np.stack([pull[:samples] for pull, _ in records]), np.stack(
-        [bend[:samples] for _, bend in records]
-    )
 
 
 def _observation_space(agent: Agent) -> gymnasium.spaces.Box:
@@ -81,7 +48,7 @@ class BatchEnvironment(VecEnv):
     def reset(self) -> NDArray[np.float32]:
         """Begin a new episode in every environment; returns (count, observation_size)."""
         self.record, self.measurement, initial = self.task.draw(self.num_envs, self.rng)
-        self.agent.reset(initial)
+        self.agent.reset(self.task.pull_mm[self.record, 0], initial)
         self.sample = 1
         self.episode_return = np.zeros(self.num_envs)
         return self._observe()

@@ -17,7 +17,7 @@ from stable_baselines3 import PPO
 
 from rl.agents import Agent, check_agent_name, make_agent
 from twin.estimation.active_model import ActiveModel
-from twin.hysteresis import ColemanHodgdon
+from twin.hysteresis import MODELS
 
 Array = NDArray[np.float64]
 _METADATA_KEY = "endotwin"
@@ -30,6 +30,14 @@ class Policy:
     session: onnxruntime.InferenceSession
     agent_name: str
     configuration: dict[str, Any]
+    path: Path | None = None
+    """Where it was read from: another process reads it there too."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to a worker process as a path, as a session cannot."""
+        if self.path is None:
+            raise TypeError("a policy that was not read from a file cannot be sent to another process")
+        return load_policy, (self.path,)
 
     def __call__(self, observation: Array) -> Array:
         """Return (B, action_size) actions in [-1, 1] for (B, observation_size) observations."""
@@ -41,7 +49,8 @@ class Policy:
     def active_model(self) -> ActiveModel:
         """The filter that the policy was trained beside."""
         values = dict(self.configuration["active_model"])
-        model = ColemanHodgdon(*(values.pop(name) for name in ("a_per_mm", "b_deg_per_mm", "c_deg_per_mm")))
+        described = values.pop("model")
+        model = MODELS[described["model"]](described)
         for name in ("process_variance", "initial_variance"):
             values[name] = tuple(values[name])
         return ActiveModel(model, **values)
@@ -96,7 +105,7 @@ def load_policy(path: Path) -> Policy:
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
         raise ValueError(f"{path} is not a policy written by `endotwin train`") from error
     check_agent_name(name)
-    return Policy(session, name, configuration)
+    return Policy(session, name, configuration, path)
 
 
 class _MeanAction(torch.nn.Module):

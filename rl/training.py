@@ -17,11 +17,12 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from rl.agents import check_agent_name, make_agent
-from rl.environment import BatchEnvironment, Task, stack_records
+from rl.environment import BatchEnvironment
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
 from twin.noise import draw_noise
 from twin.recording.atomic import write_whole
+from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
@@ -148,12 +149,10 @@ def run_configuration(
     return {
         "training": dataclasses.asdict(training),
         "active_model": {
-            "a_per_mm": float(np.asarray(active_model.model.a_per_mm)),
-            "b_deg_per_mm": float(np.asarray(active_model.model.b_deg_per_mm)),
-            "c_deg_per_mm": float(np.asarray(active_model.model.c_deg_per_mm)),
+            "model": {"model": active_model.model.name, **active_model.model.to_dict()},
             "sample_time": active_model.sample_time,
             "process_variance": list(active_model.process_variance),
-            "measurement_variance": active_model.measurement_variance,
+            "measurement_variance": float(np.asarray(active_model.measurement_variance)),
             "initial_variance": list(active_model.initial_variance),
         },
         "records": {

@@ -1,34 +1,40 @@
-"""`endotwin identify`: fit the Coleman-Hodgdon model to records."""
+"""`endotwin identify`: fit a model of hysteresis to records."""
 
 import dataclasses
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from scripts.records import read_episodes
+from scripts.records import read_episodes, whole_pieces
 from twin.hysteresis import IdentifiedModel
+from twin.identification import OPTIMIZERS, check_options
 from twin.identification import identify as fit
 from twin.recording.atomic import write_whole
 
 
 @dataclasses.dataclass(frozen=True)
 class Identify:
-    """Fit the Coleman-Hodgdon model to the measured angle of records, by a genetic algorithm."""
+    """Fit a model of hysteresis to the measured angle of records."""
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files."""
-    out: Path = Path("coleman_hodgdon.json")
-    """File to write."""
+    model: str = "coleman-hodgdon"
+    """coleman-hodgdon, bouc-wen or prandtl-ishlinskii."""
+    out: Path | None = None
+    """File to write; if not given, named after the model, as coleman_hodgdon.json."""
     sample_time: float = 0.1
     """Records are thinned to this [s]: the filters that use the model step by it."""
     monotone: bool = False
-    """Constrain c >= b / 2, so that loops of any size are monotone."""
+    """Constrain a coleman-hodgdon model to c >= b / 2, so that loops of any size are monotone."""
+    thresholds_mm: tuple[float, ...] = ()
+    """Of the plays of a prandtl-ishlinskii model; if not given, eight over the stroke."""
     population: int = 80
-    """Candidates of the genetic algorithm."""
+    """Candidates of the genetic algorithm; prandtl-ishlinskii needs none."""
     generations: int = 150
     """How many of them."""
     seed: int = 0
@@ -37,16 +43,19 @@ class Identify:
 
 
 def identify(args: Identify) -> Summary:
-    """Write `coleman_hodgdon.json`."""
+    """Write the model's file, `coleman_hodgdon.json` or its like."""
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
+    check_options(args.model, monotone=args.monotone, thresholds_mm=args.thresholds_mm)
     episodes = read_episodes(args.data, args.sample_time)
-    out = output_file(args.out, (".json",))
+    out = output_file(args.out or Path(args.model.replace("-", "_") + ".json"), (".json",))
     progress = Progress("identify", "gen")
     model, rmse = fit(
-        [(episode.pull_mm, episode.measured_bend_deg) for episode in episodes],
+        [piece for episode in episodes for piece in whole_pieces(episode)],
         args.seed,
+        args.model,
         monotone=args.monotone,
+        thresholds_mm=args.thresholds_mm,
         population=args.population,
         generations=args.generations,
         on_generation=lambda done, rmse: progress(done, args.generations, f"RMSE {rmse:.3f} deg"),
@@ -54,14 +63,20 @@ def identify(args: Identify) -> Summary:
     values = IdentifiedModel(
         model=model,
         rmse_deg=rmse,
-        optimizer=f"pymoo GA, population {args.population}, generations {args.generations}",
+        optimizer=OPTIMIZERS[args.model].format(population=args.population, generations=args.generations),
         seed=args.seed,
         source=", ".join(str(path) for path in args.data),
     ).to_dict()
     write_whole(out, json.dumps(values, indent=2) + "\n")
-    parameters = "a = {a_per_mm:.4g} /mm, b = {b_deg_per_mm:.4g} deg/mm, c = {c_deg_per_mm:.4g} deg/mm"
-    line = f"{out}: {parameters.format(**values)}, RMSE {rmse:.3f} deg over {len(episodes)} records"
+    parameters = ", ".join(f"{name} = {_text(value)}" for name, value in model.to_dict().items())
+    line = f"{out}: {parameters}, RMSE {rmse:.3f} deg over {len(episodes)} records"
     return Summary(line, {"out": str(out), **values})
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "(" + ", ".join(map(_text, value)) + ")" if isinstance(value, list) else f"{value:.4g}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

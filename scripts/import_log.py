@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import tyro
 
 from scripts.command import Summary, output_folder, run_verb
@@ -29,7 +30,7 @@ class Import:
     pulley_radius_mm: float = 10.0
     """An angle of the pulley becomes a pulling distance by this; kept in the metadata, to undo it."""
     angle_column: str = "angle_deg"
-    """Measured bending angle."""
+    """Measured bending angle; a row may lack it, as where a sensor dropped out."""
     angle_unit: Literal["deg", "rad"] | None = None
     """Its unit, if the column's name does not end in it."""
     reverse_angle: bool = False
@@ -75,13 +76,17 @@ def import_log(args: Import) -> Summary:
     episode = read_measured_log(args.file, form, on_warning=_warn)
     path = write_measured(output_folder(args.out), name, episode)
     low, high = float(episode.bend_deg.min()), float(episode.bend_deg.max())
+    missing = int(np.isnan(episode.measured_bend).sum())
+    without = f" ({missing} without a measurement)" if missing else ""
+    seconds = float(episode.time[-1])
     return Summary(
-        f"{path}: {len(episode.time)} samples, {episode.time[-1]:g} s, bent from {low:.1f} to {high:.1f} deg",
+        f"{path}: {len(episode.time)} samples{without}, {seconds:g} s, bent from {low:.1f} to {high:.1f} deg",
         {
             "out": str(args.out),
             "file": str(path),
             "samples": len(episode.time),
-            "seconds": float(episode.time[-1]),
+            "missing": missing,
+            "seconds": seconds,
             "sample_time_s": episode.sample_time,
             "bend_deg": [low, high],
         },

@@ -1,14 +1,17 @@
-"""`endotwin train`: train a policy, RAM or direct RL, or the LSTM, on records."""
+"""`endotwin train`: train a policy, RAM or direct RL, or another learned filter, on records."""
 
 import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 
-from rl.lstm import LstmTraining, train_lstm
+from rl.agents import AGENTS
+from rl.gru import GRU_FILE, GruTraining, train_gru
+from rl.kalman_net import KALMAN_NET_FILE, KalmanNetTraining, train_kalman_net
+from rl.lstm import LSTM_FILE, LstmTraining, train_lstm
 from rl.training import Training, train_policy
 from scripts.command import Summary, TrainingProgress, output_folder, run_verb
 from scripts.records import true_records
@@ -27,9 +30,10 @@ class Train:
     model: Path
     """coleman_hodgdon.json of the reference model."""
     out: Path
-    """Run folder: policy.onnx, config.yaml, progress.csv, checkpoints."""
-    agent: Literal["ram", "direct", "lstm"] = "ram"
-    """Reinforcement active modeling, direct RL without the active model, or the LSTM baseline."""
+    """Run folder: policy.onnx or the network's file, config.yaml, progress.csv, checkpoints of a policy."""
+    agent: Literal["ram", "direct", "lstm", "gru", "kalman-net"] = "ram"
+    """Reinforcement active modeling, direct RL without the active model, the LSTM baseline, a GRU that knows
+    the noise and the model, or the active model with a learned gain (KalmanNet)."""
     protocol: Literal["strict", "free"] = "strict"
     """strict: trained under Gaussian noise of R = 0.1 alone, as in the paper; free: noise as given."""
     sample_time: float = 0.1
@@ -69,12 +73,19 @@ def train(args: Train) -> Summary:
     )
     records = true_records(args.data, args.sample_time)
     folder = output_folder(args.out)
-    progress = TrainingProgress(f"train {args.agent}", "steps" if args.agent == "lstm" else "samples")
+    progress = TrainingProgress(f"train {args.agent}", "samples" if args.agent in AGENTS else "steps")
+    drawn: dict[str, Any] = {"noise": args.noise, "noise_level": args.noise_level, "seed": args.seed}
 
     if args.agent == "lstm":
-        training = LstmTraining(noise=args.noise, noise_level=args.noise_level, seed=args.seed)
-        train_lstm(records, active_model, training, folder, progress)
-        path = folder / "lstm.pt"
+        train_lstm(records, active_model, LstmTraining(**drawn), folder, progress)
+        path = folder / LSTM_FILE
+    elif args.agent == "gru":
+        train_gru(records, active_model, GruTraining(**drawn), folder, progress)
+        path = folder / GRU_FILE
+    elif args.agent == "kalman-net":
+        gain = KalmanNetTraining(**drawn, initial_error_deg=args.initial_error_deg)
+        train_kalman_net(records, active_model, gain, folder, progress)
+        path = folder / KALMAN_NET_FILE
     else:
         names = [field.name for field in dataclasses.fields(Training)]
         ppo = Training(**{name: getattr(args, name) for name in names})

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rl.agents import DirectEstimator, ReinforcementActiveModel, from_log_scale, make_agent, to_log_scale
-from twin.estimation.active_model import ActiveModel, estimate_active_model
+from twin.estimation.active_model import ActiveModel
 
 
 @pytest.fixture
@@ -15,10 +15,11 @@ def active_model(model):
 
 
 def run(agent, pull, measurement, initial, action):
-    agent.reset(initial)
+    pulls = np.tile(pull, (len(measurement), 1))
+    agent.reset(pulls[:, 0], initial)
     estimates = [np.array(initial, dtype=float)]
     for k in range(1, measurement.shape[1]):
-        agent.observe(pull[k], pull[k - 1], measurement[:, k])
+        agent.observe(pulls[:, k], pulls[:, k - 1], measurement[:, k])
         estimates.append(agent.act(np.broadcast_to(action, (len(measurement), len(action)))))
     return np.stack(estimates, axis=1)
 
@@ -33,7 +34,7 @@ def test_ram_without_a_second_gain_is_the_active_model(active_model, noisy):
     pull, measurement = noisy
     initial = measurement[:, 0] + 20
     ram = run(ReinforcementActiveModel(active_model), pull, measurement, initial, [-1.0, -1.0])
-    np.testing.assert_array_equal(ram, estimate_active_model(active_model, pull, measurement, initial))
+    np.testing.assert_array_equal(ram, active_model.estimate(pull, measurement, initial))
 
 
 def test_ram_with_full_gain_is_the_measurement(active_model, noisy):
@@ -45,11 +46,11 @@ def test_ram_with_full_gain_is_the_measurement(active_model, noisy):
 def test_every_ram_update_lies_between_the_active_model_and_the_measurement(active_model, noisy):
     pull, measurement = noisy
     agent = ReinforcementActiveModel(active_model)
-    agent.reset(measurement[:, 0] + 20)
+    agent.reset(pull[:1], measurement[:, 0] + 20)
     rng = np.random.default_rng(1)
     for k in range(1, 50):
         agent.observe(pull[k], pull[k - 1], measurement[:, k])
-        before = agent.belief.mean[:, 0].copy()
+        before = agent.belief.mean[0].copy()
         after = agent.act(rng.uniform(-3, 3, (4, 2)))  # actions beyond the bounds are clipped
         low, high = np.minimum(before, measurement[:, k]), np.maximum(before, measurement[:, k])
         assert (low - 1e-9 <= after).all()
@@ -59,13 +60,13 @@ def test_every_ram_update_lies_between_the_active_model_and_the_measurement(acti
 def test_second_update_feeds_the_next_prediction(active_model, noisy):
     pull, measurement = noisy
     agent = ReinforcementActiveModel(active_model)
-    agent.reset(measurement[:, 0])
+    agent.reset(pull[:1], measurement[:, 0])
     agent.observe(pull[1], pull[0], measurement[:, 1])
     agent.act(np.full((4, 2), 1.0))
-    theta, error = agent.belief.mean.T
+    theta, error = agent.belief.mean
     agent.observe(pull[2], pull[1], measurement[:, 2])
-    predicted = active_model.model.step(theta, pull[2], pull[1]) + 0.1 * error
-    gain = (agent.belief.mean[:, 0] - predicted) / (measurement[:, 2] - predicted)
+    predicted = active_model.model.step(theta, agent.belief.memory, pull[2], pull[1])[0] + 0.1 * error
+    gain = (agent.belief.mean[0] - predicted) / (measurement[:, 2] - predicted)
     assert np.ptp(gain) < 1e-9  # one Kalman gain explains all four
     assert 0 < gain[0] < 1
 
@@ -75,7 +76,7 @@ def test_phi_is_seen_in_units_of_the_noise_that_the_filter_is_told(active_model,
     seen = []
     for variance in (0.1, 10.0):
         agent = ReinforcementActiveModel(dataclasses.replace(active_model, measurement_variance=variance))
-        agent.reset(measurement[:, 0] + 20)
+        agent.reset(pull[:1], measurement[:, 0] + 20)
         observation = agent.observe(pull[1], pull[0], measurement[:, 1])
         np.testing.assert_allclose(from_log_scale(observation[:, 0]) * np.sqrt(variance), agent.residual)
         seen.append(np.abs(observation).mean())
@@ -86,16 +87,16 @@ def test_oracle_replaces_the_measurement_in_phi_alone(active_model, noisy):
     pull, measurement = noisy
     plain, oracle = ReinforcementActiveModel(active_model), ReinforcementActiveModel(active_model)
     for agent, truth in ((plain, None), (oracle, 55.0)):
-        agent.reset(measurement[:, 0])
+        agent.reset(pull[:1], measurement[:, 0])
         agent.observe(pull[1], pull[0], measurement[:, 1], truth)
     np.testing.assert_array_equal(plain.belief.mean, oracle.belief.mean)
-    np.testing.assert_allclose(oracle.residual, 55.0 - oracle.belief.mean[:, 0])
+    np.testing.assert_allclose(oracle.residual, 55.0 - oracle.belief.mean[0])
 
 
 def test_direct_estimator_can_follow_the_measurement_exactly():
     agent = DirectEstimator()
-    agent.reset([0.0, 10.0])
-    observation = agent.observe(1.0, 0.9, [20.0, -5.0])
+    agent.reset(np.ones(2), np.array([0.0, 10.0]))
+    observation = agent.observe(np.ones(2), np.full(2, 0.9), np.array([20.0, -5.0]))
     np.testing.assert_allclose(observation[:, 1], 1.0)  # 0.1 mm
     estimate = agent.act(observation[:, :1] / np.log1p(25.0))
     np.testing.assert_allclose(estimate, [20.0, -5.0])
@@ -103,8 +104,8 @@ def test_direct_estimator_can_follow_the_measurement_exactly():
 
 def test_direct_estimator_moves_no_further_than_its_limit():
     agent = DirectEstimator()
-    agent.reset([0.0])
-    agent.observe(0.0, 0.0, [100.0])
+    agent.reset(np.zeros(1), np.zeros(1))
+    agent.observe(np.zeros(1), np.zeros(1), np.array([100.0]))
     np.testing.assert_allclose(agent.act(np.array([[9.0]])), [25.0])
 
 
@@ -113,6 +114,18 @@ def test_log_scale_is_inverted_and_odd(angle):
     value = to_log_scale(np.array(angle))
     np.testing.assert_allclose(from_log_scale(value), angle, rtol=1e-9, atol=1e-12)
     assert to_log_scale(np.array(-angle)) == -value
+
+
+@pytest.mark.parametrize("name", ["ram", "direct"])
+def test_without_a_measurement_nothing_is_corrected(active_model, name):
+    agent, pull = make_agent(name, active_model), np.full(2, 3.0)
+    agent.reset(pull, np.array([50.0, 60.0]))
+    observation = agent.observe(pull, pull, np.array([np.nan, 55.0]))
+    assert observation[0, 0] == 0
+    assert observation[1, 0] != 0
+    estimate = agent.act(np.zeros((2, agent.action_size)))
+    assert estimate[0] == 50.0
+    assert np.isfinite(estimate).all()
 
 
 def test_unknown_agent_is_named_with_the_valid_ones(active_model):

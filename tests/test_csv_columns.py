@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from twin.csv_columns import average_repeats, read_columns
+from twin.csv_columns import average_repeats, hold, read_columns
 
 
 def read(tmp_path, text, encoding="utf-8"):
@@ -61,3 +61,41 @@ def test_values_of_one_time_are_averaged_column_by_column():
     np.testing.assert_array_equal(instants, [0, 0.5, 2])
     np.testing.assert_allclose(means, [[2, 20], [5, 50], [3, 1]])
     np.testing.assert_allclose(average_repeats(time, values[:, 0])[1], [2, 5, 3])
+
+
+def test_a_mean_is_over_the_values_that_are_there():
+    values = np.array([[1, np.nan], [np.nan, np.nan], [4, 2]])
+    np.testing.assert_array_equal(
+        average_repeats(np.array([0.0, 0.0, 1.0]), values)[1], [[1, np.nan], [4, 2]]
+    )
+
+
+def test_a_value_may_be_missing_only_where_that_is_allowed(tmp_path):
+    words = ["", "nan", "-NaN", " NA ", "n/a", "#N/A", "NULL", "None"]
+    table = read(tmp_path, "x,y\n" + "".join(f"1,{word}\n" for word in words) + "1\n1,2\n")
+    np.testing.assert_array_equal(table.column("y", may_miss=True), [np.nan] * 9 + [2])
+    with pytest.raises(ValueError, match="line 2: y is ''"):
+        table.column("y")
+    for wrong in ("missing", "inf", "-Infinity", "1e999", "1;5"):
+        with pytest.raises(ValueError, match=f"line 2: y is '{wrong}', not a finite number"):
+            read(tmp_path, f"x,y\n1,{wrong}\n").column("y", may_miss=True)
+
+
+def test_rows_that_are_left_keep_their_lines(tmp_path):
+    said = []
+    table = read(
+        tmp_path, "t\n" + "".join(f"{t}\n" for t in [*range(9), "na", 4, 8, 3.5, "nan", *range(9, 20)])
+    )
+    timed = table.timed("t", said.append)
+    ordered = timed.in_order("t", said.append)
+    np.testing.assert_array_equal(ordered.column("t"), [*range(9), 8, *range(9, 20)])
+    assert ordered.lines == (*range(2, 11), 13, *range(16, 27))
+    assert [line.partition(".csv ")[2] for line in said] == [
+        "line 11: t is missing, as in 2 of 25 rows: such rows are dropped",
+        "line 12: t runs backwards, as in 2 of 23 rows: such rows are dropped",
+    ]
+    assert timed.in_order("t").lines == ordered.lines
+
+
+def test_what_is_held_is_the_last_value_there_was():
+    np.testing.assert_array_equal(hold(np.array([np.nan, 1, np.nan, np.nan, 2, 3])), [np.nan, 1, 1, 1, 2, 3])

@@ -45,7 +45,7 @@ def test_reward_is_minus_the_squared_error_of_the_estimate(task, model):
     environment = batch(task, model, 6)
     environment.reset()
     truth = task.bend_deg[environment.record, 1]
-    estimate = environment.agent.belief.mean[:, 0] + 0.5 * environment.agent.residual
+    estimate = environment.agent.belief.mean[0] + 0.5 * environment.agent.residual
     _, reward, _, _ = environment.step(np.tile([0.0, -1.0], (6, 1)))
     np.testing.assert_allclose(reward, -((estimate - truth) ** 2), rtol=1e-6)
 
@@ -109,7 +109,9 @@ def test_direct_environment_shows_the_residual_against_the_last_estimate(task):
     environment = BatchEnvironment(task, DirectEstimator(), 2, seed=3)
     observation = environment.reset()
     residual = from_log_scale(observation[:, 0].astype(float))
-    np.testing.assert_allclose(residual, environment.measurement[:, 1] - environment.agent.bend, rtol=1e-4)
+    np.testing.assert_allclose(
+        residual, environment.measurement[:, 1] - environment.agent.bend_deg, rtol=1e-4
+    )
 
 
 def test_records_are_cut_to_the_shortest():

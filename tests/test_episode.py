@@ -42,6 +42,9 @@ def test_array_of_another_length_is_refused_by_name(field):
 def test_gap_is_refused_with_its_place(field, gap):
     arrays = make_arrays()
     arrays[field][7:9] = gap
+    if field == "measured_bend" and np.isnan(gap):
+        assert np.isnan(Episode(**arrays).measured_bend_deg).sum() == 2  # a measurement may be missing
+        return
     with pytest.raises(ValueError, match=f"^{field} is not finite at sample 7$"):
         Episode(**arrays)
 
@@ -119,3 +122,61 @@ def test_thinning_to_a_single_sample_is_refused():
 def test_episode_cannot_be_changed_by_assignment():
     with pytest.raises(dataclasses.FrozenInstanceError):
         make_episode().bend = np.zeros(20)
+
+
+def holed(missing, time=None):
+    episode = make_episode(40)
+    measured = np.where(missing, np.nan, episode.measured_bend)
+    return dataclasses.replace(
+        episode, measured_bend=measured, **({} if time is None else {"time": np.asarray(time)})
+    )
+
+
+@given(missing=st.lists(st.booleans(), min_size=40, max_size=40), step=st.integers(1, 5))
+def test_thinned_record_keeps_its_holes(missing, step):
+    thin = holed(missing).every(step * 0.02)
+    np.testing.assert_array_equal(np.isnan(thin.measured_bend), missing[::step])
+
+
+@given(missing=st.lists(st.booleans(), min_size=40, max_size=40), start=st.sampled_from([0.0, 0.1, 1e6]))
+def test_a_record_on_its_own_samples_keeps_its_holes(missing, start):
+    episode = holed(missing, start + np.arange(40) * 0.02)
+    even = episode.on_grid(0.02)
+    np.testing.assert_array_equal(np.isnan(even.measured_bend), missing)
+    for field in PER_SAMPLE:
+        np.testing.assert_allclose(getattr(even, field), getattr(episode, field), atol=1e-6)
+
+
+@given(
+    steps=st.lists(st.sampled_from([0.01, 0.02, 0.02, 0.025, 0.3, 2.0]), min_size=39, max_size=39),
+    missing=st.lists(st.sampled_from([False, False, False, True]), min_size=40, max_size=40),
+    sample_time=st.sampled_from([0.005, 0.02, 0.1, 0.37]),
+)
+def test_even_samples_are_missing_between_measurements_far_apart_and_linear_elsewhere(
+    steps, missing, sample_time
+):
+    episode = holed(missing, np.concatenate([[0.0], np.cumsum(steps)]))
+    even = episode.on_grid(sample_time)
+    reach = max(sample_time, episode.sample_time)
+    assert np.isfinite(even.bend).all()
+    known = ~np.array(missing)
+    seen = ~np.isnan(even.measured_bend)
+    away = episode.time[known] - even.time[:, None]
+    apart = np.where(away > 1e-9, away, np.inf).min(axis=1, initial=np.inf)
+    apart -= np.where(away < -1e-9, away, -np.inf).max(axis=1, initial=-np.inf)
+    near = (np.abs(away) <= 1e-9).any(axis=1) | (apart < 2 * reach * (1 - 1e-4))
+    clear = near | (apart > 2 * reach * (1 + 1e-4))  # at two sample times themselves rounding may decide
+    np.testing.assert_array_equal(seen[clear], near[clear])
+    if seen.any():
+        linear = np.interp(even.time[seen], episode.time[known], episode.measured_bend[known])
+        np.testing.assert_allclose(even.measured_bend[seen], linear, atol=1e-9)
+
+
+def test_a_record_without_any_measurement_has_none_on_even_samples():
+    assert np.isnan(holed([True] * 40).on_grid(0.05).measured_bend).all()
+
+
+def test_an_even_grid_that_would_fill_the_memory_is_refused():
+    episode = dataclasses.replace(make_episode(3), time=np.array([0.0, 0.1, 1e9]))
+    with pytest.raises(ValueError, match=r"a record of 1e\+09 s would be more than 10000000 samples"):
+        episode.on_grid(0.1)

@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from twin.hysteresis import ColemanHodgdon, IdentifiedModel, load_model
+from twin.hysteresis import (
+    MODELS,
+    BoucWen,
+    ColemanHodgdon,
+    IdentifiedModel,
+    PrandtlIshlinskii,
+    load_model,
+)
 
 PAPER = ColemanHodgdon(1.15, 22.38, 5.0)
 rates = st.floats(0.2, 4.0)
@@ -80,11 +87,21 @@ def test_batch_equals_loop(candidates, pulls, bend0):
 @given(path=paths, bend0=st.floats(-100, 100), a=rates, b=slopes, c=slopes)
 def test_single_steps_equal_the_whole_response(path, bend0, a, b, c):
     model = ColemanHodgdon(a, b, c)
-    bend = [np.array(bend0)]
+    bend, memory = [np.array(bend0)], model.start(path[0])
     for k in range(1, len(path)):
-        bend.append(model.step(bend[-1], path[k], path[k - 1]))
+        now, memory = model.step(bend[-1], memory, path[k], path[k - 1])
+        bend.append(now)
     response = model.response(path, bend0)
     np.testing.assert_allclose(response, bend, rtol=1e-9, atol=1e-9 * np.abs(response).max())
+
+
+@given(a=rates, b=slopes, c=slopes, bends=st.tuples(st.floats(-90, 90), st.floats(-90, 90)), path=paths)
+def test_slope_is_what_is_left_of_any_deviation(a, b, c, bends, path):
+    """The model is affine in the angle: no limit of small deviations is needed."""
+    model, bend = ColemanHodgdon(a, b, c), np.array(bends)
+    after, _ = model.step(bend, model.start(np.full(2, path[0])), path[1], path[0])
+    left = model.slope(bend, path[1], path[0]) * (bend[1] - bend[0])
+    np.testing.assert_allclose(after[1] - after[0], left, atol=1e-9 * (1 + np.abs(after).max()))
 
 
 @given(a=rates, b=slopes, c=slopes, offset=st.floats(-50, 50), direction=st.sampled_from([1, -1]))
@@ -123,32 +140,62 @@ def test_monotone_threshold_belongs_to_the_monotone_side_and_every_candidate_cou
     assert not ColemanHodgdon(1.0, np.array([20.0, 20.0]), np.array([11.0, 9.0])).monotone()
 
 
-def test_model_file_comes_back(tmp_path):
-    written = IdentifiedModel(PAPER, rmse_deg=0.5, optimizer="ga", seed=3, source="data").to_dict()
-    assert written["c_over_b"] == pytest.approx(5.0 / 22.38)
-    assert written["monotone"] is False
-    path = tmp_path / "coleman_hodgdon.json"
+EACH = (
+    PAPER,
+    BoucWen(22.0, -12.0, 1.7, 0.9, 1.5),
+    PrandtlIshlinskii((8.0, 4.0, 0.0), (0.0, 0.25, 0.5)),
+)
+
+
+@pytest.mark.parametrize("model", EACH, ids=lambda model: model.name)
+def test_model_file_comes_back(tmp_path, model):
+    written = IdentifiedModel(model, rmse_deg=0.5, optimizer="ga", seed=3, source="data").to_dict()
+    assert (written["model"], written["rmse_deg"], written["seed"]) == (model.name, 0.5, 3)
+    path = tmp_path / "model.json"
     path.write_text(json.dumps(written))
+    assert load_model(path) == model
+
+
+def test_every_model_is_known_by_name():
+    assert sorted(MODELS) == sorted(model.name for model in EACH)
+
+
+def test_file_of_coleman_and_hodgdon_tells_how_far_from_monotone_it_is_and_needs_no_name(tmp_path):
+    values = IdentifiedModel(PAPER, rmse_deg=0.5, optimizer="ga", seed=3, source="data").to_dict()
+    assert values["c_over_b"] == pytest.approx(5.0 / 22.38)
+    assert values["monotone"] is False
+    del values["model"]  # as the first files were written
+    path = tmp_path / "coleman_hodgdon.json"
+    path.write_text(json.dumps(values))
     assert load_model(path) == PAPER
 
 
 @pytest.mark.parametrize(
-    "content",
+    ("content", "fault"),
     [
-        "no json",
-        "[1, 2, 3]",
-        "null",
-        '{"a_per_mm": 1.15, "b_deg_per_mm": 22.38}',
-        '{"a_per_mm": "steep", "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
-        '{"a_per_mm": null, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
-        '{"a_per_mm": NaN, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}',
+        ("no json", "no model of hysteresis written by `endotwin identify`"),
+        ("[1, 2, 3]", "no model of hysteresis"),
+        ("null", "no model of hysteresis"),
+        ('{"model": "preisach"}', "'preisach'; valid: coleman-hodgdon, bouc-wen, prandtl-ishlinskii"),
+        ('{"model": ["bouc-wen"]}', "valid: coleman-hodgdon"),
+        (
+            "{}",
+            "no Coleman-Hodgdon model: a_per_mm is missing; it needs a_per_mm, b_deg_per_mm, c_deg_per_mm",
+        ),
+        ('{"a_per_mm": 1.15, "b_deg_per_mm": 22.38}', "c_deg_per_mm is missing"),
+        ('{"a_per_mm": "steep", "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is 'steep', no number"),
+        ('{"a_per_mm": null, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is None, no number"),
+        ('{"a_per_mm": true, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is True, no number"),
+        ('{"a_per_mm": NaN, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "must be finite"),
+        ('{"a_per_mm": 1.15, "b_deg_per_mm": -1, "c_deg_per_mm": 5}', "the first two positive"),
     ],
 )
-def test_file_that_is_no_model_is_refused_by_name(tmp_path, content):
+def test_file_that_is_no_model_is_refused_by_name(tmp_path, content, fault):
     path = tmp_path / "coleman_hodgdon.json"
     path.write_text(content)
-    with pytest.raises(ValueError, match=r"coleman_hodgdon\.json.*a_per_mm, b_deg_per_mm, c_deg_per_mm"):
+    with pytest.raises(ValueError, match=r"coleman_hodgdon\.json") as refused:
         load_model(path)
+    assert fault in str(refused.value)
 
 
 def test_missing_model_file_says_what_writes_one(tmp_path):

@@ -1,9 +1,12 @@
+import pickle
+
 import numpy as np
 import pytest
 import torch
 
-from rl.lstm import Lstm, LstmTraining, load_lstm, train_lstm
+from rl.lstm import Lstm, LstmEstimator, LstmTraining, load_lstm, train_lstm
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Estimator
 
 SHORT = LstmTraining(iterations=150, sequences=32, window=100, seed=1)
 
@@ -63,3 +66,51 @@ def test_file_that_is_no_network_is_refused(tmp_path):
     torch.save(Lstm(8).state_dict(), path)
     with pytest.raises(ValueError, match="not an LSTM of 32 units"):
         load_lstm(path, 32)
+
+
+@pytest.fixture(scope="module")
+def filtered(trained, records):
+    """The filter, and three noisy records along their own commands: pull, measurement (3, N)."""
+    pull, bend = (np.stack(values) for values in zip(*records, strict=True))
+    measurement = bend + np.sqrt(0.1) * np.random.default_rng(4).standard_normal(bend.shape)
+    return LstmEstimator(trained[0]), pull, measurement
+
+
+@pytest.mark.parametrize("chunk", [200_000, 21])
+def test_whole_record_equals_sample_by_sample(filtered, chunk, monkeypatch):
+    """Both in one pass and in pieces of seven samples."""
+    monkeypatch.setattr("rl.supervised.CHUNK", chunk)
+    estimator, pull, measurement = filtered
+    whole = estimator.estimate(pull, measurement, 50.0)
+    online = Estimator.estimate(estimator, pull, measurement, 50.0)
+    np.testing.assert_allclose(whole, online, atol=1e-4)
+    assert (whole[:, 0] == 50).all()
+
+
+def test_estimator_is_the_network_from_the_second_sample_on(filtered):
+    """The first measurement is no estimator's to use; the initial estimate is not the network's."""
+    estimator, pull, measurement = filtered
+    alone = estimator.network.estimate(pull[:, 1:], measurement[:, 1:])
+    np.testing.assert_allclose(estimator.estimate(pull, measurement, 0.0)[:, 1:], alone, atol=1e-4)
+
+
+def test_missing_samples_are_skipped_as_if_they_had_not_been(filtered):
+    estimator, pull, measurement = filtered
+    gone = np.random.default_rng(7).random(pull.shape[1]) < 0.3
+    gone[[0, 50, 51, 52]] = [False, True, True, True]
+    holed = np.where(gone, np.nan, measurement)
+    estimate = estimator.estimate(pull, holed, 50.0)
+    dense = estimator.estimate(pull[:, ~gone], measurement[:, ~gone], 50.0)
+    np.testing.assert_allclose(estimate[:, ~gone], dense, atol=1e-4)
+    np.testing.assert_array_equal(estimate[:, 50:53], estimate[:, [49, 49, 49]])
+    nothing = estimator.estimate(pull, np.full_like(measurement, np.nan), 50.0)
+    np.testing.assert_array_equal(nothing, np.full_like(measurement, 50.0))
+
+
+def test_pickled_estimator_estimates_the_same(filtered):
+    estimator, pull, measurement = filtered
+    again = pickle.loads(pickle.dumps(estimator))
+    np.testing.assert_array_equal(
+        again.estimate(pull, measurement, 0.0), estimator.estimate(pull, measurement, 0.0)
+    )
+    assert again.network.sample_time == estimator.network.sample_time == 0.1

@@ -1,17 +1,15 @@
+"""Policies as estimators: what a trained network does to the active model, the network replaced by a constant."""
+
 import numpy as np
 import pytest
 
-from rl.methods import (
-    active_model_method,
-    coleman_hodgdon_method,
-    constant_gain_method,
-    oracle_method,
-    policy_method,
-    tuned_active_model_method,
-)
+from rl.methods import PolicyEstimator, oracle_method, policy_method
 from rl.policy import Policy
-from twin.estimation.active_model import ActiveModel, estimate_active_model
-from twin.evaluation import Case
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.estimator import Sensor
+from twin.estimation.online import OnlineEstimator
+from twin.evaluation import Case, filtering
 
 SEEDS = 8
 
@@ -35,47 +33,62 @@ def active_model(model):
 def case(records):
     pull, bend = records[0]
     noise = np.random.default_rng(0).standard_normal((SEEDS, len(bend)))
-    return Case(pull, bend + noise, np.full(SEEDS, bend[0] + 20), noise_variance=1.0)
+    pulls = np.tile(pull, (SEEDS, 1))
+    return Case(pulls, bend + noise, np.full(SEEDS, bend[0] + 20), Sensor(np.full(SEEDS, 1.0)))
 
 
-def rmse(estimate, truth):
-    return np.sqrt(((estimate - truth)[:, 1:] ** 2).mean())
+def constant_policy(action, agent="ram"):
+    return Policy(FixedSession(action), agent, {})
 
 
-def test_coleman_hodgdon_ignores_the_measurements(active_model, case, model):
-    estimate = coleman_hodgdon_method(active_model).estimate(case)
-    np.testing.assert_array_equal(
-        estimate, np.tile(model.response(case.pull_mm, case.initial_bend_deg[0]), (SEEDS, 1))
-    )
-
-
-def test_filters_are_told_the_variance_of_the_noise(active_model, case, model):
-    told = ActiveModel(model, 0.1, measurement_variance=1.0)
-    expected = estimate_active_model(told, case.pull_mm, case.measurement_deg, case.initial_bend_deg)
-    np.testing.assert_array_equal(active_model_method(active_model).estimate(case), expected)
+def test_filters_are_told_the_variance_of_the_noise(active_model, case):
+    told = active_model.told(case.sensor)
+    expected = told.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
+    np.testing.assert_array_equal(filtering("AM", active_model).estimate(case), expected)
 
 
 def test_policy_that_adds_nothing_is_the_active_model(active_model, case):
-    policy = Policy(FixedSession([-1.0, -1.0]), "ram", {})
     np.testing.assert_array_equal(
-        policy_method(policy, active_model).estimate(case), active_model_method(active_model).estimate(case)
+        policy_method(constant_policy([-1.0, -1.0]), active_model).estimate(case),
+        filtering("AM", active_model).estimate(case),
+    )
+
+
+def test_policy_of_one_action_is_the_constant_gain(active_model, case):
+    gained = ConstantGain(active_model.model, 0.1, gain=(0.25, 0.75))
+    np.testing.assert_allclose(
+        policy_method(constant_policy([-0.5, 0.5]), active_model).estimate(case),
+        filtering("Constant gain", gained).estimate(case),
+        rtol=1e-12,
     )
 
 
 def test_oracle_with_full_gain_is_the_truth_and_needs_it(active_model, case, records):
-    method = oracle_method(Policy(FixedSession([1.0, -1.0]), "ram", {}), active_model)
+    method = oracle_method(constant_policy([1.0, -1.0]), active_model)
     assert method.oracle
     with pytest.raises(ValueError, match="needs the truth"):
         method.estimate(case)
-    pull, bend = records[0]
-    shown = Case(pull, case.measurement_deg, case.initial_bend_deg, 1.0, truth_deg=bend)
-    np.testing.assert_allclose(method.estimate(shown)[:, 1:], np.tile(bend[1:], (SEEDS, 1)), atol=1e-9)
+    truth = np.tile(records[0][1], (SEEDS, 1))
+    shown = Case(case.pull_mm, case.measurement_deg, case.initial_bend_deg, case.sensor, truth_deg=truth)
+    np.testing.assert_allclose(method.estimate(shown)[:, 1:], truth[:, 1:], atol=1e-9)
 
 
-def test_yardsticks_beat_the_untuned_filter_and_tuning_sees_no_test_data(active_model, case, records):
-    truth = records[0][1]
-    plain = rmse(active_model_method(active_model).estimate(case), truth)
-    for make in (tuned_active_model_method, constant_gain_method):
-        first, second = (make(active_model, records[1:], seed=3).estimate(case) for _ in range(2))
-        np.testing.assert_array_equal(first, second)
-        assert rmse(first, truth) < 0.5 * plain
+@pytest.mark.parametrize("agent", ["ram", "direct"])
+def test_a_stream_gives_what_the_batch_gives(active_model, case, agent):
+    action = [0.2, -0.4] if agent == "ram" else [0.1]
+    estimator = PolicyEstimator(constant_policy(action, agent), active_model)
+    measurement = case.measurement_deg[0].copy()
+    measurement[[5, 6, 90]] = np.nan
+    batch = estimator.estimate(case.pull_mm[0], measurement, case.initial_bend_deg[0])[0]
+    live = OnlineEstimator(estimator, 0.1, case.initial_bend_deg[0])
+    stream = [live.push(0.1 * k, case.pull_mm[0, k], measurement[k]) for k in range(len(measurement))]
+    np.testing.assert_array_equal(stream, batch)
+    assert np.isfinite(batch).all()
+
+
+def test_a_step_leaves_the_state_that_it_was_given(active_model):
+    estimator = PolicyEstimator(constant_policy([0.5, 0.5]), active_model)
+    pull = np.full(3, 3.0)
+    first = estimator.start(pull, np.array([50.0, 60.0, 70.0]))
+    estimator.step(first, pull + 0.1, pull, np.full(3, 55.0))
+    np.testing.assert_array_equal(estimator.bend_deg(first), [50.0, 60.0, 70.0])

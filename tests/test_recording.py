@@ -54,6 +54,27 @@ def test_each_optional_field_comes_back_without_the_others(tmp_path, field):
     assert_equal(read_episode(write_episode(tmp_path / "a.mcap", written)), written)
 
 
+@settings(max_examples=60, deadline=None)
+@given(missing=st.lists(st.booleans(), min_size=2, max_size=30).filter(lambda missing: not all(missing)))
+def test_missing_measurements_come_back_missing(folder, missing):
+    whole = make_episode(len(missing))
+    written = dataclasses.replace(whole, measured_bend=np.where(missing, np.nan, whole.measured_bend))
+    path = write_episode(folder / "holes.mcap", written)
+    assert_equal(read_episode(path), written)
+    assert write_episode(folder / "again.mcap", written).read_bytes() == path.read_bytes()
+
+
+def test_a_measurement_that_is_missing_is_no_message(tmp_path):
+    whole = make_episode()
+    measured = whole.measured_bend.copy()
+    measured[[0, 5, 6]] = np.nan
+    seen = messages(write_episode(tmp_path / "a.mcap", dataclasses.replace(whole, measured_bend=measured)))
+    kept = [0.02 * k for k in range(12) if k not in (0, 5, 6)]
+    assert [record.log_time / 1e9 for record, _ in seen["/measurement"]] == pytest.approx(kept)
+    assert all(np.isfinite(message.bend_deg) for _, message in seen["/measurement"])
+    assert {len(rows) for topic, rows in seen.items() if topic != "/measurement"} == {12}
+
+
 def test_tension_of_load_cells_alone_comes_back(tmp_path):
     whole = make_episode(vertebrae=0)
     written = dataclasses.replace(
@@ -177,6 +198,7 @@ def test_block_without_a_whole_episode_leaves_nothing(tmp_path):
         (1, {"joint_angle": np.zeros((12, 5))}, "joint_angle has 5 columns, the preset 3 vertebrae"),
         (2, {"lateral_joint_angle": np.zeros((12, 2))}, r"lateral_joint_angle has shape \(12, 2\)"),
         (1, {"pulley": np.zeros((12, 1))}, r"pulley has shape \(12, 1\) for 12 samples: must be \(N,\)"),
+        (1, {"measured_bend": np.full(12, np.nan)}, "measured_bend is NaN at every sample"),
         (1, {"metadata": {"when": object()}}, "metadata 'when' is not JSON: a object cannot be stored"),
     ],
 )

@@ -1,8 +1,10 @@
 """No damage to a file passes unnoticed or unexplained."""
 
+import dataclasses
 import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 from foxglove_schemas_protobuf.JointState_pb2 import JointState
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
@@ -131,7 +133,11 @@ UNEVEN = schema.Truth(wire_tension_a_n=[1.0, 2.0]).SerializeToString()
         *(
             (change(topic, 4, None), f"topic {topic} has 11 messages, /command has 12")
             for topic in SCHEMAS
-            if topic != "/command"
+            if topic not in ("/command", "/measurement")
+        ),
+        (
+            lambda topic, k, data: None if k == 4 and topic not in ("/measurement", "metadata") else data,
+            "the messages of /measurement are not at the times of those of /command",
         ),
         (
             lambda topic, k, data: None if k == 3 + (topic == "/truth") else data,
@@ -150,6 +156,16 @@ def test_what_is_wrong_inside_a_sound_file_is_named(tmp_path, whole, edit, fault
     text = fault_of(rewrite(whole, tmp_path / "a.mcap", edit))
     assert text.startswith("holds no whole episode: ")
     assert fault in text
+
+
+def test_a_measurement_that_another_program_wrote_as_nan_is_missing(tmp_path, whole):
+    nan = schema.Measurement(bend_deg=float("nan")).SerializeToString()
+    measured = make_episode().measured_bend.copy()
+    measured[5] = np.nan
+    wanted = dataclasses.replace(make_episode(), measured_bend=measured, attachments={})
+    for data in (nan, None):
+        edited = rewrite(whole, tmp_path / "a.mcap", change("/measurement", 5, data))
+        assert_equal(read_episode(edited), wanted)
 
 
 HINGES = JointStates(joints=[JointState(name=name) for name in ("hinge_0", "hinge_1", "lateral_hinge_0")])

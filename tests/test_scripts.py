@@ -235,7 +235,7 @@ def _mistakes(folder):
         ("import nan.csv --out x", "nan.csv has no column command_deg; its columns: time_s, pull_mm"),
         (
             "import nan.csv --command-column pull_mm --angle-column pull_mm --out x",
-            "line 3: pull_mm is 'nan'",
+            "nan.csv: pull_mm is 0 in every row: a log without motion",
         ),
         (
             "import log.csv --time-column t --out x",

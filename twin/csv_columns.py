@@ -2,13 +2,19 @@
 
 import csv
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "#n/a", "null", "none"})
+"""How programs write that there is no value, in lower case."""
+
+MOST_LATE = 0.1
+"""Largest share of rows that may run backwards: a log with more is in no order of time."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,8 +29,12 @@ class CsvColumns:
     rows: tuple[Sequence[str], ...]
     """(N,) rows of data, as text."""
 
-    def column(self, name: str) -> Array:
+    def column(self, name: str, *, may_miss: bool = False) -> Array:
         """Return a column (N,) of numbers.
+
+        Args:
+            name: which.
+            may_miss: whether a value may be missing (see `MISSING`): it is NaN then.
 
         Raises:
             ValueError: there is no such column, or two; or a value is not a finite number.
@@ -36,6 +46,9 @@ class CsvColumns:
         values = np.empty(len(self.rows))
         for number, (line, row) in enumerate(zip(self.lines, self.rows, strict=True)):
             text = row[index] if index < len(row) else ""
+            if may_miss and text.strip().lower() in MISSING:
+                values[number] = np.nan
+                continue
             try:
                 values[number] = float(text)
             except ValueError:
@@ -71,6 +84,45 @@ class CsvColumns:
             )
         return values
 
+    def only(self, rows: NDArray[np.bool_]) -> "CsvColumns":
+        """Return some of the rows (N,), each still with its line."""
+        kept = np.flatnonzero(rows)
+        return dataclasses.replace(
+            self, lines=tuple(self.lines[row] for row in kept), rows=tuple(self.rows[row] for row in kept)
+        )
+
+    def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
+        """Return the rows that have a time; one warning counts the others.
+
+        Raises:
+            ValueError: as `column`, or no row has one.
+        """
+        missing = np.isnan(self.column(name, may_miss=True))
+        if missing.all():
+            raise ValueError(f"{self.path}: {name} is missing in every row")
+        if missing.any() and on_warning:
+            on_warning(f"{self.count(missing, f'{name} is missing')}: such rows are dropped")
+        return self.only(~missing)
+
+    def in_order(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
+        """Return the rows that are not before the latest time so far; one warning counts the others.
+
+        Raises:
+            ValueError: as `column`, or more than `MOST_LATE` of the rows run backwards.
+        """
+        time = self.column(name)
+        late = time < np.maximum.accumulate(time)
+        if late.mean() > MOST_LATE:
+            raise ValueError(f"{self.count(late, f'{name} runs backwards')}: at most {MOST_LATE:.0%} may")
+        if late.any() and on_warning:
+            on_warning(f"{self.count(late, f'{name} runs backwards')}: such rows are dropped")
+        return self.only(~late)
+
+    def count(self, rows: NDArray[np.bool_], what: str) -> str:
+        """Say in how many rows (N,) something is so, and in which line first."""
+        line = self.lines[int(rows.argmax())]
+        return f"{self.path} line {line}: {what}, as in {rows.sum()} of {len(rows)} rows"
+
 
 def read_columns(path: Path) -> CsvColumns:
     """Read a CSV file; blank lines are passed over.
@@ -98,9 +150,18 @@ def average_repeats(time: Array, values: Array) -> tuple[Array, Array]:
 
     Args:
         time: (N,) times.
-        values: (N, ...) what was read at those times.
+        values: (N, ...) what was read at those times; NaN where a value is missing, which then does not
+            count. A mean is NaN where all its values are missing.
     """
-    instants, index, counts = np.unique(time, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(instants), *values.shape[1:]))
-    np.add.at(sums, index, values)
-    return instants, sums / counts.reshape(-1, *[1] * (values.ndim - 1))
+    instants, index = np.unique(time, return_inverse=True)
+    known = ~np.isnan(values)
+    sums, counts = (np.zeros((len(instants), *values.shape[1:])) for _ in range(2))
+    np.add.at(sums, index, np.where(known, values, 0.0))
+    np.add.at(counts, index, known)
+    return instants, np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+
+
+def hold(values: Array) -> Array:
+    """Return values (N,) with each NaN replaced by the last value before it, if there is one."""
+    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return values[last]

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+LARGEST_GRID = 10_000_000
+"""Samples of an even grid: more come of a wrong time stamp, and would fill the memory."""
+
 OPTIONAL = ("pulley", "sheath_bend", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
 
@@ -31,7 +34,7 @@ class Episode:
     bend: Array
     """(N,) true bending angle of the tip, in the plane of wires a and b [rad]."""
     measured_bend: Array
-    """(N,) bending angle as the sensor saw it [rad]."""
+    """(N,) bending angle as the sensor saw it; NaN where it is missing, the only field that may be [rad]."""
     joint_angle: Array
     """(N, vertebrae) angle of each hinge, base to tip [rad]."""
     wire_tension: Array
@@ -57,7 +60,8 @@ class Episode:
         """Refuse arrays that do not belong together.
 
         Raises:
-            ValueError: lengths differ, a value is not finite, or time does not increase.
+            ValueError: lengths differ, a value is not finite (a measurement may be NaN), or time does not
+                increase.
         """
         count = len(self.time)
         for field in [field.name for field in dataclasses.fields(self)[1:]]:
@@ -66,9 +70,9 @@ class Episode:
                 continue
             if len(values) != count:
                 raise ValueError(f"{field} has {len(values)} samples, time has {count}")
-            if not np.isfinite(values).all():
-                index = int(np.argwhere(~np.isfinite(values))[0][0])
-                raise ValueError(f"{field} is not finite at sample {index}")
+            wrong = np.isinf(values) if field == "measured_bend" else ~np.isfinite(values)
+            if wrong.any():
+                raise ValueError(f"{field} is not finite at sample {int(np.argwhere(wrong)[0][0])}")
         if count < 2:
             raise ValueError(f"a record needs at least 2 samples, got {count}")
         if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0).all():
@@ -91,7 +95,7 @@ class Episode:
 
     @property
     def measured_bend_deg(self) -> Array:
-        """(N,) measured bending angle in degrees."""
+        """(N,) measured bending angle in degrees, NaN where it is missing."""
         return np.degrees(self.measured_bend)
 
     @property
@@ -117,11 +121,22 @@ class Episode:
     def on_grid(self, sample_time: float) -> "Episode":
         """Return the record at even samples, linear between its own: for a log that has none.
 
+        A sample of the grid lies in a gap where the measurements before and after it are two sample times or
+        more apart (of the grid or of the record, whichever is longer), unless it is at one of them. Its
+        `measured_bend` is NaN; everything else is linear there too.
+
         Raises:
-            ValueError: `sample_time` is not positive, or the record is shorter than two samples.
+            ValueError: `sample_time` is not positive, or the record is shorter than two samples or longer
+                than `LARGEST_GRID`.
         """
         if not 0 < sample_time < np.inf:
             raise ValueError(f"sample time {sample_time:g} s: must be positive")
+        seconds = float(self.time[-1] - self.time[0])
+        if seconds / sample_time > LARGEST_GRID:
+            raise ValueError(
+                f"sample time {sample_time:g} s: a record of {seconds:g} s would be more than "
+                f"{LARGEST_GRID} samples: choose a longer one, or check the record's time"
+            )
         grid = np.arange(self.time[0], self.time[-1] + 1e-9, sample_time)
 
         def even(values: Array) -> Array:
@@ -131,8 +146,22 @@ class Episode:
             columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
             return np.array([np.interp(grid, self.time, column) for column in columns.T]).T.reshape(shape)
 
-        arrays = {name: even(values) for name, values in self._arrays().items()}
-        return dataclasses.replace(self, **(arrays | {"time": grid - grid[0]}))
+        arrays = {name: even(values) for name, values in self._arrays().items() if name != "measured_bend"}
+        measured = self._measured_on(grid, max(sample_time, self.sample_time))
+        return dataclasses.replace(self, **(arrays | {"time": grid - grid[0], "measured_bend": measured}))
+
+    def _measured_on(self, grid: Array, reach: float) -> Array:
+        """(M,) measured angle on a grid, NaN between measurements that are twice `reach` or more apart."""
+        known = ~np.isnan(self.measured_bend)
+        if not known.any():
+            return np.full(len(grid), np.nan)
+        time = self.time[known]
+        place = np.searchsorted(time, grid)
+        before, after = np.append(-np.inf, time)[place], np.append(time, np.inf)[place]
+        rounding = 1e-6 * reach
+        seen = after - before < 2 * (reach - rounding)
+        seen |= np.minimum(grid - before, after - grid) <= rounding
+        return np.where(seen, np.interp(grid, time, self.measured_bend[known]), np.nan)
 
     def _arrays(self) -> dict[str, Any]:
         return {

@@ -1,22 +1,26 @@
 """The benchmark: every method on the same records under the same noise, scored against the clean truth."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, as_completed
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimation.estimator import Estimator, Sensor
 from twin.metrics import confidence_interval, error_indices
-from twin.noise import NOISES, draw_noise, noise_variance
+from twin.noise import NOISES, draw_noise, noise_bound, noise_variance
 from twin.paper import paper_value
+from twin.test_record import TestRecord
 from twin.track import Track
 
 Array = NDArray[np.float64]
-STEADY_SECONDS = (
-    5.0  # left out of `rmse_steady_deg`: the time in which the paper's AM loses the initial error
-)
+Condition = tuple[str, float]
+STEADY_SECONDS = 5.0
+"""Left out of `rmse_steady_deg` [s]: the time in which the paper's AM loses the initial error."""
 
 PAPER_CONDITIONS = (
     ("gaussian", 1.0),
@@ -26,23 +30,36 @@ PAPER_CONDITIONS = (
     ("poisson", 2.0),
 )
 DITHERED_CONDITIONS = (("poisson-dithered", 0.1), ("poisson-dithered", 1.0), ("poisson-dithered", 2.0))
-SUITES = {"paper": PAPER_CONDITIONS + DITHERED_CONDITIONS, "paper-only": PAPER_CONDITIONS}
+UNSEEN_CONDITIONS = (
+    ("laplace", 1.0),
+    ("student-t", 1.0),
+    ("uniform", 1.0),
+    ("salt-and-pepper", 0.05),
+    ("gamma", 1.0),
+)
+SUITES = {
+    "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
+    "paper-only": PAPER_CONDITIONS,
+    "full": PAPER_CONDITIONS + UNSEEN_CONDITIONS,
+}
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """What a method is given: one record under B draws of one noise."""
+    """What a method is given: B runs over records, each with its own draw of a noise."""
 
     pull_mm: Array
-    """(N,) commanded pulling distance [mm]."""
+    """(B, N) commanded pulling distance [mm]."""
     measurement_deg: Array
-    """(B, N) measured bending angle [deg]."""
+    """(B, N) measured bending angle [deg]; NaN where there is none."""
     initial_bend_deg: Array
     """(B,) initial estimate, wrong on purpose [deg]."""
-    noise_variance: float
-    """Variance of the measurement noise, which the filters are told as R [deg^2]."""
+    sensor: Sensor
+    """Variance and largest magnitude of each run's noise, which the filters are told."""
+    noises: tuple[Condition, ...] = ()
+    """Kind and level of each run's noise: for the limit alone, which knows all of it."""
     truth_deg: Array | None = None
-    """(N,) true angle [deg], given to oracles alone."""
+    """(B, N) true angle [deg], given to oracles alone."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +71,23 @@ class Method:
     """Returns (B, N) estimated angles [deg]."""
     oracle: bool = False
     """Whether it is shown the truth: such a row is labelled, and no deployable result."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Filtering:
+    """An estimator, told of its sensor, on a case: what most methods do."""
+
+    estimator: Estimator[Any]
+
+    def __call__(self, case: Case) -> Array:
+        """Return (B, N) estimated angles [deg]."""
+        told = self.estimator.told(case.sensor)
+        return told.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
+
+
+def filtering(name: str, estimator: Estimator[Any]) -> Method:
+    """Return the method of an estimator that sees no truth."""
+    return Method(name, Filtering(estimator))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,46 +119,121 @@ class Protocol:
 
 
 def evaluate(
-    records: Sequence[tuple[Array, Array]],
+    records: Sequence[TestRecord],
     methods: Sequence[Method],
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
 ) -> tuple[list[dict[str, Any]], list[Track]]:
     """Run every method under every noise of the suite.
 
-    The errors of all records are pooled for each noise seed; a row holds means over seeds. The sample at k =
-    0, the wrong initial estimate itself, is not scored.
+    Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
+    row holds means over seeds. The sample at k = 0, the wrong initial estimate itself, is not scored, nor is
+    one whose truth is not known.
 
     Args:
-        records: `(pull_mm (N,), bend_deg (N,))` of the test set, at the protocol's sample time.
-        methods: estimators, in the order of the table.
+        records: the test set, at the protocol's sample time.
+        methods: estimators, in the order of the table; picklable, where there is an executor.
         protocol: noises, seeds and initial error.
-        on_progress: told how many of how many noises are done.
+        on_progress: told how many of how many groups are done.
+        executor: where groups are worked on side by side; without it, here, one after the other.
 
     Returns:
         Rows of `evaluation.json`, and for each noise the tracks of all methods on the first record and seed.
     """
+    groups = list(_groups(records))
+    results: list[Any] = [None] * len(groups)
+    if executor is None:
+        for place, group in enumerate(groups):
+            results[place] = _evaluate_group(group, methods, protocol)
+            if on_progress:
+                on_progress(place + 1, len(groups))
+    else:
+        # The largest first: a long one that begins last would leave the other workers idle.
+        order = sorted(range(len(groups)), key=lambda place: -len(groups[place]))
+        futures = {executor.submit(_evaluate_group, groups[i], methods, protocol): i for i in order}
+        for done, future in enumerate(as_completed(futures), start=1):
+            results[futures[future]] = future.result()
+            if on_progress:
+                on_progress(done, len(groups))
+    return [row for rows, _ in results for row in rows], results[0][1]
+
+
+def make_case(records: Sequence[tuple[int, TestRecord]], protocol: Protocol) -> Case:
+    """Return all runs of a group: records, then noises, then seeds; shorter records are padded.
+
+    Args:
+        records: each with its number in the test set, which its noise is drawn by.
+        protocol: noises, seeds and initial error.
+    """
     conditions = SUITES[protocol.suite]
-    rows, tracks = [], []
-    for number, (noise, level) in enumerate(conditions):
-        errors: dict[str, list[Array]] = {method.name: [] for method in methods}
-        for index, (pull, truth) in enumerate(records):
-            measurement = truth + _draws(noise, level, index, len(truth), protocol)
-            initial = np.full(protocol.seeds, truth[0] + protocol.initial_error_deg)
-            case = Case(pull, measurement, initial, noise_variance(noise, level))
-            estimates = {}
-            for method in methods:
-                seen = dataclasses.replace(case, truth_deg=truth) if method.oracle else case
-                estimates[method.name] = method.estimate(seen)
-                errors[method.name].append(estimates[method.name] - truth)
-            if index == 0:
-                time = np.arange(len(truth), dtype=float) * protocol.sample_time_s
-                first = {name: estimate[0] for name, estimate in estimates.items()}
-                tracks.append(Track(noise, level, time, truth, measurement[0], first))
-        rows += [_row(noise, level, method, errors[method.name], protocol) for method in methods]
-        if on_progress:
-            on_progress(number + 1, len(conditions))
-    return rows, tracks
+    samples = max(len(record.pull_mm) for _, record in records)
+    pulls, measurements, truths = [], [], []
+    for number, record in records:
+        rest = samples - len(record.pull_mm)
+        noise = np.stack(
+            [_draws(kind, level, number, len(record.pull_mm), protocol) for kind, level in conditions]
+        )
+        measured = np.where(record.seen, record.bend_deg + noise, np.nan).reshape(-1, len(record.pull_mm))
+        measurements.append(np.pad(measured, ((0, 0), (0, rest)), constant_values=np.nan))
+        pulls.append(np.broadcast_to(np.pad(record.pull_mm, (0, rest), mode="edge"), measurements[-1].shape))
+        truths.append(
+            np.broadcast_to(np.pad(record.bend_deg, (0, rest), mode="edge"), measurements[-1].shape)
+        )
+    truth = np.concatenate(truths)
+
+    def of_each_run(value: Callable[[str, float], float]) -> Array:
+        values = np.repeat([value(kind, level) for kind, level in conditions], protocol.seeds)
+        return np.tile(values, len(records))
+
+    return Case(
+        pull_mm=np.concatenate(pulls),
+        measurement_deg=np.concatenate(measurements),
+        initial_bend_deg=truth[:, 0] + protocol.initial_error_deg,
+        sensor=Sensor(of_each_run(noise_variance), of_each_run(noise_bound)),
+        noises=tuple(condition for condition in conditions for _ in range(protocol.seeds)) * len(records),
+        truth_deg=truth,
+    )
+
+
+def _groups(records: Sequence[TestRecord]) -> list[list[tuple[int, TestRecord]]]:
+    """Records of one stroke and one kind of twin, with their numbers in the test set."""
+    groups: dict[tuple[Any, str], list[tuple[int, TestRecord]]] = {}
+    for number, record in enumerate(records):
+        groups.setdefault((record.stroke_mm, record.twin), []).append((number, record))
+    return list(groups.values())
+
+
+def _evaluate_group(
+    records: list[tuple[int, TestRecord]], methods: Sequence[Method], protocol: Protocol
+) -> tuple[list[dict[str, Any]], list[Track]]:
+    conditions = SUITES[protocol.suite]
+    shown = make_case(records, protocol)
+    case = dataclasses.replace(shown, truth_deg=None)
+    truth = shown.truth_deg
+    assert truth is not None
+    tracked = np.arange(len(conditions)) * protocol.seeds  # first record, first seed of each noise
+    rows: dict[tuple[str, float], list[dict[str, Any]]] = {condition: [] for condition in conditions}
+    tracks: dict[str, Array] = {}
+    for method in methods:
+        estimate = method.estimate(shown if method.oracle else case)
+        tracks[method.name] = estimate[tracked]
+        errors = (estimate - truth).reshape(len(records), len(conditions), protocol.seeds, -1)
+        for place, condition in enumerate(conditions):
+            row = _row(condition, method, [errors[r, place] for r in range(len(records))], records, protocol)
+            rows[condition].append(row)
+    first = records[0][1]
+    time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s
+    return list(itertools.chain.from_iterable(rows.values())), [
+        Track(
+            *condition,
+            time,
+            first.bend_deg,
+            case.measurement_deg[run, : len(time)],
+            {name: estimate[place, : len(time)] for name, estimate in tracks.items()},
+        )
+        for place, (condition, run) in enumerate(zip(conditions, tracked, strict=True))
+    ]
 
 
 def _draws(noise: str, level: float, record: int, samples: int, protocol: Protocol) -> Array:
@@ -137,18 +246,32 @@ def _draws(noise: str, level: float, record: int, samples: int, protocol: Protoc
     return np.stack([draw_noise(noise, level, (samples,), rng) for rng in streams])
 
 
-def _row(noise: str, level: float, method: Method, errors: list[Array], protocol: Protocol) -> dict[str, Any]:
+def _row(
+    condition: Condition,
+    method: Method,
+    errors: list[Array],
+    records: Sequence[tuple[int, TestRecord]],
+    protocol: Protocol,
+) -> dict[str, Any]:
     """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
-    steady = round(STEADY_SECONDS / protocol.sample_time_s)
-    indices = error_indices(np.concatenate([error[:, 1:] for error in errors], axis=1))
-    late = error_indices(
-        np.concatenate([error[:, min(steady, error.shape[1] - 1) :] for error in errors], axis=1)
-    )
+    noise, level = condition
+
+    def pooled(first: int) -> dict[str, Array]:
+        scored = []
+        for error, (_, record) in zip(errors, records, strict=True):
+            begin = min(first, int(np.flatnonzero(record.seen)[-1]))  # a short record: its last sample
+            scored.append(error[:, begin : len(record.seen)][:, record.seen[begin:]])
+        return error_indices(np.concatenate(scored, axis=1))
+
+    indices, late = pooled(1), pooled(round(STEADY_SECONDS / protocol.sample_time_s))
     low, high = confidence_interval(indices["rmse_deg"])
+    first = records[0][1]
     return {
         "noise": noise,
         "level": level,
         "sample_time_s": protocol.sample_time_s,
+        "stroke_mm": list(first.stroke_mm),
+        "twin": first.twin,
         "method": method.name,
         "oracle": method.oracle,
         **{name: float(values.mean()) for name, values in indices.items()},

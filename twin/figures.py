@@ -5,7 +5,7 @@ A method keeps its colour, line and marker in all of them. No figure touches pyp
 
 import dataclasses
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -23,6 +23,7 @@ from twin.track import Track
 Array = NDArray[np.float64]
 
 INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
+MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
 START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
 
@@ -96,13 +97,16 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
     return figure
 
 
-def tracking_figure(track: Track, methods: Sequence[str], title: str) -> Figure:
+def tracking_figure(
+    track: Track, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
+) -> Figure:
     """Draw truth and estimates over their errors, the whole record beside its first seconds (Figs. 5-10).
 
     Args:
         track: estimates along one record.
         methods: which of them to draw, the most important last (it lies on top).
         title: of the figure.
+        notes: what the legend says behind the name of a method.
 
     Raises:
         ValueError: the track has no estimates of one of the methods.
@@ -113,7 +117,7 @@ def tracking_figure(track: Track, methods: Sequence[str], title: str) -> Figure:
     truth = STYLES["ground truth"]
     for column in range(2):
         upper, lower = clean_axes(grid[0, column]), clean_axes(grid[1, column])
-        upper.plot(track.time, track.measurement_deg, ".", color="#b4bac2", markersize=3, markeredgewidth=0)
+        upper.plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
         for method in methods:
             style = style_of(method, methods)
             line = {"color": style.colour, "linestyle": style.line, "linewidth": style.width}
@@ -137,13 +141,12 @@ def tracking_figure(track: Track, methods: Sequence[str], title: str) -> Figure:
     figure.align_ylabels(grid[:, 0])
     grid[0, 0].set_title(title, fontsize=10, color=INK, loc="left", fontweight="bold")
     handles = [
-        Line2D([], [], linestyle="", marker=".", color="#b4bac2", label="measurement"),
+        Line2D([], [], linestyle="", label="measurement", **MEASUREMENT),
         Line2D([], [], color=truth.colour, linestyle=truth.line, label="ground truth"),
-        *(_handle(method, methods) for method in methods),
+        *(_handle(method, methods, (notes or {}).get(method, "")) for method in methods),
     ]
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8.5
-    )
+    columns = (len(handles) + 1) // 2 if notes else len(handles)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
     return figure
 
 
@@ -263,9 +266,10 @@ def clean_axes(axes: Axes) -> Axes:
     return axes
 
 
-def _handle(method: str, methods: Sequence[str]) -> Line2D:
+def _handle(method: str, methods: Sequence[str], note: str = "") -> Line2D:
     style = style_of(method, methods)
-    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=1.6, label=method)
+    label = f"{method}: {note}" if note else method
+    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=1.6, label=label)
 
 
 def _running_median(values: Array, window: int) -> Array:

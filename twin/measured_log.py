@@ -1,4 +1,8 @@
-"""A measured log: a CSV file of what a real endoscope was told and what its sensors saw, as an episode."""
+"""A measured log: a CSV file of what a real endoscope was told and what its sensors saw, as an episode.
+
+Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
+A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
+"""
 
 import dataclasses
 import hashlib
@@ -10,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.command_file import SECONDS_PER_CYCLE
-from twin.csv_columns import CsvColumns, average_repeats, read_columns
+from twin.csv_columns import CsvColumns, average_repeats, hold, read_columns
 from twin.episode import Episode
 
 Array = NDArray[np.float64]
@@ -26,6 +30,7 @@ GAP = 20.0
 _LARGEST_BEND_DEG = 720.0
 _LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
 _LARGEST_PULL_MM = 200.0
+_LARGEST_TIME = 9.2e9  # [s] 292 years: nanoseconds since 1970 end there too
 _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 
@@ -65,20 +70,26 @@ def read_measured_log(
 ) -> Episode:
     """Read a measured log; rows at one time are averaged, the other samples are the log's own.
 
+    A value is missing where its field is empty or says so (`csv_columns.MISSING`). What is dropped or held
+    is counted in a warning and in the metadata.
+
     Args:
         path: a CSV file with a header.
         form: its columns and units.
         on_warning: told, in one line, what is odd but no fault.
 
     Returns:
-        N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle. There are no joints
-        and no friction; `wire_tension` is (N, 2, 1) where both tensions were measured, else (N, 2, 0). The
-        metadata tells how the file was read, so that a pulling distance can become a pulley's angle again.
+        N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
+        `measured_bend` is NaN and `bend` linear between its neighbours, or level before the first and after
+        the last. There are no joints and no friction; `wire_tension` is (N, 2, 1) where both tensions were
+        measured, else (N, 2, 0). The metadata tells how the file was read, so that a pulling distance can
+        become a pulley's angle again.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: a column is missing or has no known unit, a value is not finite or implausible, time runs
-            backwards, or the command does not move.
+        ValueError: a column is missing or has no known unit; a value is no number or implausible; a tension,
+            the sheath's bend or the first command is missing; more than a tenth of the rows run backwards in
+            time, or any in phase; the angle is measured at fewer than two times; the command does not move.
     """
     form = form or LogFormat()
     _check_format(form)
@@ -87,12 +98,15 @@ def read_measured_log(
     table = read_columns(path)
 
     time_column = form.time_column or table.first_of(("time_s", "phase_rad"))
-    time = table.time(time_column)
     time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
     time_unit = _unit(table, time_column, form.time_unit, time_units, "--time-unit")
+    row_count = len(table.rows)
+    table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
 
     pull, command_unit = _pull(table, form)
     bend, angle_unit = _bend(table, form)
+    _warn_of_missing(table, form.command_column, pull, "the last one is held", on_warning)
+    _warn_of_missing(table, form.angle_column, bend, "nothing is measured there", on_warning)
     tension_columns = _tension_columns(table, form, on_warning)
     sheath_bend_column = _sheath_bend_column(table, form)
     columns = [pull, bend]
@@ -108,14 +122,23 @@ def read_measured_log(
         raise ValueError(f"{path}: all rows have the same {time_column}, a record needs two times")
     _warn_of_gap(table, time, instants, on_warning)
     count = len(instants)
+    if np.isnan(means[0, 0]):
+        line = f"{path} line {table.lines[0]}"
+        raise ValueError(f"{line}: {form.command_column} is missing, and no row before it has one to hold")
+    measured = means[:, 1].copy()
+    known = ~np.isnan(measured)
+    if known.sum() < 2:
+        raise ValueError(f"{path}: {form.angle_column} is measured {known.sum()} times, a record needs two")
+    between = np.interp(instants, instants[known], measured[known])
     sheath_bend = means[:, -1] if sheath_bend_column is not None else np.empty(0)
     if form.sheath_bend_deg is not None:
         sheath_bend = np.full(count, form.sheath_bend_deg)
+    mended = {"rows_dropped": row_count - len(time), "commands_held": int(np.isnan(pull).sum())}
     return Episode(
         time=(instants - instants[0]) * time_units[time_unit],
-        pull=means[:, 0],
-        bend=means[:, 1],
-        measured_bend=means[:, 1].copy(),
+        pull=hold(means[:, 0]),
+        bend=np.where(known, measured, between),
+        measured_bend=measured,
         joint_angle=np.empty((count, 0)),
         wire_tension=means[:, 2 : 2 + len(tension_columns)].reshape(count, 2, len(tension_columns) // 2),
         sheath_friction=np.empty((count, 2, 0)),
@@ -126,7 +149,7 @@ def read_measured_log(
             "name": path.stem,
             "file": path.name,
             "file_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-            "rows": len(table.rows),
+            "rows": row_count,
             "command_column": form.command_column,
             "command_unit": command_unit,
             "pulley_radius": form.pulley_radius if command_unit in ANGLE_UNITS else None,
@@ -140,6 +163,7 @@ def read_measured_log(
             "sheath_bend_column": sheath_bend_column,
             "sheath_bend_deg": form.sheath_bend_deg,
             "endotwin": __version__,
+            **{name: number for name, number in mended.items() if number},
         },
     )
 
@@ -156,29 +180,50 @@ def _check_format(form: LogFormat) -> None:
         raise ValueError(f"--sheath-bend-deg {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
 
 
+def _in_time_order(
+    table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
+) -> tuple[CsvColumns, Array]:
+    """Rows with a time that does not go back, and that time in the column's unit [`unit` s]."""
+    table = table.timed(name, on_warning)
+    with np.errstate(over="ignore"):
+        seconds = table.column(name) * unit
+    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check --time-unit")
+    # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
+    if not phase:
+        table = table.in_order(name, on_warning)
+    return table, table.time(name)
+
+
 def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) commanded pulling distance [m], and the unit that the column has it in."""
+    """(N,) commanded pulling distance [m], NaN where missing, and the unit that the column has it in."""
     name = form.command_column
-    values = table.column(name)
+    values = table.column(name, may_miss=True)
     lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
     unit = _unit(table, name, form.command_unit, lengths, "--command-unit")
-    pull = values * lengths[unit]
+    with np.errstate(over="ignore"):
+        pull = values * lengths[unit]
+        millimetres = pull * 1e3
     advice = "check --command-unit" + (" and --pulley-radius-mm" if unit in ANGLE_UNITS else "")
     limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
-    _refuse_implausible(table, name, pull * 1e3, "mm of pulling distance", limits, advice)
-    if values.min() == values.max():
-        raise ValueError(f"{table.path}: {name} is {values[0]:g} in every row: a log without motion")
+    _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
+    known = values[~np.isnan(values)]
+    if not known.size:
+        raise ValueError(f"{table.path}: {name} is missing in every row")
+    if known.min() == known.max():
+        raise ValueError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
     return pull, unit
 
 
 def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) measured bending angle [rad], and the unit that the column has it in."""
+    """(N,) measured bending angle [rad], NaN where missing, and the unit that the column has it in."""
     name = form.angle_column
-    values = table.column(name)
+    values = table.column(name, may_miss=True)
     unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
     limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
-    _refuse_implausible(table, name, np.degrees(bend), "deg", limits, "check --angle-unit")
+    with np.errstate(over="ignore"):
+        degrees = np.degrees(bend)
+    _refuse_implausible(table, name, degrees, "deg", limits, "check --angle-unit")
     return bend, unit
 
 
@@ -235,6 +280,14 @@ def _refuse_implausible(
         )
 
 
+def _warn_of_missing(
+    table: CsvColumns, name: str, values: Array, what: str, on_warning: Callable[[str], None] | None
+) -> None:
+    missing = np.isnan(values)
+    if on_warning and missing.any():
+        on_warning(f"{table.count(missing, f'{name} is missing')}: {what}")
+
+
 def _warn_of_gap(
     table: CsvColumns, time: Array, instants: Array, on_warning: Callable[[str], None] | None
 ) -> None:
@@ -242,5 +295,5 @@ def _warn_of_gap(
     longest, usual = int(steps.argmax()), float(np.median(steps))
     if on_warning and steps[longest] > GAP * usual:
         line = table.lines[int(np.searchsorted(time, instants[longest + 1]))]
-        times = steps[longest] / usual
+        times = float(steps[longest]) / usual
         on_warning(f"{table.path} line {line}: a gap of {times:.0f} times the usual step comes before it")

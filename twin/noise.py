@@ -1,11 +1,38 @@
-"""Measurement noise of the RAM paper, in degrees: Gaussian of variance R, Poisson of expectation lambda."""
+"""Measurement noise, in degrees: the RAM paper's Gaussian and Poisson, and five that nobody trains on.
 
+A kind of noise has one level. A filter is told the variance, a set-membership filter the largest magnitude;
+Fisher's information is there for the bound that no estimator passes.
+"""
+
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import integrate
 
 Array = NDArray[np.float64]
+
+OUTLIER_DEG = 10.0  # magnitude of an outlier of salt-and-pepper noise
+BACKGROUND_DEG2 = 0.1  # variance of the Gaussian noise that outliers are added to: that of training
+STUDENT_FREEDOM = 3  # degrees of freedom: heavy tails that still have a variance
+GAMMA_SHAPE = 2.0
+
+
+def _never(level: float) -> float:
+    return np.inf
+
+
+def _no_information(level: float) -> None:
+    return None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Kind:
+    draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]
+    variance: Callable[[float], float]
+    bound: Callable[[float], float] = _never
+    information: Callable[[float], float | None] = _no_information
 
 
 def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -13,31 +40,53 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 
     Args:
         kind: one of `NOISES`.
-        level: variance R [deg^2] of Gaussian noise; expectation lambda [deg] of Poisson noise (eq. 14).
+        level: what it means depends on the kind:
+
+            - gaussian, laplace, student-t, uniform, gamma: the variance R [deg^2];
+            - poisson, poisson-dithered: the expectation lambda [deg] (eq. 14);
+            - salt-and-pepper: the probability that a sample is off by +-`OUTLIER_DEG` besides its Gaussian
+              noise.
         shape: shape of the result.
         rng: where the numbers come from.
 
     Returns:
-        Noise to be added to the true angle [deg]. Poisson noise is not centred: its mean is lambda.
+        Noise to be added to the true angle [deg]. Poisson and gamma noise are not centred: their means are
+        lambda and sqrt(`GAMMA_SHAPE` R).
 
     Raises:
-        ValueError: the kind is unknown or the level is negative.
+        ValueError: the kind is unknown or the level is out of range.
     """
-    if kind not in NOISES:
-        raise ValueError(f"unknown noise {kind!r}; valid: {', '.join(NOISES)}")
+    known = _known(kind)
     if not (np.isfinite(level) and level >= 0):
         raise ValueError(f"{kind} noise of level {level}: must be a number that is not negative")
-    return NOISES[kind](level, shape, rng)
+    if kind == "salt-and-pepper" and level > 1:
+        raise ValueError(f"salt-and-pepper noise of level {level:g}: a probability is at most 1")
+    return known.draw(level, shape, rng)
 
 
 def noise_variance(kind: str, level: float) -> float:
-    """Return the variance of a noise [deg^2]: what a filter is told as R.
+    """Return the variance of a noise [deg^2]: what a filter is told as R."""
+    return _known(kind).variance(level)
 
-    It is the level itself, plus the 1 / 12 of the uniform dither where there is one.
+
+def noise_bound(kind: str, level: float) -> float:
+    """Return the largest magnitude that a noise can have [deg]; infinite where there is none."""
+    return _known(kind).bound(level)
+
+
+def fisher_information(kind: str, level: float) -> float | None:
+    """Return what one sample tells of the angle (Fisher 1925), the integral of p'^2 / p [1 / deg^2].
+
+    It is at least 1 / variance, and equals it for Gaussian noise alone. None where the Cramer-Rao bound does
+    not hold: on a lattice, or where the density jumps.
     """
+    return _known(kind).information(level)
+
+
+def _known(kind: str) -> _Kind:
     if kind not in NOISES:
         raise ValueError(f"unknown noise {kind!r}; valid: {', '.join(NOISES)}")
-    return level + 1 / 12 if kind == "poisson-dithered" else level
+    return NOISES[kind]
 
 
 def _gaussian(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -53,8 +102,64 @@ def _dithered_poisson(level: float, shape: tuple[int, ...], rng: np.random.Gener
     return rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
 
 
-NOISES: dict[str, Callable[[float, tuple[int, ...], np.random.Generator], Array]] = {
-    "gaussian": _gaussian,
-    "poisson": _poisson,
-    "poisson-dithered": _dithered_poisson,
+def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    return rng.laplace(0.0, np.sqrt(level / 2), shape)
+
+
+def _student(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    return _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
+
+
+def _student_scale(level: float) -> float:
+    return float(np.sqrt(level * (STUDENT_FREEDOM - 2) / STUDENT_FREEDOM))
+
+
+def _student_information(level: float) -> float:
+    return (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + 3) / _student_scale(level) ** 2
+
+
+def _uniform(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    half = np.sqrt(3 * level)
+    return rng.uniform(-half, half, shape)
+
+
+def _salt_and_pepper(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    outlier = rng.choice([-OUTLIER_DEG, OUTLIER_DEG], shape) * (rng.uniform(size=shape) < level)
+    return _gaussian(BACKGROUND_DEG2, shape, rng) + outlier
+
+
+def _salt_and_pepper_information(level: float) -> float:
+    """Integrate over the mixture of three normal densities of one width."""
+    places = np.array([-OUTLIER_DEG, 0.0, OUTLIER_DEG])
+    weights = np.array([level / 2, 1 - level, level / 2])
+    noise = np.linspace(-OUTLIER_DEG - 3, OUTLIER_DEG + 3, 20_001)
+    away = noise[:, None] - places
+    bells = weights * np.exp(-(away**2) / (2 * BACKGROUND_DEG2)) / np.sqrt(2 * np.pi * BACKGROUND_DEG2)
+    density, slope = bells.sum(axis=1), -(bells * away / BACKGROUND_DEG2).sum(axis=1)
+    score = np.divide(slope**2, density, out=np.zeros_like(slope), where=density > 0)
+    return float(integrate.trapezoid(score, noise))
+
+
+def _gamma(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    return rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape)
+
+
+def _level(level: float) -> float:
+    return level
+
+
+NOISES: dict[str, _Kind] = {
+    "gaussian": _Kind(_gaussian, _level, information=lambda level: 1 / level),
+    "poisson": _Kind(_poisson, _level),
+    "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + 1 / 12),
+    "laplace": _Kind(_laplace, _level, information=lambda level: 2 / level),
+    "student-t": _Kind(_student, _level, information=_student_information),
+    "uniform": _Kind(_uniform, _level, bound=lambda level: float(np.sqrt(3 * level))),
+    "salt-and-pepper": _Kind(
+        _salt_and_pepper,
+        lambda level: BACKGROUND_DEG2 + level * OUTLIER_DEG**2,
+        information=_salt_and_pepper_information,
+    ),
+    "gamma": _Kind(_gamma, _level),
 }
+"""In this order for good: a stream of random numbers is named by the place."""

@@ -92,9 +92,9 @@ def paper_value(noise: str, level: float, method: str, index: str) -> float | No
 
 def noise_label(noise: str, level: float) -> str:
     """Return a noise as people write it: `Gaussian, R = 1 deg²`, `Poisson, λ = 0.1`."""
-    if noise == "gaussian":
-        return f"Gaussian, R = {level:g} deg²"
+    if noise == "salt-and-pepper":
+        return f"Outliers, {100 * level:g} %"
     kind, _, variant = noise.partition("-")
     if kind == "poisson":
         return f"Poisson{' ' + variant if variant else ''}, λ = {level:g}"
-    return f"{noise.capitalize()}, {level:g}"
+    return f"{noise.capitalize()}, R = {level:g} deg²"

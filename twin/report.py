@@ -18,10 +18,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from twin.assets import assets_folder
-from twin.figures import loop_figure, rmse_figure, to_svg, tracking_figure, training_figure
+from twin.figures import loop_figure, rmse_figure, to_svg, training_figure
 from twin.findings import findings
-from twin.hysteresis import ColemanHodgdon, load_model
-from twin.paper import METHODS, TABLES, noise_label
+from twin.hysteresis import HysteresisModel, load_model
+from twin.paper import TABLES
+from twin.paper_figures import paper_figures
 from twin.recording import read_dataset
 from twin.recording.atomic import write_whole
 from twin.tables import paper_table, table_title
@@ -36,14 +37,6 @@ _DRAWN = 2
 """How many loops are drawn over each other: more cannot be told apart."""
 
 AGENTS = {"ram": "RAM", "direct": "Direct RL", "lstm": "LSTM"}
-_PAPER_FIGURES = (
-    (5, "gaussian", 1.0, ("Direct RL", "RAM")),
-    (6, "gaussian", 1.0, METHODS),
-    (7, "gaussian", 5.0, METHODS),
-    (8, "poisson", 0.1, METHODS),
-    (9, "poisson", 1.0, METHODS),
-    (10, "poisson", 2.0, METHODS),
-)
 _COMMANDS = {
     "data/train": "generate --preset ureteroscope --stroke 2 4 --episodes 4 --seconds 60 --seed 1 "
     "--out data/train",
@@ -179,7 +172,7 @@ def _film(path: Path) -> Shown:
     return Shown(_address("image/png", strip.getvalue()), f"Six moments of {path.name}, left to right.")
 
 
-def _loop(path: Path, model: ColemanHodgdon | None) -> Shown:
+def _loop(path: Path, model: HysteresisModel | None) -> Shown:
     episodes = read_dataset(path)
     loops = [(episode.pull_mm, episode.bend_deg) for episode in episodes]
     fits = [] if model is None else [model.response(pull, bend[0]) for pull, bend in loops]
@@ -191,16 +184,9 @@ def _loop(path: Path, model: ColemanHodgdon | None) -> Shown:
 
 
 def _tracking(path: Path) -> list[Shown]:
-    tracks = {(track.noise, track.level): track for track in load_tracks(path)}
-    shown = []
-    for number, noise, level, wanted in _PAPER_FIGURES:
-        track = tracks.get((noise, level))
-        methods = [method for method in wanted if track is not None and method in track.estimates]
-        if track is None or not methods:
-            continue
-        label = noise_label(noise, level)
-        caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
-        shown.append(_drawn(tracking_figure(track, methods, label), caption))
+    evaluation = path.with_name("evaluation.json")
+    rows = json.loads(evaluation.read_text())["rows"] if evaluation.is_file() else []
+    shown = [_drawn(*drawn) for drawn in paper_figures(load_tracks(path), rows).values()]
     if not shown:
         raise ValueError("it has none of the noises and methods of the paper's figures")
     return shown

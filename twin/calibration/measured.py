@@ -47,7 +47,7 @@ class MeasuredLoop:
 def measured_loop(
     episode: Episode, name: str, sample_time: float, *, pace: float | None = None, fraction: float = 1.0
 ) -> MeasuredLoop:
-    """Check a log and put it on an even grid, linear between its own samples.
+    """Check a log and put it on an even grid, linear between its own samples; what is missing is not fitted.
 
     Args:
         episode: the log; its measured bending angle is what counts.
@@ -77,7 +77,12 @@ def measured_loop(
     if fitted.sum() < 10:
         raise ValueError(f"{name}: {fitted.sum()} samples of {sample_time:g} s to fit: needs at least 10")
     even = even.on_grid(sample_time)
-    pull, bend, tension = even.pull, even.measured_bend, even.wire_tension[:, :2, 0:1].reshape(count, -1)
+    seen = ~np.isnan(even.measured_bend)
+    fitted &= seen
+    if fitted.sum() < 10:
+        raise ValueError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
+    bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
+    pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     _check_motion(pull[fitted], name)
     if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
         raise ValueError(f"{name}: the angle falls where the command rises: import it with --reverse-angle")

@@ -58,18 +58,21 @@ def to_nanoseconds(time: Array) -> list[int]:
 def encode(episode: Episode) -> Iterator[tuple[str, int, Any]]:
     """Yield the messages of an episode in the order of time.
 
-    `/tension` is left out without wire tensions, `/joint_states` without joints, and `/tf` also without a
-    preset in the metadata that tells the geometry.
+    A measurement that is missing is no message. `/tension` is left out without wire tensions,
+    `/joint_states` without joints, and `/tf` also without a preset in the metadata that tells the geometry.
 
     Yields:
         Topic, nanoseconds, message. The message is valid until the next one is asked for: it is the same
         object for every sample of a topic, as building nested transforms anew each time would cost most.
 
     Raises:
-        ValueError: times or shapes do not fit the messages.
+        ValueError: times or shapes do not fit the messages, or no measurement is there.
     """
     nanoseconds = to_nanoseconds(episode.time)
     _check_shapes(episode)
+    missing = np.isnan(episode.measured_bend)
+    if missing.all():
+        raise ValueError("measured_bend is NaN at every sample: a record needs a measurement")
     streams: dict[str, Iterator[Any]] = {
         "/command": _samples(Command(), _command_columns(episode)),
         "/truth": _samples(Truth(), _truth_columns(episode)),
@@ -83,9 +86,10 @@ def encode(episode: Episode) -> Iterator[tuple[str, int, Any]]:
         link = link_length(episode)
         if link is not None:
             streams["/tf"] = transforms(episode, nanoseconds, link)
-    for time, *messages in zip(nanoseconds, *streams.values(), strict=True):
+    for time, unseen, *messages in zip(nanoseconds, missing.tolist(), *streams.values(), strict=True):
         for topic, message in zip(streams, messages, strict=True):
-            yield topic, time, message
+            if not (unseen and topic == "/measurement"):
+                yield topic, time, message
 
 
 def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[bytes]]) -> dict[str, Array]:
@@ -97,11 +101,12 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
 
     Returns:
         Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded;
-        other optional fields (`episode.OPTIONAL`) that were not are empty or left out.
+        other optional fields (`episode.OPTIONAL`) that were not are empty or left out. `measured_bend` is NaN
+        at each sample without a message of `/measurement`.
 
     Raises:
-        ValueError: a topic is missing, topics differ in their times, or messages of a topic differ in what
-            they hold.
+        ValueError: a topic is missing, topics differ in their times (`/measurement` may have fewer), or
+            messages of a topic differ in what they hold.
         google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
     """
     for topic in REQUIRED_TOPICS:
@@ -109,20 +114,26 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
             raise ValueError(f"topic {topic} is missing")
     count = len(times["/command"])
     for topic in SCHEMAS:
-        if topic in times and len(times[topic]) != count:
+        if topic not in times or topic == "/measurement":
+            continue
+        if len(times[topic]) != count:
             raise ValueError(f"topic {topic} has {len(times[topic])} messages, /command has {count}")
-        if topic in times and list(times[topic]) != list(times["/command"]):
+        if list(times[topic]) != list(times["/command"]):
             raise ValueError(f"the messages of {topic} are not at the times of those of /command")
 
     commands = [Command.FromString(payload) for payload in payloads["/command"]]
     truths = [Truth.FromString(payload) for payload in payloads["/truth"]]
     measurements = [Measurement.FromString(payload) for payload in payloads["/measurement"]]
     joints = [JointStates.FromString(payload).joints for payload in payloads.get("/joint_states", [])]
+    measured_bend = np.full(count, np.nan)
+    measured_bend[_places(times["/measurement"], times["/command"])] = np.radians(
+        [message.bend_deg for message in measurements]
+    )
     arrays = {
         "time": np.array(times["/command"], dtype=float) / 1e9,
         "pull": np.array([message.pull_mm for message in commands]) / 1e3,
         "bend": np.radians([message.bend_deg for message in truths]),
-        "measured_bend": np.radians([message.bend_deg for message in measurements]),
+        "measured_bend": measured_bend,
         "joint_angle": _hinges("joints", joints, count, lateral=False),
         "pulley": _optional(truths, "pulley_mm") / 1e3,
         "sheath_bend": np.radians(_optional(truths, "sheath_bend_deg")),
@@ -141,6 +152,15 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
     return (
         arrays | lateral | {name: _wires(truths, name, wires) for name in ("wire_tension", "sheath_friction")}
     )
+
+
+def _places(measurements: Sequence[int], commands: Sequence[int]) -> list[int]:
+    """Index among the times of the commands of each of the measurements', of which some may be missing."""
+    index = {time: place for place, time in enumerate(commands)}
+    places = [index.get(time, -1) for time in measurements]
+    if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
+        raise ValueError("the messages of /measurement are not at the times of those of /command")
+    return places
 
 
 def _wire_names(lateral: Iterable[Array]) -> str:

@@ -1,0 +1,139 @@
+"""Ellipsoids that hold sets: no point is lost, and none smaller is found by search."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize, minimize_scalar
+
+from twin.estimation.ellipsoid import Ellipsoid, add_segment, around_box, cut
+
+sizes = st.floats(1e-3, 1e3)
+shapes = st.tuples(sizes, sizes, st.floats(-0.999, 0.999))
+axes = st.integers(0, 1)
+
+
+def ellipsoid(first: float, second: float, correlation: float, centre=(0.0, 0.0)) -> Ellipsoid:
+    cross = correlation * first * second
+    shape = np.array([[first**2, cross], [cross, second**2]])
+    return Ellipsoid(np.array(centre)[:, None], shape[..., None])
+
+
+def grid(held: Ellipsoid) -> np.ndarray:
+    """(2, M) points all over one ellipsoid, its edge included."""
+    radius, angle = np.meshgrid(np.linspace(0, 1, 15), np.linspace(0, 2 * np.pi, 120))
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)]).reshape(2, -1)
+    return held.centre + np.linalg.cholesky(held.shape[..., 0]) @ disc
+
+
+def level(held: Ellipsoid, points: np.ndarray) -> np.ndarray:
+    """(x - c)^T P^-1 (x - c) of points (2, M)."""
+    off = points - held.centre
+    return np.einsum("im,ij,jm->m", off, np.linalg.inv(held.shape[..., 0]), off)
+
+
+def area(held: Ellipsoid) -> float:
+    return float(np.sqrt(np.linalg.det(held.shape[..., 0])))
+
+
+@given(shape=shapes, axis=axes, length=st.floats(0, 1e3))
+def test_sums_with_a_segment_stay_inside(shape, axis, length):
+    held = ellipsoid(*shape, (3.0, -1.0))
+    grown = add_segment(held, axis, length)
+    for share in (-1, -0.3, 1):
+        points = grid(held)
+        points[axis] += share * length
+        assert level(grown, points).max() < 1 + 1e-6
+
+
+@given(shape=shapes, axis=axes, share=st.floats(0.01, 100))
+def test_no_sum_of_the_family_is_smaller(shape, axis, share):
+    held = ellipsoid(*shape)
+    length = share * shape[axis]
+    segment = np.zeros((2, 2))
+    segment[axis, axis] = length**2
+
+    def logarithm(log_p):
+        p = np.exp(log_p)
+        return np.log(np.linalg.det((1 + 1 / p) * held.shape[..., 0] + (1 + p) * segment)) / 2
+
+    least = minimize_scalar(logarithm, bounds=(-12, 12), method="bounded", options={"xatol": 1e-9}).fun
+    assert np.log(area(add_segment(held, axis, length))) == pytest.approx(least, abs=1e-6)
+
+
+@given(shape=shapes, axis=axes, low=st.floats(-1.5, 1.4), width=st.floats(0.01, 3))
+def test_what_lies_between_the_bounds_stays_inside(shape, axis, low, width):
+    held = ellipsoid(*shape, (3.0, -1.0))
+    low, high = held.centre[axis] + shape[axis] * low, held.centre[axis] + shape[axis] * (low + width)
+    kept, empty = cut(held, axis, low, high)
+    points = grid(held)
+    points = points[:, (points[axis] >= low) & (points[axis] <= high)]
+    if points.size:
+        assert not empty[0]
+        assert level(kept, points).max() < 1 + 1e-6
+    assert area(kept) <= area(held) * (1 + 1e-8)
+
+
+@settings(max_examples=25)
+@given(shape=shapes, low=st.floats(-0.95, 0.9), width=st.floats(0.05, 1.5))
+def test_no_ellipse_around_a_cut_one_is_smaller(shape, low, width):
+    """Of all ellipses, by search: in the coordinates of the disc, symmetric about the normal."""
+    high = min(low + width, 1.0)
+    held = ellipsoid(*shape)
+    kept, _ = cut(held, 0, np.array([low * shape[0]]), np.array([high * shape[0]]))
+    t = np.concatenate([[low, high], np.linspace(low, high, 200)])
+    z = np.sqrt(np.maximum(1 - t**2, 0))
+
+    def logarithm(parameters):
+        """Area of the least ellipse of this middle and this ratio of half axes that holds all points."""
+        middle, log_ratio = parameters
+        square = (((t - middle) / np.exp(log_ratio)) ** 2 + z**2).max()
+        return np.log(square) + log_ratio
+
+    starts = [((low + high) / 2, 0.0), ((low + high) / 2, np.log((high - low) / 2)), (0.0, 0.0)]
+    options = {"xatol": 1e-7, "fatol": 1e-9, "maxiter": 2000}
+    least = min(minimize(logarithm, start, method="Nelder-Mead", options=options).fun for start in starts)
+    assert np.log(area(kept) / area(held)) == pytest.approx(least, abs=2e-3)
+
+
+@given(shape=shapes, axis=axes)
+def test_bounds_around_the_ellipsoid_leave_it_and_bounds_beside_it_leave_nothing(shape, axis):
+    held = ellipsoid(*shape, (3.0, -1.0))
+    for low, high in ((-1.0, 1.0), (-2.0, 5.0), (-np.inf, np.inf)):
+        kept, empty = cut(
+            held, axis, held.centre[axis] + low * shape[axis], held.centre[axis] + high * shape[axis]
+        )
+        assert not empty[0]
+        np.testing.assert_allclose(kept.centre, held.centre, rtol=1e-6, atol=1e-6 * max(shape[:2]))
+        np.testing.assert_allclose(kept.shape, held.shape, rtol=1e-6)
+    for low, high in ((1.01, 3.0), (-np.inf, -1.01)):
+        kept, empty = cut(
+            held, axis, held.centre[axis] + low * shape[axis], held.centre[axis] + high * shape[axis]
+        )
+        assert empty[0]
+        np.testing.assert_allclose(kept.shape, held.shape, rtol=1e-8)
+
+
+@given(first=sizes, second=sizes)
+def test_ellipsoid_around_a_box_passes_through_its_corners(first, second):
+    low = np.array([[1.0], [2.0]])
+    high = low + np.array([[first], [second]])
+    around = around_box(low, high)
+    corners = np.array([[x, y] for x in (low[0, 0], high[0, 0]) for y in (low[1, 0], high[1, 0])]).T
+    np.testing.assert_allclose(level(around, corners), 1, rtol=1e-6)
+    # The smallest ellipse around a rectangle has pi / 2 of its area.
+    assert area(around) * np.pi == pytest.approx(np.pi / 2 * first * second, rel=1e-6)
+
+
+def test_batch_of_ellipsoids_equals_single_ones():
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((6, 2, 2))
+    held = Ellipsoid(rng.standard_normal((2, 6)), np.moveaxis(root @ root.transpose(0, 2, 1), 0, -1))
+    length, low = rng.uniform(0, 2, 6), rng.uniform(-2, 1, 6)
+    kept, empty = cut(add_segment(held, 0, length), 0, low, low + 1)
+    for b in range(6):
+        one = Ellipsoid(held.centre[:, b : b + 1], held.shape[..., b : b + 1])
+        single, nothing = cut(add_segment(one, 0, length[b]), 0, low[b : b + 1], low[b : b + 1] + 1)
+        np.testing.assert_allclose(kept.shape[..., b], single.shape[..., 0], rtol=1e-12)
+        np.testing.assert_allclose(kept.centre[:, b], single.centre[:, 0], rtol=1e-12)
+        assert empty[b] == nothing[0]

@@ -1,0 +1,144 @@
+"""The Kalman family on models that are affine in the angle: one filter, written in three ways."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.benchmark.filters import covariances, least_margin
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.kalman import KalmanActiveModel
+from twin.estimation.unscented import UnscentedActiveModel
+from twin.hysteresis import ColemanHodgdon
+from twin.hysteresis.bouc_wen import BoucWen
+from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
+
+FAMILY = [KalmanActiveModel, ActiveModel, UnscentedActiveModel]
+variances = st.floats(1e-6, 1e3)
+parameters = st.tuples(st.floats(0.05, 3), st.floats(1, 40), st.floats(-10, 20))
+
+
+def command(rng: np.random.Generator, samples: int) -> np.ndarray:
+    """A random walk with rests, as rough as a|dl| = 1 and smoother [mm]."""
+    moves = rng.normal(0, rng.choice([0.01, 0.1, 0.3]), samples) * (rng.random(samples) < 0.8)
+    return 3 + np.cumsum(np.clip(moves, -0.33, 0.33))
+
+
+def run(active_model: ActiveModel, pull: np.ndarray, measurement: np.ndarray, initial: float):
+    """Means (N, 2) and covariances (N, 2, 2) of one filter."""
+    belief = active_model.start(pull[:1], np.array([initial]))
+    beliefs = [belief]
+    for k in range(1, len(pull)):
+        belief = active_model.step(belief, pull[k : k + 1], pull[k - 1 : k], measurement[k : k + 1])
+        beliefs.append(belief)
+    return np.array([b.mean[:, 0] for b in beliefs]), np.array([b.covariance[..., 0] for b in beliefs])
+
+
+def filterpy_run(active_model: ActiveModel, pull: np.ndarray, measurement: np.ndarray, initial: float):
+    """The same by filterpy, with F and u of eq. 4 written out by hand."""
+    a, b, c = dataclasses.astuple(active_model.model)
+    peer = KalmanFilter(dim_x=2, dim_z=1, dim_u=2)
+    peer.x, peer.P = np.array([initial, 0.0]), np.diag(active_model.initial_variance)
+    peer.Q, peer.H = np.diag(active_model.process_variance), np.array([[1.0, 0.0]])
+    peer.R = np.array([[active_model.measurement_variance]])
+    means, covariance = [peer.x], [peer.P]
+    for k in range(1, len(pull)):
+        move = pull[k] - pull[k - 1]
+        F = np.array([[1 - a * abs(move), active_model.sample_time], [0.0, 1.0]])
+        peer.predict(u=np.array([a * abs(move) * b * pull[k] + c * move, 0.0]), B=np.eye(2), F=F)
+        if not np.isnan(measurement[k]):
+            peer.update(measurement[k])
+        means.append(peer.x)
+        covariance.append(peer.P)
+    return np.array(means), np.array(covariance)
+
+
+@pytest.mark.parametrize("filter_type", FAMILY)
+@settings(max_examples=40)
+@given(
+    parameters=parameters,
+    T=st.floats(0.005, 0.5),
+    q=st.tuples(variances, variances),
+    r=variances,
+    p=st.tuples(variances, variances),
+    seed=st.integers(0, 10_000),
+)
+def test_filter_equals_filterpy_on_random_systems(filter_type, parameters, T, q, r, p, seed):
+    rng = np.random.default_rng(seed)
+    pull = command(rng, 80)
+    model = ColemanHodgdon(*parameters)
+    measurement = model.response(pull, 60.0) + rng.normal(size=80) * np.sqrt(r)
+    measurement[rng.random(80) < 0.1] = np.nan
+    tuned = filter_type(model, T, q, r, p)
+    means, covariance = run(tuned, pull, measurement, 50.0)
+    expected_means, expected = filterpy_run(tuned, pull, measurement, 50.0)
+    scale = max(np.abs(expected_means).max(), 1)
+    np.testing.assert_allclose(means, expected_means, rtol=1e-7, atol=1e-9 * scale)
+    np.testing.assert_allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+
+
+@settings(max_examples=40)
+@given(
+    parameters=parameters,
+    q=st.tuples(variances, variances),
+    r=st.floats(1e-3, 1e3),
+    seed=st.integers(0, 10_000),
+)
+def test_the_three_filters_agree_to_rounding(parameters, q, r, seed):
+    rng = np.random.default_rng(seed)
+    pull = command(rng, 200)
+    model = ColemanHodgdon(*parameters)
+    measurement = model.response(pull, 60.0) + rng.normal(size=200)
+    (plain, P), *others = (run(kind(model, 0.1, q, r), pull, measurement, 80.0) for kind in FAMILY)
+    for means, covariance in others:
+        np.testing.assert_allclose(means, plain, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(covariance, P, rtol=1e-10, atol=1e-10 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("kind", [ActiveModel, UnscentedActiveModel])
+def test_a_model_with_memory_is_filtered_alike(kind):
+    """Plays remember the command; the angle is moved by their increments, which is affine."""
+    model = PrandtlIshlinskii([2.0, 5.0, 9.0], [0.0, 0.2, 0.6])
+    rng = np.random.default_rng(0)
+    pull = command(rng, 200)
+    measurement = model.response(pull, 20.0) + rng.normal(size=200)
+    plain, P = run(KalmanActiveModel(model, 0.1), pull, measurement, 30.0)
+    means, covariance = run(kind(model, 0.1), pull, measurement, 30.0)
+    np.testing.assert_allclose(means, plain, atol=1e-10)
+    np.testing.assert_allclose(covariance, P, atol=1e-12)
+
+
+def test_filters_of_a_batch_may_have_models_of_their_own():
+    a, b, c = np.array([0.5, 1.0, 2.0]), np.array([10.0, 20.0, 30.0]), np.array([4.0, 5.0, 6.0])
+    pull = command(np.random.default_rng(1), 50)
+    measurement = 60 + np.random.default_rng(2).normal(size=(3, 50))
+    for kind in FAMILY:
+        batch = kind(ColemanHodgdon(a, b, c), 0.1).estimate(pull, measurement, 60.0)
+        for row in range(3):
+            one = kind(ColemanHodgdon(a[row], b[row], c[row]), 0.1).estimate(pull, measurement[row], 60.0)
+            np.testing.assert_allclose(batch[row], one[0], rtol=1e-12)
+
+
+def test_a_model_that_is_not_affine_is_refused():
+    with pytest.raises(ValueError, match=r"'bouc-wen' is not affine.*EKF.*UKF"):
+        KalmanActiveModel(BoucWen(22.0, -15.0, 1.2, 1.5, 2.0), 0.1)
+
+
+def test_covariances_of_the_extended_filter_are_covariances_over_a_million_samples():
+    assert least_margin(ActiveModel, 1_000_000) > 1e-9
+
+
+@pytest.mark.parametrize("filter_type", [KalmanActiveModel, UnscentedActiveModel])
+def test_covariances_of_the_others_are_covariances_over_thousands_of_samples(filter_type):
+    assert least_margin(filter_type, 20_000) > 1e-9
+
+
+def test_benchmark_of_the_covariances_reports_the_worst_of_all_filters():
+    reported = []
+    result = covariances(300, lambda done, count: reported.append((done, count)))
+    assert result.holds
+    assert result.value == min(least_margin(kind, 300) for kind in FAMILY)
+    assert reported == [(1, 3), (2, 3), (3, 3)]

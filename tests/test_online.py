@@ -1,0 +1,153 @@
+"""One live stream: the same bits as whole records, and finite whatever comes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.adaptive import AdaptiveActiveModel
+from twin.estimation.bias import BiasedActiveModel
+from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.koopman import KoopmanFilter
+from twin.estimation.online import OnlineEstimator
+from twin.estimation.robust import RobustActiveModel
+from twin.hysteresis import ColemanHodgdon
+
+T = 0.1
+MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
+PLAIN = ActiveModel(MODEL, T, measurement_variance=1.0)
+ESTIMATORS = {
+    "active model": PLAIN,
+    "robust": RobustActiveModel(**vars(PLAIN)),
+    "adaptive": AdaptiveActiveModel(PLAIN),
+    "biased": BiasedActiveModel(**vars(PLAIN)),
+    "constant gain": ConstantGain(**vars(PLAIN), gain=(0.3, 0.2)),
+    "koopman": KoopmanFilter(
+        np.array([[1.6, -0.6, 0], [-0.5, 0, 0]]), np.array([[2.0, 0, 0], [10.0, 0, 0.1]]), 1e-2
+    ),
+}
+TIME = np.arange(300) * T
+PULL = 3 + np.sin(2 * np.pi * TIME / 12)
+MEASUREMENT = MODEL.response(PULL, 60.0) + np.random.default_rng(0).normal(size=len(PULL))
+
+each_estimator = pytest.mark.parametrize("estimator", ESTIMATORS.values(), ids=ESTIMATORS.keys())
+any_number = st.floats(allow_nan=True, allow_infinity=True)
+rarely_broken = st.one_of(st.floats(-5, 5), st.floats(-5, 5), any_number)
+samples = st.lists(
+    st.tuples(st.one_of(st.floats(-1, 30), any_number), rarely_broken, rarely_broken), max_size=40
+)
+
+
+def begun(estimator=PLAIN) -> OnlineEstimator:
+    """A stream that has had one sample, at time 0 and 3 mm."""
+    stream = OnlineEstimator(estimator, T, 60.0)
+    stream.push(0.0, 3.0, 60.0)
+    return stream
+
+
+@each_estimator
+def test_even_stream_equals_whole_records_bit_for_bit(estimator):
+    pull, measurement = PULL.copy(), MEASUREMENT.copy()
+    pull[40:45] = np.nan
+    measurement[100:130] = np.nan
+    measurement[7] = np.nan
+    stream = OnlineEstimator(estimator, T, 75.0)
+    live = [stream.push(*sample) for sample in zip(TIME, pull, measurement, strict=True)]
+    np.testing.assert_array_equal(live, estimator.estimate(pull, measurement, 75.0)[0])
+    assert (stream.steps, stream.held_pulls, stream.missing_measurements) == (299, 5, 31)
+    assert (stream.ignored, stream.filled, stream.refused) == (0, 0, 0)
+
+
+@each_estimator
+def test_gap_is_filled_as_a_whole_record_without_these_measurements(estimator):
+    kept = np.r_[0:50, 57:120, 121:300]
+    stream = OnlineEstimator(estimator, T, 75.0)
+    live = [stream.push(TIME[k], PULL[k], MEASUREMENT[k]) for k in kept]
+    between = np.setdiff1d(np.arange(300), kept)
+    pull, measurement = PULL.copy(), MEASUREMENT.copy()
+    pull[50:57] = np.linspace(PULL[49], PULL[57], 9)[1:-1]
+    pull[120] = np.linspace(PULL[119], PULL[121], 3)[1]
+    measurement[between] = np.nan
+    np.testing.assert_array_equal(live, estimator.estimate(pull, measurement, 75.0)[0, kept])
+    assert stream.filled == len(between)
+
+
+@pytest.mark.parametrize(
+    ("gap_samples", "filled"),
+    [(0.1, 0), (1.0, 0), (1.4, 0), (1.6, 1), (2.0, 1), (3.4, 2), (3.6, 3), (1e9, 100)],
+)
+def test_gap_is_filled_with_as_many_predictions_as_fit_and_at_most_ten_seconds(gap_samples, filled):
+    stream = begun()
+    stream.push(gap_samples * T, 3.5, 61.0)
+    assert stream.filled == filled
+
+
+def test_tendon_goes_its_whole_way_in_a_gap_of_any_length():
+    stream = begun()
+    stream.push(1e6, 4.0, math.nan)
+    line = np.linspace(3.0, 4.0, 102)
+    assert stream.bend_deg == PLAIN.estimate(line, np.full(102, np.nan), 60.0)[0, -1]
+
+
+@pytest.mark.parametrize("time_s", [0.0, -1.0, math.nan, math.inf, -math.inf])
+def test_sample_that_is_not_later_is_ignored_and_counted(time_s):
+    stream, other = begun(), begun()
+    assert stream.push(time_s, 9.0, 0.0) == 60.0
+    assert stream.ignored == 1
+    assert stream.push(T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
+
+
+@pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
+def test_broken_measurement_is_missing_and_broken_pull_is_held(broken):
+    stream, other = begun(), begun()
+    assert stream.push(T, 3.2, broken) == other.push(T, 3.2, math.nan)
+    assert stream.push(2 * T, broken, 63.0) == other.push(2 * T, 3.2, 63.0)
+    assert (stream.missing_measurements, stream.held_pulls) == (1, 1)
+
+
+def test_stream_begins_with_the_first_pull():
+    stream = OnlineEstimator(PLAIN, T, 60.0)
+    assert stream.push(0.0, math.nan, 62.0) == 60.0
+    assert stream.push(1.0, 3.0, 62.0) == 60.0
+    assert stream.push(1.0 + T, 3.1, 62.0) == begun().push(T, 3.1, 62.0)
+    assert stream.held_pulls == 1
+
+
+def test_step_that_leads_to_no_finite_angle_is_not_taken():
+    stream, other = begun(), begun()
+    assert stream.push(T, 1.7e308, 60.0) == 60.0
+    assert stream.refused == 1
+    assert stream.push(2 * T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
+
+
+@each_estimator
+@settings(max_examples=60)
+@given(stream=samples)
+def test_estimate_is_finite_whatever_comes(estimator, stream):
+    live = OnlineEstimator(estimator, T, 60.0)
+    for sample in stream:
+        assert math.isfinite(live.push(*sample))
+    assert live.ignored + live.steps <= len(stream)
+
+
+@settings(max_examples=30)
+@given(data=st.data())
+def test_repeated_and_reversed_stamps_change_nothing(data):
+    """Whatever is sent again after it was sent, the estimates are those of the stream without it."""
+    stream, other = begun(), begun()
+    for k in range(1, 30):
+        assert stream.push(TIME[k], PULL[k], MEASUREMENT[k]) == other.push(TIME[k], PULL[k], MEASUREMENT[k])
+        for late in data.draw(st.lists(st.integers(0, k), max_size=2)):
+            assert stream.push(TIME[late], PULL[late] + 1, MEASUREMENT[late] - 9) == other.bend_deg
+    assert (stream.steps, other.ignored) == (29, 0)
+
+
+@pytest.mark.parametrize(
+    ("sample_time", "initial"), [(0.0, 1.0), (math.nan, 1.0), (math.inf, 1.0), (T, math.nan)]
+)
+def test_stream_without_a_sample_time_or_an_initial_estimate_is_refused(sample_time, initial):
+    with pytest.raises(ValueError, match="must be"):
+        OnlineEstimator(PLAIN, sample_time, initial)

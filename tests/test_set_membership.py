@@ -1,0 +1,330 @@
+"""The set-membership filter: the truth never leaves its interval, and the interval is worth having."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.estimation.ellipsoid import Ellipsoid
+from twin.estimation.error_bound import ErrorBound, bound_model_error
+from twin.estimation.estimator import Sensor
+from twin.estimation.set_membership import SetMembershipFilter
+from twin.hysteresis import ColemanHodgdon
+from twin.hysteresis.bouc_wen import BoucWen
+from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
+
+T = 0.1
+COLEMAN_HODGDON = ColemanHodgdon(1.15, 22.38, 5.0)
+BOUC_WEN = BoucWen(22.0, -15.0, 1.2, 1.5, 2.0)
+MODELS = [COLEMAN_HODGDON, BOUC_WEN, PrandtlIshlinskii([2.0, 5.0, 9.0], [0.0, 0.2, 0.6])]
+NAMES = [model.name for model in MODELS]
+BATCH, SAMPLES = 40, 120
+
+
+def pulls(rng: np.random.Generator, count: int = BATCH, samples: int = SAMPLES) -> np.ndarray:
+    """Commands (B, N) of random frequencies and roughness, with rests [mm]."""
+    time = np.arange(samples) * T
+    smooth = np.sin(2 * np.pi * time / rng.uniform(2, 20, (count, 1)) + rng.uniform(0, 6, (count, 1)))
+    rough = np.cumsum(rng.normal(0, 0.05, (count, samples)), axis=1)
+    pull = 3 + smooth + rough * (rng.random((count, 1)) < 0.5)
+    pull[:, 50:60] = pull[:, 50:51]
+    return pull
+
+
+def bounded(rng: np.random.Generator, shape: tuple[int, ...], style: str) -> np.ndarray:
+    """Numbers in [-1, 1]: even, at the ends, or one sided for long."""
+    even = rng.uniform(-1, 1, shape)
+    return {"even": even, "ends": np.sign(even), "one sided": np.sign(even[:1]) * np.ones(shape)}[style]
+
+
+def simulate(model, bound: ErrorBound, pull: np.ndarray, rng: np.random.Generator, style: str):
+    """Angles and f (B, N) of a system that keeps within its bounds."""
+    count, samples = pull.shape
+    bend, f = np.empty(pull.shape), np.empty(pull.shape)
+    bend[:, 0] = rng.uniform(20, 100, count)
+    f[:, 0] = bound.error_deg_per_s * bounded(rng, (count,), style)
+    memory = model.start(pull[:, 0])
+    for k in range(1, samples):
+        stepped, memory = model.step(bend[:, k - 1], memory, pull[:, k], pull[:, k - 1])
+        reach = bound.slope_deg_per_mm * np.abs(pull[:, k] - pull[:, k - 1]) + bound.floor_deg
+        bend[:, k] = stepped + T * f[:, k - 1] + reach * bounded(rng, (count,), style)
+        change = bound.increment_deg_per_s * bounded(rng, (count,), style)
+        f[:, k] = np.clip(f[:, k - 1] + change, -bound.error_deg_per_s, bound.error_deg_per_s)
+    return bend, f
+
+
+def states(tuned: SetMembershipFilter, pull: np.ndarray, measurement: np.ndarray, initial: np.ndarray):
+    state = tuned.start(pull[:, 0], initial)
+    yield state
+    for k in range(1, pull.shape[1]):
+        state = tuned.step(state, pull[:, k], pull[:, k - 1], measurement[:, k])
+        yield state
+
+
+def inside(ellipsoid: Ellipsoid, theta: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """(x - c)^T P^-1 (x - c) - 1 of points (B, ...); at most 0 inside."""
+    x = theta - ellipsoid.centre[0][:, None], f - ellipsoid.centre[1][:, None]
+    P = ellipsoid.shape[..., None]
+    determinant = P[0, 0] * P[1, 1] - P[0, 1] ** 2
+    return (P[1, 1] * x[0] ** 2 - 2 * P[0, 1] * x[0] * x[1] + P[0, 0] * x[1] ** 2) / determinant - 1
+
+
+@pytest.mark.parametrize("style", ["even", "ends", "one sided"])
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
+@settings(max_examples=8)
+@given(
+    slope=st.floats(0, 20),
+    floor=st.sampled_from([0.0, 0.01, 0.5]),
+    f_bound=st.sampled_from([(0.0, 0.0), (3.0, 0.0), (3.0, 0.1), (5.0, 2.0)]),
+    noise=st.floats(0.01, 5),
+    seed=st.integers(0, 10_000),
+)
+def test_truth_is_in_the_set_in_all_runs_at_all_samples(model, style, slope, floor, f_bound, noise, seed):
+    """40 runs of 120 samples in each of 72 settings, f and gaps in the measurements included."""
+    rng = np.random.default_rng(seed)
+    bound = ErrorBound(slope, floor, *f_bound)
+    pull = pulls(rng)
+    bend, f = simulate(model, bound, pull, rng, style)
+    measurement = bend + noise * bounded(rng, bend.shape, style)
+    measurement[rng.random(bend.shape) < 0.1] = np.nan
+    initial = bend[:, 0] + 20 * bounded(rng, (BATCH,), style)
+    tuned = SetMembershipFilter(model, T, bound).told(Sensor(noise**2 / 3, noise))
+    low, high = tuned.intervals(pull, measurement, initial)
+    assert ((low <= bend) & (bend <= high)).all()
+    for k, state in enumerate(states(tuned, pull, measurement, initial)):
+        assert (state.low[1] <= f[:, k]).all()
+        assert (f[:, k] <= state.high[1]).all()
+        assert inside(state.ellipsoid, bend[:, k : k + 1], f[:, k : k + 1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
+def test_every_point_that_the_measurements_allow_stays_in_the_set(model):
+    """A fine grid of [theta, f] carried exactly, with errors at the corners of their bounds."""
+    rng = np.random.default_rng(1)
+    bound = ErrorBound(3.0, 0.05, 4.0, 0.3)
+    pull = pulls(rng, 1, 40)
+    bend, _ = simulate(model, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-2, 2, bend.shape)
+    tuned = SetMembershipFilter(model, T, bound, 2.0)
+    initial = bend[:, 0] + 5
+    theta, f = np.meshgrid(np.linspace(initial[0] - 20, initial[0] + 20, 401), np.linspace(-4, 4, 81))
+    theta, f = theta.ravel(), f.ravel()
+    memory = model.start(pull[:, 0])
+    for k, state in enumerate(states(tuned, pull, measurement, initial)):
+        if k > 0:
+            carried = [np.full(theta.size, pull[0, i]) for i in (k, k - 1)]
+            stepped, moved = model.step(theta, np.repeat(memory, theta.size, axis=1), *carried)
+            memory = moved[:, :1]
+            reach = bound.of_step(*carried)
+            theta = stepped + T * f + rng.choice([-1, 1], theta.size) * reach
+            f = np.clip(f + rng.choice([-0.3, 0.3], f.size), -4, 4)
+            allowed = np.abs(measurement[0, k] - theta) <= 2
+            assert allowed.any()
+            survivors = rng.choice(np.flatnonzero(allowed), 30_000)  # each goes on with errors of its own
+            theta, f = theta[survivors], f[survivors]
+        assert state.low[0, 0] <= theta.min()
+        assert theta.max() <= state.high[0, 0]
+        assert state.low[1, 0] <= f.min()
+        assert f.max() <= state.high[1, 0]
+        assert inside(state.ellipsoid, theta[None], f[None]).max() < 1e-6
+
+
+@given(slope=st.floats(0, 20), floor=st.floats(0, 1), noise=st.floats(0.01, 5), seed=st.integers(0, 10_000))
+def test_without_f_the_interval_is_the_exact_one(slope, floor, noise, seed):
+    """One number is the state: its interval shrinks by the model, grows by the bound, meets the strip."""
+    rng = np.random.default_rng(seed)
+    bound = ErrorBound(slope, floor)
+    pull = pulls(rng, 5, 60)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-noise, noise, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, noise)
+    low, high = tuned.intervals(pull, measurement, bend[:, 0])
+    exact_low, exact_high = bend[:, 0] - 20, bend[:, 0] + 20
+    a, b, c = dataclasses.astuple(COLEMAN_HODGDON)
+    for k in range(1, 60):
+        move = pull[:, k] - pull[:, k - 1]
+        reach = slope * np.abs(move) + floor
+        keep, drive = 1 - a * np.abs(move), a * np.abs(move) * b * pull[:, k] + c * move
+        ends = np.sort([keep * exact_low + drive, keep * exact_high + drive], axis=0)
+        exact_low = np.maximum(ends[0] - reach, measurement[:, k] - noise)
+        exact_high = np.minimum(ends[1] + reach, measurement[:, k] + noise)
+        np.testing.assert_allclose(low[:, k], exact_low, atol=1e-4)
+        np.testing.assert_allclose(high[:, k], exact_high, atol=1e-4)
+
+
+def test_a_constant_error_of_the_model_is_learned():
+    """What the ellipsoid is for: a box alone never narrows f."""
+    bound = ErrorBound(0.0, 0.0, 10.0, 0.0)
+    rng = np.random.default_rng(0)
+    pull = pulls(rng, 30, 300)
+    bend, f = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-1, 1, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
+    *_, state = states(tuned, pull, measurement, bend[:, 0])
+    assert (state.high[1] - state.low[1]).max() < 1.0
+    assert ((state.low[1] <= f[:, -1]) & (f[:, -1] <= state.high[1])).all()
+
+
+def test_noise_that_keeps_to_its_bound_leaves_less_than_the_strip_of_one_measurement():
+    rng = np.random.default_rng(0)
+    bound = ErrorBound(3.0, 0.02)
+    pull = pulls(rng)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-2, 2, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 2.0)
+    low, high = tuned.intervals(pull, measurement, bend[:, 0])
+    assert (high - low)[:, 20:].mean() < 0.5 * 4
+    assert np.sqrt(np.mean((tuned.estimate(pull, measurement, bend[:, 0]) - bend)[:, 20:] ** 2)) < 0.5
+
+
+def test_estimate_is_the_middle_of_the_interval_and_starts_where_it_is_told():
+    rng = np.random.default_rng(2)
+    pull = pulls(rng, 3)
+    measurement = 60 + rng.uniform(-2, 2, pull.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(30.0, 0.2), 2.0)
+    low, high = tuned.intervals(pull, measurement, 60.0)
+    np.testing.assert_allclose(tuned.estimate(pull, measurement, 60.0), (low + high) / 2)
+    np.testing.assert_allclose([low[:, 0], high[:, 0]], [[40.0] * 3, [80.0] * 3])
+    for row in range(3):
+        alone = tuned.intervals(pull[row], measurement[row], 60.0)
+        np.testing.assert_allclose(alone[0][0], low[row])
+        np.testing.assert_allclose(alone[1][0], high[row])
+
+
+def test_without_measurements_the_interval_is_that_of_the_model_and_its_bound():
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(2.0, 0.1), 1.0, 0.5)
+    pull = pulls(np.random.default_rng(3), 1)[0]
+    low, high = tuned.intervals(pull, np.full(SAMPLES, np.nan), 60.0)
+    response = COLEMAN_HODGDON.response(pull, 60.0)
+    half = [0.5]
+    for move in np.abs(np.diff(pull)):
+        half.append((1 - 1.15 * move) * half[-1] + 2 * move + 0.1)
+    np.testing.assert_allclose((low + high)[0] / 2, response, atol=1e-6)
+    np.testing.assert_allclose((high - low)[0] / 2, half, rtol=1e-5)
+
+
+@pytest.mark.parametrize("jump", [15.0, -400.0])
+def test_a_measurement_that_breaks_its_bound_does_not_lose_the_truth(jump):
+    """The set then holds what model and measurement say, and the next measurements narrow it."""
+    rng = np.random.default_rng(4)
+    bound = ErrorBound(1.0, 0.05)
+    pull = pulls(rng)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    clean = bend + rng.uniform(-1, 1, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
+    outlier = clean.copy()
+    outlier[::2, 60] += jump
+    low, high = tuned.intervals(pull, outlier, bend[:, 0])
+    assert ((low <= bend) & (bend <= high)).all()
+    assert ((low <= outlier - 1) & (outlier + 1 <= high))[::2, 60].all()
+    assert (high - low)[:, -1].max() < 2
+    untouched = tuned.intervals(pull, clean, bend[:, 0])
+    np.testing.assert_array_equal(low[1::2], untouched[0][1::2])
+    np.testing.assert_array_equal(high[1::2], untouched[1][1::2])
+
+
+@pytest.mark.parametrize("jump", [15.0, -400.0])
+def test_a_model_that_breaks_its_bound_does_not_lose_the_truth(jump):
+    """The angle is pushed at sample 60, and stays there."""
+    rng = np.random.default_rng(5)
+    plays = PrandtlIshlinskii([5.0], [0.0])
+    tuned = SetMembershipFilter(plays, T, ErrorBound(0.0, 0.05), 1.0)
+    truth = np.where(np.arange(SAMPLES) < 60, 60.0, 60.0 + jump)
+    measurement = truth + rng.uniform(-1, 1, (20, SAMPLES))
+    low, high = tuned.intervals(np.full(SAMPLES, 3.0), measurement, 60.0)
+    assert ((low <= truth) & (truth <= high)).all()
+    assert (high - low)[:, 62:].max() <= 2.001
+
+
+def test_bound_of_the_noise_is_the_sensor_s_or_three_deviations():
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(1.0, 0.1))
+    assert tuned.told(Sensor(4.0)).measurement_bound == pytest.approx(6.0)
+    assert tuned.told(Sensor(4.0, 2.5)).measurement_bound == pytest.approx(2.5)
+    mixed = tuned.told(Sensor(np.array([1.0, 4.0]), np.array([np.inf, 5.0]))).measurement_bound
+    np.testing.assert_allclose(mixed, [3.0, 5.0])
+
+
+@given(bend=st.floats(-100, 200), apart=st.floats(1e-3, 100), move=st.floats(-2, 2))
+def test_model_of_bouc_and_wen_keeps_order_and_moves_nothing_apart(bend, apart, move):
+    """What the filter asks of a model that is not affine."""
+    ends = np.array([bend, bend + apart])
+    left, right = BOUC_WEN.step(ends, np.empty((0, 2)), np.full(2, 3.0 + move), np.full(2, 3.0))[0]
+    assert -1e-9 <= right - left <= apart + 1e-9
+
+
+def test_no_bounds_at_all_is_a_set_that_still_works():
+    """Noise, model and first estimate without error: the widths that rounding asks for are all there is."""
+    pull = pulls(np.random.default_rng(5), 2)
+    exact = COLEMAN_HODGDON.response(pull, 60.0)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(0.0, 0.0), 0.0, 0.0)
+    low, high = tuned.intervals(pull, exact, 60.0)
+    assert ((low <= exact) & (exact <= high)).all()
+    assert (high - low).max() < 1e-5
+
+
+def training_records(bound: ErrorBound, style: str = "even"):
+    rng = np.random.default_rng(6)
+    pull = pulls(rng, 5, 400)
+    return list(zip(pull, simulate(COLEMAN_HODGDON, bound, pull, rng, style)[0], strict=True))
+
+
+@pytest.mark.parametrize("bound", [ErrorBound(8.0, 0.05), ErrorBound(0.0, 0.3), ErrorBound(4.0, 0.0)])
+def test_bounds_are_recovered_from_records_that_exhaust_them(bound):
+    found = bound_model_error(COLEMAN_HODGDON, training_records(bound, "ends"), T, factor=1.0)
+    assert found.slope_deg_per_mm == pytest.approx(bound.slope_deg_per_mm, rel=1e-6, abs=1e-6)
+    assert found.floor_deg == pytest.approx(bound.floor_deg, rel=1e-6, abs=1e-6)
+    assert (found.error_deg_per_s, found.increment_deg_per_s) == (0.0, 0.0)
+
+
+def test_bounds_hold_on_their_records_and_no_smaller_mean_does():
+    records = training_records(ErrorBound(8.0, 0.05))
+    found = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
+    move = np.concatenate([np.abs(np.diff(pull)) for pull, _ in records])
+    error = np.concatenate(
+        [
+            np.abs(bend[1:] - COLEMAN_HODGDON.step(bend[:-1], np.empty((0, 1)), pull[1:], pull[:-1])[0])
+            for pull, bend in records
+        ]
+    )
+    assert (error <= found.slope_deg_per_mm * move + found.floor_deg).all()
+    mean = found.slope_deg_per_mm * move.mean() + found.floor_deg
+    for slope in np.linspace(0, 20, 400):
+        floor = max((error - slope * move).max(), 0)
+        assert slope * move.mean() + floor >= mean - 1e-9
+
+
+def test_a_slow_error_of_the_model_is_told_from_the_rest():
+    """With f allowed to change, what is left to bound is small; without it, all of f is left."""
+    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))
+    without = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
+    with_f = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
+    assert with_f.slope_deg_per_mm * 0.05 + with_f.floor_deg < 1.0 * 0.05 + 0.02 + 1e-3
+    assert without.floor_deg + without.slope_deg_per_mm * 0.05 > 0.2
+    assert 2.0 < with_f.error_deg_per_s < 7.0
+    assert with_f.increment_deg_per_s == 0.1
+
+
+def test_factor_scales_all_bounds():
+    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))[:2]
+    once = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
+    twice = bound_model_error(COLEMAN_HODGDON, records, T, increment_deg_per_s=0.1)
+    np.testing.assert_allclose(dataclasses.astuple(twice), 2 * np.array(dataclasses.astuple(once)))
+
+
+def test_memory_of_the_model_is_carried_along_the_records():
+    model = MODELS[2]
+    pull = pulls(np.random.default_rng(7), 2)
+    records = [(row, model.response(row, 20.0)) for row in pull]
+    found = bound_model_error(model, records, T)
+    assert found.floor_deg + found.slope_deg_per_mm < 1e-9
+
+
+def test_wrong_bounds_are_refused():
+    with pytest.raises(ValueError, match="none negative"):
+        ErrorBound(-1.0, 0.1)
+    with pytest.raises(ValueError, match=r"factor 0\.5"):
+        bound_model_error(COLEMAN_HODGDON, training_records(ErrorBound(1.0, 0.1)), T, factor=0.5)
+    with pytest.raises(ValueError, match="two samples"):
+        bound_model_error(COLEMAN_HODGDON, [(np.ones(1), np.ones(1))], T)

@@ -1,0 +1,166 @@
+"""The unscented filter against filterpy, against exact moments, and where the extended filter must fail."""
+
+import dataclasses
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.gaussian import Belief
+from twin.estimation.unscented import UnscentedActiveModel, cholesky, sigma_points
+from twin.hysteresis.bouc_wen import BoucWen
+
+
+@dataclasses.dataclass(frozen=True)
+class Pendulum:
+    """A toy that is nonlinear in the angle: it is drawn to multiples of a turn of 2 pi degrees."""
+
+    name: ClassVar[str] = "pendulum"
+    affine: ClassVar[bool] = False
+    pull_to_turn: float = 1.0
+
+    def start(self, pull_mm):
+        return np.empty((0, np.size(pull_mm)))
+
+    def step(self, bend_deg, memory, pull_mm, previous_pull_mm):
+        return bend_deg + (pull_mm - previous_pull_mm) - 0.3 * np.sin(bend_deg), memory
+
+    def slope(self, bend_deg, pull_mm, previous_pull_mm):
+        return 1 - 0.3 * np.cos(bend_deg)
+
+
+@dataclasses.dataclass(frozen=True)
+class Square(Pendulum):
+    """The next angle is the square of the last."""
+
+    def step(self, bend_deg, memory, pull_mm, previous_pull_mm):
+        return bend_deg**2, memory
+
+    def slope(self, bend_deg, pull_mm, previous_pull_mm):
+        return 2 * bend_deg
+
+
+BOUC_WEN = BoucWen(22.0, -15.0, 1.2, 1.5, 2.0)
+spreads = st.tuples(st.floats(0.01, 1), st.floats(0, 3), st.floats(-1, 3))
+covariances = st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-0.99, 0.99))
+
+
+def matrix(first: float, second: float, correlation: float) -> np.ndarray:
+    return np.array([[first**2, correlation * first * second], [correlation * first * second, second**2]])
+
+
+@pytest.mark.parametrize("model", [Pendulum(), BOUC_WEN], ids=["pendulum", "Bouc-Wen"])
+@settings(max_examples=20)
+@given(spread=spreads, r=st.floats(0.05, 10), seed=st.integers(0, 10_000))
+def test_filter_equals_filterpy_on_nonlinear_models(model, spread, r, seed):
+    alpha, beta, kappa = 0.2 + 0.8 * spread[0], *spread[1:]
+    rng = np.random.default_rng(seed)
+    pull = 3 + np.cumsum(rng.normal(0, 0.05, 60))
+    measurement = 60 + np.cumsum(rng.normal(size=60))
+    tuned = UnscentedActiveModel(model, 0.1, (0.5, 0.1), r, (4.0, 0.5), alpha, beta, kappa)
+
+    def transition(x, dt, now, before):
+        bend, _ = model.step(x[:1], np.empty((0, 1)), now, before)
+        return np.array([bend[0] + dt * x[1], x[1]])
+
+    points = MerweScaledSigmaPoints(2, alpha, beta, kappa)
+    peer = UnscentedKalmanFilter(2, 1, 0.1, lambda x: x[:1], transition, points)
+    peer.x, peer.P = np.array([60.0, 0.0]), np.diag(tuned.initial_variance)
+    peer.Q, peer.R = np.diag(tuned.process_variance), np.array([[r]])
+    belief = tuned.start(pull[:1], np.array([60.0]))
+    for k in range(1, 60):
+        belief = tuned.step(belief, pull[k : k + 1], pull[k - 1 : k], measurement[k : k + 1])
+        peer.predict(now=pull[k], before=pull[k - 1])
+        peer.update(measurement[k])
+        np.testing.assert_allclose(belief.mean[:, 0], peer.x, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(belief.covariance[..., 0], peer.P, rtol=1e-6, atol=1e-8)
+
+
+@given(covariance=covariances, spread=spreads)
+def test_points_have_the_mean_and_the_covariance_that_they_stand_for(covariance, spread):
+    alpha, _, kappa = spread
+    P = matrix(*covariance)
+    mean = np.array([3.0, -2.0])
+    points = sigma_points(mean[:, None], P[..., None], alpha, kappa)[..., 0]
+    weight = 0.5 / (alpha**2 * (2 + kappa))
+    off = points[:, 1:] - mean[:, None]
+    np.testing.assert_allclose(off.sum(axis=1), 0, atol=1e-9 * np.abs(off).max())
+    np.testing.assert_allclose(weight * off @ off.T, P, rtol=1e-6, atol=1e-9 * np.abs(P).max())
+    np.testing.assert_array_equal(points[:, 0], mean)
+    np.testing.assert_array_equal(points[0, [2, 4]], mean[0])
+
+
+@given(covariance=covariances)
+def test_root_is_that_of_linear_algebra(covariance):
+    P = matrix(*covariance)
+    np.testing.assert_allclose(cholesky(P[..., None])[..., 0], np.linalg.cholesky(P), rtol=1e-7)
+
+
+def test_root_of_covariances_on_the_edge_is_real():
+    edge = np.array(
+        [[[0.0, 4.0, 1.0, -1e-18], [0.0, 2.0, 1.0, 0.0]], [[0.0, 2.0, 1.0, 0.0], [9.0, 1.0, 1 - 1e-12, 2]]]
+    )
+    root = cholesky(edge)
+    assert np.isfinite(root).all()
+    np.testing.assert_allclose(np.einsum("ijb,kjb->ikb", root, root), edge, atol=1e-11)
+
+
+@given(mean=st.floats(-3, 3), variance=st.floats(0.01, 4))
+def test_mean_and_variance_of_a_squared_angle_are_exact(mean, variance):
+    """E x^2 = m^2 + v and var x^2 = 4 m^2 v + 2 v^2 for a normal x; a slope alone gives m^2 and 4 m^2 v."""
+    tuned = UnscentedActiveModel(Square(), 0.1, (0.0, 0.0))
+    P = np.diag([variance, 1.0])[..., None]
+    rest = np.zeros(1)
+    belief = tuned.predict(Belief(np.array([[mean], [0.0]]), P, np.empty((0, 1))), rest, rest)
+    assert belief.mean[0, 0] == pytest.approx(mean**2 + variance)
+    assert belief.covariance[0, 0, 0] == pytest.approx(4 * mean**2 * variance + 2 * variance**2 + 0.1**2)
+
+
+def test_prediction_has_the_moments_of_many_random_states():
+    """On Bouc and Wen's model, close to a reversal, where an extended filter has too narrow a belief."""
+    P = matrix(6.0, 1.0, 0.5)
+    mean = np.array([60.0, 2.0])
+    pull, before = np.array([2.7]), np.array([3.0])
+    rng = np.random.default_rng(0)
+    bend, error = rng.multivariate_normal(mean, P, 400_000).T
+    moved = BOUC_WEN.step(bend, np.empty((0, 1)), pull, before)[0] + 0.1 * error
+    expected = np.array([moved.mean(), moved.var()])
+    found = {}
+    for kind in (UnscentedActiveModel, ActiveModel):
+        tuned = kind(BOUC_WEN, 0.1, (0.0, 0.0))
+        belief = tuned.predict(Belief(mean[:, None], P[..., None], np.empty((0, 1))), pull, before)
+        found[kind] = np.array([belief.mean[0, 0], belief.covariance[0, 0, 0]])
+    off = {kind: np.abs(values - expected) for kind, values in found.items()}
+    assert (off[UnscentedActiveModel] < off[ActiveModel] / 2).all()
+
+
+def test_batch_of_filters_equals_single_filters():
+    rng = np.random.default_rng(3)
+    pull = 3 + np.sin(np.arange(100) / 8)
+    measurement = BOUC_WEN.response(pull, 60.0) + rng.normal(size=(4, 100))
+    measurement[2, 10:30] = np.nan
+    tuned = UnscentedActiveModel(BOUC_WEN, 0.1)
+    initial = np.array([40.0, 55.0, 65.0, 80.0])
+    batch = tuned.estimate(pull, measurement, initial)
+    for row in range(4):
+        np.testing.assert_allclose(
+            batch[row], tuned.estimate(pull, measurement[row], initial[row])[0], rtol=1e-12
+        )
+
+
+def test_wrong_initial_estimate_is_forgotten_without_noise_and_model_error():
+    pull = 3 + np.sin(2 * np.pi * np.arange(1500) / 120)
+    exact = BOUC_WEN.response(pull, 60.0)
+    estimate = UnscentedActiveModel(BOUC_WEN, 0.1).estimate(pull, exact, 80.0)[0]
+    assert abs(estimate[1] - exact[1]) > 10
+    assert np.abs(estimate - exact)[-100:].max() < 1e-3
+
+
+@pytest.mark.parametrize(("alpha", "kappa"), [(0.0, 1.0), (-1.0, 1.0), (1.0, -2.0), (np.nan, 1.0)])
+def test_points_that_cannot_be_are_refused(alpha, kappa):
+    with pytest.raises(ValueError, match="valid: alpha > 0, kappa > -2"):
+        UnscentedActiveModel(BOUC_WEN, 0.1, alpha=alpha, kappa=kappa)

@@ -1,0 +1,70 @@
+"""Every method of the full benchmark that has no network, under its name in the tables."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.benchmark.fitting import MONOTONE, TUNED_WITH, Fits
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.adaptive import AdaptiveActiveModel
+from twin.estimation.bias import BiasedActiveModel
+from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.error_bound import bound_model_error
+from twin.estimation.kalman import KalmanActiveModel
+from twin.estimation.koopman import fit_koopman
+from twin.estimation.open_loop import OpenLoop
+from twin.estimation.robust import RobustActiveModel
+from twin.estimation.set_membership import SetMembershipFilter
+from twin.estimation.tuning import UntoldActiveModel
+from twin.estimation.unscented import UnscentedActiveModel
+from twin.evaluation import Method, filtering
+from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
+
+Array = NDArray[np.float64]
+
+
+def static_methods(fits: Fits) -> list[Method]:
+    """Models alone, from the wrong initial estimate."""
+    names = {
+        "C-H": ColemanHodgdon.name,
+        "C-H (monotone)": MONOTONE,
+        "Bouc-Wen": BoucWen.name,
+        "P-I": PrandtlIshlinskii.name,
+    }
+    return [filtering(name, OpenLoop(fits.models[model])) for name, model in names.items()]
+
+
+def active_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_time: float) -> list[Method]:
+    """Active models with the paper's Q, three that agree on this model, and the set-membership filter."""
+    model = fits.models[ColemanHodgdon.name]
+    sets = SetMembershipFilter(model, sample_time, bound_model_error(model, records, sample_time))
+    return [
+        filtering("AM", ActiveModel(model, sample_time)),
+        filtering("KF", KalmanActiveModel(model, sample_time)),
+        filtering("UKF", UnscentedActiveModel(model, sample_time)),
+        filtering("ESMF", sets),
+    ]
+
+
+def tuned_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_time: float) -> list[Method]:
+    """What a sceptic asks for: filters tuned on the training records, and more of their kind with that Q."""
+
+    def tuned(name: str, kind: type[ActiveModel] = ActiveModel) -> ActiveModel:
+        filter_ = fits.tuned[name].filter(fits.models[TUNED_WITH[name]], sample_time)
+        return kind(**vars(filter_))
+
+    return [
+        filtering("AM-tuned", tuned("AM")),
+        filtering("AM-tuned (Q, R)", tuned("AM (Q, R)", UntoldActiveModel)),
+        filtering("AM-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)")),
+        filtering("UKF-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)", UnscentedActiveModel)),
+        filtering("AM-tuned (P-I)", tuned("AM (P-I)")),
+        filtering("Huber", tuned("AM", RobustActiveModel)),
+        filtering("VB", AdaptiveActiveModel(tuned("AM"))),
+        filtering("AM with bias", tuned("AM", BiasedActiveModel)),
+        filtering("Koopman", fit_koopman(records)),
+        filtering(
+            "Constant gain", ConstantGain(fits.models[ColemanHodgdon.name], sample_time, gain=fits.gain)
+        ),
+    ]

@@ -1,0 +1,176 @@
+"""The records of the full benchmark: the preset, randomised twins and a bending sheath on the same commands.
+
+Every twin of a stroke follows one of five commands, one of each kind of signal. An ensemble of twins that is
+driven by those five therefore serves all of them.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import __version__
+from twin.episode import Episode
+from twin.excitation import SIGNALS, command
+from twin.physics import simulate_batch
+from twin.preset import Preset
+from twin.randomization import Ranges
+from twin.recording import write_episode
+from twin.recording.atomic import write_whole
+
+Array = NDArray[np.float64]
+
+STROKES_MM = ((-1.0, 1.0), (2.0, 4.0), (-4.0, 4.0))
+SAMPLE_TIME = 0.02  # of the records; coarser sampling thins them
+RANDOMIZED = 20
+BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
+
+# What one seed is used for: the streams of these never meet.
+_COMMANDS, _TWINS, _MEMBERS = range(3)
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """What one endoscope is and does in one record."""
+
+    twin: str
+    """Kind of twin: `nominal`, `randomized`, `bending sheath`, or `member` of an ensemble."""
+    preset: Preset
+    signal: str
+    stroke_mm: tuple[float, float]
+    pull: Array
+    """(N,) command [m]."""
+    sheath_bend: Array | None = None
+    """(N,) where the sheath is bent during the record [rad]."""
+
+
+def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Drive]:
+    """Return the drives of the test records, stroke by stroke.
+
+    Args:
+        preset: the nominal twin.
+        ranges: from where to where the randomised twins are drawn.
+        seconds: length of a record.
+        seed: of commands and twins.
+    """
+    twins = [ranges.draw(preset, np.random.default_rng([seed, _TWINS, k])) for k in range(RANDOMIZED)]
+    drives = []
+    for stroke in STROKES_MM:
+        for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
+            bend = np.linspace(*BENDING, len(pull))
+            mine = twins[place :: len(SIGNALS)]
+            drives += [
+                Drive("nominal", preset, signal, stroke, pull),
+                Drive("bending sheath", preset, signal, stroke, pull, bend),
+                *(Drive("randomized", twin, signal, stroke, pull) for twin in mine),
+            ]
+    return drives
+
+
+def commands(stroke_mm: tuple[float, float], seconds: float, seed: int) -> dict[str, Array]:
+    """Return one command (N,) [m] of each kind of signal on a stroke."""
+    metres = (stroke_mm[0] * 1e-3, stroke_mm[1] * 1e-3)
+    place = STROKES_MM.index(stroke_mm)
+    return {
+        signal: command(
+            signal, metres, seconds, SAMPLE_TIME, np.random.default_rng([seed, _COMMANDS, place, number])
+        )
+        for number, signal in enumerate(SIGNALS)
+    }
+
+
+def members(
+    preset: Preset,
+    ranges: Ranges,
+    pull: Array,
+    count: int,
+    seed: int,
+    stroke_mm: tuple[float, float] = (0, 0),
+) -> list[Drive]:
+    """Return the drives of an ensemble along one command: other draws from the ranges of the test's twins.
+
+    Every second one has its sheath bent on during the record, from one drawn angle to another.
+
+    Args:
+        preset: what does not vary.
+        ranges: what does.
+        pull: (N,) command [m].
+        count: how many.
+        seed: of the draws.
+        stroke_mm: noted with each.
+    """
+    drives = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, _MEMBERS, number])
+        drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
+        bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
+        drives.append(Drive("member", drawn, "given", stroke_mm, pull, bend))
+    return drives
+
+
+def simulate_drives(
+    drives: Sequence[Drive], on_sample: Callable[[int, int], None] | None = None
+) -> list[Episode | None]:
+    """Simulate all drives side by side; None where a simulation diverged."""
+    return simulate_batch(
+        [drive.preset for drive in drives],
+        [drive.pull for drive in drives],
+        SAMPLE_TIME,
+        sheath_bends=[drive.sheath_bend for drive in drives],
+        on_sample=on_sample,
+    )
+
+
+def write_scenarios(folder: Path, preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Path]:
+    """Simulate the test records into a folder of MCAP files, or find those that an earlier run has kept.
+
+    Returns:
+        The files, in the order of `scenarios`.
+
+    Raises:
+        ValueError: the folder holds the records of another benchmark.
+        FloatingPointError: a simulation diverged.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    drives = scenarios(preset, ranges, seconds, seed)
+    paths = [folder / f"record_{number:03d}.mcap" for number in range(len(drives))]
+    index = folder / "dataset.json"
+    contents = {
+        "preset": preset.to_dict(),
+        "ranges": ranges.to_dict(),
+        "seconds": seconds,
+        "sample_time_s": SAMPLE_TIME,
+        "seed": seed,
+        "endotwin": __version__,
+        "files": [
+            {
+                "name": path.name,
+                "twin": drive.twin,
+                "signal": drive.signal,
+                "stroke_mm": list(drive.stroke_mm),
+            }
+            for path, drive in zip(paths, drives, strict=True)
+        ],
+    }
+    text = json.dumps(contents, indent=2) + "\n"
+    if index.is_file():
+        if index.read_text() != text:
+            raise ValueError(
+                f"{folder} holds the records of another benchmark: choose another --out or remove it"
+            )
+        return paths
+    for path, drive, episode in zip(paths, drives, simulate_drives(drives), strict=True):
+        if episode is None:
+            raise FloatingPointError(f"the simulation of {path.name} ({drive.twin}) diverged")
+        origin = {
+            "twin": drive.twin,
+            "signal": drive.signal,
+            "stroke_mm": list(drive.stroke_mm),
+            "seed": seed,
+        }
+        write_episode(path, dataclasses.replace(episode, metadata=episode.metadata | origin))
+    write_whole(index, text)
+    return paths

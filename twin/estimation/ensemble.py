@@ -1,0 +1,137 @@
+"""The limit: an ensemble of randomised twins, driven by the command and weighed by the measurements.
+
+The angle is sought among the affine combinations of the members: angle_k = mean_k + c . anomaly_k, where the
+coefficients c do not change with time and are normal before anything is measured, so that mean and covariance
+of the angle over all times are those of the ensemble. Each measurement then updates c: an ensemble Kalman
+filter in the space of the weights (Evensen 2003; Hunt et al. 2007), whose members are simulated once, for
+every noise and seed. Told the density of the noise, it moves c by the score of the innovation (Masreliez
+1975) instead of by the innovation itself.
+
+It knows the physics, and from where to where its parameters lie: what an estimator could reach at best.
+"""
+
+import dataclasses
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.estimation.estimator import Estimator, Sensor
+from twin.noise_density import NoiseDensity
+
+Array = NDArray[np.float64]
+NARROW = 0.5  # of the noise's standard deviation: narrower beliefs are moved by the score
+
+
+class EnsembleState(NamedTuple):
+    """Coefficients of B filters, and the covariance that they share, as all know the same noise."""
+
+    sample: int
+    mean: Array  # (M, B) of the coefficients
+    covariance: Array  # (M, M) of the coefficients
+
+
+@dataclasses.dataclass(frozen=True)
+class EnsembleFilter(Estimator[EnsembleState]):
+    """An ensemble along one command: all B filters follow that command and have one sensor."""
+
+    members_deg: Array
+    """(M, N) angle of each member at each sample of the command [deg]."""
+    measurement_variance: float = 0.1
+    """R [deg^2]."""
+    density: NoiseDensity | None = None
+    """What else is known of the noise; without it, it is taken as normal, of mean zero and variance R."""
+
+    def told(self, sensor: Sensor) -> Self:
+        """Return the filter that takes the sensor's variance as R.
+
+        Raises:
+            ValueError: the filters of the batch have different sensors.
+        """
+        variances = np.unique(sensor.variance)
+        if variances.size > 1:
+            raise ValueError(f"an ensemble has one sensor for all its filters, not R = {variances.tolist()}")
+        return dataclasses.replace(self, measurement_variance=float(variances[0]))
+
+    def start(self, pull_mm: Array, bend_deg: Array) -> EnsembleState:
+        """Return the state at the first sample; the command says more than the initial estimate, unused."""
+        count = len(self.members_deg)
+        return EnsembleState(0, np.zeros((count, bend_deg.size)), np.eye(count))
+
+    def step(
+        self, state: EnsembleState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
+    ) -> EnsembleState:
+        """Weigh the members by one measurement, which is there for all filters or for none.
+
+        Raises:
+            ValueError: it is there for some of them only.
+        """
+        sample = state.sample + 1
+        missing = np.isnan(measurement_deg)
+        if missing.all():
+            return state._replace(sample=sample)
+        if missing.any():
+            raise ValueError("filters of one ensemble must miss the same measurements")
+        mean, anomaly = self._mean_and_anomaly(sample)
+        towards = state.covariance @ anomaly  # covariance of the coefficients with the angle
+        spread = float(np.sqrt(max(float(anomaly @ towards), 0.0)))
+        score, information = self._weigh(measurement_deg - mean - anomaly @ state.mean, spread)
+        return EnsembleState(
+            sample,
+            state.mean + np.outer(towards, score),
+            state.covariance - np.outer(towards, information * towards),
+        )
+
+    def bend_deg(self, state: EnsembleState) -> Array:
+        """Return the (B,) mean of the angle [deg]."""
+        mean, anomaly = self._mean_and_anomaly(state.sample)
+        return mean + anomaly @ state.mean
+
+    def _weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
+        """Score (B,) of innovations, and their information, for a belief of this standard deviation."""
+        density = self.density
+        if density is None:
+            information = 1 / (spread**2 + self.measurement_variance)
+            return innovation * information, information
+        if spread > NARROW * np.sqrt(density.variance):
+            # The belief may have two peaks then, the angle and an outlier; the best linear update is safe.
+            information = 1 / (spread**2 + density.variance)
+            return (innovation - density.mean) * information, information
+        return density.score(innovation, spread), density.information(spread)
+
+    def _mean_and_anomaly(self, sample: int) -> tuple[float, Array]:
+        members = self.members_deg[:, sample].astype(float)
+        mean = float(members.mean())
+        return mean, (members - mean) / np.sqrt(len(members) - 1)
+
+
+def posterior_bound(
+    members_deg: Array, information: ArrayLike, seen: NDArray[np.bool_] | None = None
+) -> Array:
+    """Return the posterior Cramer-Rao bound of the angle (Van Trees 1968; Tichavsky et al. 1998).
+
+    It holds for the mean square error over twins as the ensemble has them, for any estimator, if the angle is
+    normal with the mean and covariance of the ensemble. Fisher's information of each measurement adds to that
+    of the coefficients before it.
+
+    Args:
+        members_deg: (M, N) ensemble along the command [deg].
+        information: Fisher's information of one measurement about the angle [1 / deg^2].
+        seen: (N,) where there is a measurement; else everywhere. The first sample is not measured.
+
+    Returns:
+        (N,) least standard deviation of the error [deg].
+    """
+    count, samples = members_deg.shape
+    mean = members_deg.mean(axis=0)
+    anomalies = ((members_deg - mean) / np.sqrt(count - 1)).T.astype(float)
+    covariance = np.eye(count)
+    bound = np.empty(samples)
+    for k, anomaly in enumerate(anomalies):
+        towards = covariance @ anomaly
+        variance = float(anomaly @ towards)
+        if k > 0 and (seen is None or seen[k]):
+            covariance -= np.outer(towards, towards / (variance + 1 / np.asarray(information)))
+            variance = variance / (1 + variance * float(np.asarray(information)))
+        bound[k] = np.sqrt(max(variance, 0.0))
+    return bound

@@ -1,0 +1,105 @@
+"""What all estimators of the bending angle share: B records filtered side by side, one sample at a time.
+
+A whole record and a live stream go through the same `step`. A measurement that is NaN is missing: the
+estimator predicts and does not update. A pull that is NaN is taken to stand where it was.
+"""
+
+import abc
+import dataclasses
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+State = TypeVar("State")
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensor:
+    """What an estimator is told of the noise in its measurements."""
+
+    variance: ArrayLike
+    """R, scalar or (B,) [deg^2]."""
+    bound: ArrayLike = np.inf
+    """Largest magnitude of the noise, scalar or (B,); infinite where there is none [deg]."""
+
+
+class Estimator(abc.ABC, Generic[State]):
+    """Parameters of an estimator, frozen; what moves is in its state."""
+
+    def told(self, sensor: Sensor) -> Self:
+        """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
+        return self
+
+    @abc.abstractmethod
+    def start(self, pull_mm: Array, bend_deg: Array) -> State:
+        """Return the state at the first sample.
+
+        Args:
+            pull_mm: (B,) pulling distance there [mm].
+            bend_deg: (B,) initial estimate of the angle [deg].
+        """
+
+    @abc.abstractmethod
+    def step(self, state: State, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> State:
+        """Return the state one sample later; the one given is left as it is.
+
+        Args:
+            state: after the previous sample.
+            pull_mm: (B,) pulling distance at this sample, finite [mm].
+            previous_pull_mm: the same at the previous sample [mm].
+            measurement_deg: (B,) measured angle, NaN where there is none [deg].
+        """
+
+    @abc.abstractmethod
+    def bend_deg(self, state: State) -> Array:
+        """Return the (B,) estimate that a state holds [deg]."""
+
+    def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
+        """Filter whole records.
+
+        Args:
+            pull_mm: (N,) or (B, N) pulling distance [mm].
+            measurement_deg: (N,) or (B, N) measured angle [deg]; the first sample is not used: there the
+                estimate is given.
+            initial_bend_deg: scalar or (B,) initial estimate [deg].
+
+        Returns:
+            (B, N) estimated angle [deg].
+        """
+        pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
+        estimate = np.empty_like(measurement)
+        state = self.start(pull[0], initial)
+        estimate[0] = initial
+        for k in range(1, len(measurement)):
+            state = self.step(state, pull[k], pull[k - 1], measurement[k])
+            estimate[k] = self.bend_deg(state)
+        return estimate.T
+
+
+def time_first(
+    pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Return pull and measurement (N, B), gaps of the pull filled, and the initial estimate (B,)."""
+    measurement = np.ascontiguousarray(np.atleast_2d(np.asarray(measurement_deg, dtype=float)).T)
+    pull = hold(np.asarray(pull_mm, dtype=float))
+    # A batch that follows one command shares its samples: nothing is copied.
+    over_time = pull[:, None] if pull.ndim == 1 else np.ascontiguousarray(pull.T)
+    pull = np.broadcast_to(over_time, measurement.shape)
+    return pull, measurement, np.array(np.broadcast_to(initial_bend_deg, measurement.shape[1]), dtype=float)
+
+
+def hold(values: Array) -> Array:
+    """Return (..., N) values with each NaN replaced by the last value before it.
+
+    Raises:
+        ValueError: the first value is NaN.
+    """
+    missing = np.isnan(values)
+    if not missing.any():
+        return values
+    if missing[..., 0].any():
+        raise ValueError("the first pulling distance is missing: nothing can be held")
+    last = np.maximum.accumulate(np.where(missing, 0, np.arange(values.shape[-1])), axis=-1)
+    return np.take_along_axis(values, last, axis=-1)

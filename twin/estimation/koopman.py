@@ -1,0 +1,221 @@
+"""A Koopman model of the bending angle, fitted by extended dynamic mode decomposition, and its Kalman filter.
+
+EDMD by least squares: Williams et al. 2015; with inputs and delays as observables: Korda and Mezic 2018;
+bilinear in the command: Bruder et al. 2021. The lifted state holds the last angles, the newest first,
+psi = [theta_k, ..., theta_(k-d)], and its first row moves by
+
+    theta_(k+1) = (e_0 + g_0 + |dl| g_1 + dl g_2) psi + sum_i [dl, |dl| l, |dl|, dl l]_(k+1-i) h_i,
+
+where g_0 sums to zero, so that an angle at rest may be any, and where the sheath is symmetric what bends one
+way bends the other: g_2 and the last two features are left out. Coleman and Hodgdon's model lies in this
+span: d = 0, g_1 = -a, h = [c, a b].
+
+The transition holds increments alone, neither pull nor angle. A model that forgets its first angle along the
+training commands therefore forgets it along the same movements about any other pull, and what drives it is
+linear in the pull: it stays finite there. A fit that does not forget is refused.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.gaussian import Belief, condition
+
+Array = NDArray[np.float64]
+Record = tuple[Array, Array]  # (N,) pull [mm] and (N,) true angle [deg]
+DELAYS = (0, 1, 2)  # that a fit chooses from
+RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
+
+
+@dataclasses.dataclass(frozen=True)
+class KoopmanFilter(Estimator[Belief]):
+    """The Kalman filter of a lifted model whose first state is the angle and whose others are its past."""
+
+    gates: Array
+    """(2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm]."""
+    drives: Array
+    """(2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i."""
+    process_variance: float
+    """Q of the newest angle per sample: the residual variance of the fit [deg^2]."""
+    measurement_variance: ArrayLike = 0.1
+    """R [deg^2], one for all filters or (B,)."""
+    initial_variance: float = 400 / 3
+    """Of the first angle: that of an even draw within 20 deg; the past angles are the same one [deg^2]."""
+
+    @property
+    def delays(self) -> int:
+        """Number of past angles, d."""
+        return self.gates.shape[1] - 1
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether what bends one way bends the other."""
+        return len(self.gates) == 2
+
+    def told(self, sensor: Sensor) -> Self:
+        """Return the filter that takes the sensor's variance as R."""
+        return dataclasses.replace(self, measurement_variance=sensor.variance)
+
+    def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
+        """Return the belief at the first sample, at rest until there; the memory is the d pulls before."""
+        size = self.delays + 1
+        mean = np.repeat(bend_deg[None], size, axis=0)
+        covariance = np.full((size, size, bend_deg.size), float(self.initial_variance))
+        return Belief(mean, covariance, np.repeat(np.atleast_1d(pull_mm)[None], self.delays, axis=0))
+
+    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
+        """Advance the belief by one sample: a new angle enters, the oldest leaves."""
+        pulls = np.concatenate([np.stack([pull_mm, previous_pull_mm]), belief.memory])
+        row = self.row(pulls)
+        mean = np.concatenate([self._advance(row, belief.mean, pulls)[None], belief.mean[:-1]])
+        # F is this row above a shift: F P F' costs (d + 1)^2 operations, not (d + 1)^3.
+        with_past = (row[:, None] * belief.covariance).sum(axis=0)
+        covariance = np.empty_like(belief.covariance)
+        covariance[0, 0] = (row * with_past).sum(axis=0) + self.process_variance
+        covariance[0, 1:] = covariance[1:, 0] = with_past[:-1]
+        covariance[1:, 1:] = belief.covariance[:-1, :-1]
+        return Belief(mean, covariance, pulls[1:-1])
+
+    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
+        """Predict, and condition on the measurement of the newest angle."""
+        predicted = self.predict(state, pull_mm, previous_pull_mm)
+        newest = np.eye(self.delays + 1)[0]
+        mean, covariance = condition(
+            predicted.mean, predicted.covariance, newest, measurement_deg, self.measurement_variance
+        )
+        return Belief(mean, covariance, predicted.memory)
+
+    def bend_deg(self, state: Belief) -> Array:
+        """Return the (B,) mean of the angle [deg]."""
+        return state.mean[0]
+
+    def row(self, pulls_mm: Array) -> Array:
+        """Return the first row of the transition, (d + 1, ...).
+
+        Args:
+            pulls_mm: (d + 2, ...) pulls, the newest first [mm].
+        """
+        increment = pulls_mm[0] - pulls_mm[1]
+        return np.tensordot(self.gates, _gates(increment, self.symmetric), axes=(0, 0))
+
+    def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
+        """Return the model's angle (B, N) along commands (N,) or (B, N) from first angles, no measurement."""
+        pull = np.atleast_2d(pull_mm)
+        pull, bend, first = time_first(pull, np.zeros(pull.shape), bend_deg0)
+        state = self.start(pull[0], first)
+        mean, memory = state.mean, state.memory
+        bend[0] = first
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that does not forget
+            for k in range(1, len(pull)):
+                pulls = np.concatenate([pull[k : k + 1], pull[k - 1 : k], memory])
+                bend[k] = self._advance(self.row(pulls), mean, pulls)
+                mean, memory = np.concatenate([bend[k : k + 1], mean[:-1]]), pulls[1:-1]
+        return bend.T
+
+    def _advance(self, row: Array, angles: Array, pulls_mm: Array) -> Array:
+        drive = np.tensordot(self.drives, _drives(pulls_mm, self.symmetric), axes=((0, 1), (0, 1)))
+        return (row * angles).sum(axis=0) + drive
+
+
+def fit_koopman(
+    records: Sequence[Record],
+    delays: int | None = None,
+    ridge: float | None = None,
+    symmetric: bool = True,
+) -> KoopmanFilter:
+    """Fit the lifted model to the truth of the training records, which RAM's reward sees too.
+
+    What is not given is chosen by leaving each record out in turn: the least RMSE of the response along the
+    record left out, from its first angle, without measurements. A single record is halved for that.
+
+    Args:
+        records: `(pull_mm, bend_deg)` at the sample time that the filter will run at.
+        delays: d, how many past angles are lifted.
+        ridge: Tikhonov's penalty, as a fraction of the features' mean square.
+        symmetric: whether what bends one way is taken to bend the other.
+
+    Raises:
+        ValueError: no model that was tried forgets its first angle along the training commands.
+    """
+    choices: list[tuple[int, float]] = list(
+        itertools.product(DELAYS if delays is None else [delays], RIDGES if ridge is None else [ridge])
+    )
+    fitted = [_fit(records, *choice, symmetric) for choice in choices]
+    stable = [choice for choice, model in zip(choices, fitted, strict=True) if _forgets(model, records)]
+    if not stable:
+        raise ValueError(
+            f"(delays, ridge) in {choices}: no model forgets its first angle along the training commands; "
+            "give fewer delays, a larger ridge, or records in which the tendon moves further"
+        )
+    scores = [_left_out_rmse_deg(records, past, penalty, symmetric) for past, penalty in stable]
+    return fitted[choices.index(stable[int(np.argmin(scores))])]
+
+
+def _fit(records: Sequence[Record], delays: int, ridge: float, symmetric: bool) -> KoopmanFilter:
+    """Least squares of the angle's increment on the lifted features, each scaled to unit mean square."""
+    features, targets = zip(*(_regression(*record, delays, symmetric) for record in records), strict=True)
+    X, y = np.concatenate(features), np.concatenate(targets)
+    scale = np.sqrt(np.mean(X**2, axis=0))
+    scale[scale == 0] = 1.0  # a feature that never moves gets no weight
+    size = X.shape[1]
+    penalised = np.concatenate([X / scale, np.sqrt(ridge * len(X)) * np.eye(size)])
+    weights = np.linalg.lstsq(penalised, np.concatenate([y, np.zeros(size)]))[0] / scale
+
+    rest, gated, drives = np.split(weights, [delays, delays + (1 if symmetric else 2) * (delays + 1)])
+    at_rest = np.concatenate([[1 - rest.sum()], rest])  # e_0 + g_0
+    gates = np.concatenate([at_rest[None], gated.reshape(-1, delays + 1)])
+    variance = float(np.mean((y - X @ weights) ** 2))
+    return KoopmanFilter(gates, drives.reshape(-1, delays + 1), variance)
+
+
+def _regression(pull_mm: Array, bend_deg: Array, delays: int, symmetric: bool) -> tuple[Array, Array]:
+    """Features (samples, features) and increments of the angle (samples,) of one record."""
+    now = np.arange(delays + 1, len(pull_mm))
+    angles = np.stack([bend_deg[now - 1 - i] for i in range(delays + 1)])  # (d + 1, samples)
+    pulls = np.stack([pull_mm[now - i] for i in range(delays + 2)])
+    gates = _gates(pulls[0] - pulls[1], symmetric)[1:]
+    columns = [
+        angles[1:] - angles[0],
+        (gates[:, None] * angles).reshape(-1, len(now)),
+        _drives(pulls, symmetric).reshape(-1, len(now)),
+    ]
+    return np.concatenate(columns).T, bend_deg[now] - bend_deg[now - 1]
+
+
+def _gates(increment_mm: Array, symmetric: bool) -> Array:
+    """(2 or 3, ...) what multiplies the lifted state: 1, |dl| and, where not symmetric, dl."""
+    gates = [np.ones_like(increment_mm), np.abs(increment_mm), increment_mm]
+    return np.stack(gates[:2] if symmetric else gates)
+
+
+def _drives(pulls_mm: Array, symmetric: bool) -> Array:
+    """(2 or 4, d + 1, ...) what drives the angle, from (d + 2, ...) pulls, the newest first."""
+    pull, increment = pulls_mm[:-1], pulls_mm[:-1] - pulls_mm[1:]
+    drives = [increment, np.abs(increment) * pull, np.abs(increment), increment * pull]
+    return np.stack(drives[:2] if symmetric else drives)
+
+
+def _forgets(model: KoopmanFilter, records: Sequence[Record]) -> bool:
+    """Whether, along every record, less than all of a first angle is left."""
+    undriven = dataclasses.replace(model, drives=np.zeros_like(model.drives))
+    left = [undriven.response(pull, 1.0)[0, -1] for pull, _ in records]
+    return bool((np.abs(left) < 1).all())  # not, where it is NaN
+
+
+def _left_out_rmse_deg(records: Sequence[Record], delays: int, ridge: float, symmetric: bool) -> float:
+    if len(records) == 1:
+        pull, bend = records[0]
+        half = len(pull) // 2
+        records = [(pull[:half], bend[:half]), (pull[half:], bend[half:])]
+    errors = []
+    for left_out, (pull, bend) in enumerate(records):
+        model = _fit([*records[:left_out], *records[left_out + 1 :]], delays, ridge, symmetric)
+        errors.append(model.response(pull, bend[0])[0] - bend)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rmse = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return rmse if np.isfinite(rmse) else np.inf

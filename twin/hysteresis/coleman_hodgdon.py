@@ -1,0 +1,122 @@
+"""The Coleman-Hodgdon model of hysteresis (Coleman and Hodgdon 1986; eq. 1 of the RAM paper), in batches.
+
+    d theta / dt = a |v| (b l - theta) + c v,    v = dl / dt
+
+with the pulling distance l in mm and the bending angle theta in degrees, the units that the literature quotes
+its parameters in. The model does not depend on rate: only increments of l count.
+"""
+
+import dataclasses
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.hysteresis.parameters import numbers
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class ColemanHodgdon:
+    """Parameters of the model; arrays of one shape hold many candidates at once."""
+
+    name: ClassVar[str] = "coleman-hodgdon"
+    affine: ClassVar[bool] = True
+
+    a_per_mm: ArrayLike
+    """How fast the memory of a reversal is lost [1 / mm]."""
+    b_deg_per_mm: ArrayLike
+    """Slope that a long pull approaches [deg / mm]."""
+    c_deg_per_mm: ArrayLike
+    """Slope added at every point; b a l + c governs the slope after a reversal [deg / mm]."""
+
+    def start(self, pull_mm: ArrayLike) -> Array:
+        """Return no memory (0, B): the angle holds all of it."""
+        return np.empty((0, np.size(pull_mm)))
+
+    def step(
+        self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
+    ) -> tuple[Array, Array]:
+        """Return the bending angle one sample later (eq. 4 without the error f; explicit Euler).
+
+        Args:
+            bend_deg: (...,) angle at the previous sample [deg].
+            memory: none, handed on.
+            pull_mm: (...,) pulling distance at this sample [mm].
+            previous_pull_mm: (...,) pulling distance at the previous sample [mm].
+
+        Returns:
+            (...,) angle at this sample [deg], and the memory.
+        """
+        pull = np.asarray(pull_mm, dtype=float)
+        increment = pull - np.asarray(previous_pull_mm, dtype=float)
+        a, b, c = np.asarray(self.a_per_mm), np.asarray(self.b_deg_per_mm), np.asarray(self.c_deg_per_mm)
+        return bend_deg + a * np.abs(increment) * (b * pull - bend_deg) + c * increment, memory
+
+    def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
+        """Return how much of a deviation of the angle is left after a step (eq. 7): 1 - a |increment|."""
+        increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
+        return 1 - np.asarray(self.a_per_mm) * np.abs(increment)
+
+    def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
+        """Return the model's bending angle along a command.
+
+        Args:
+            pull_mm: (..., N) pulling distance [mm].
+            bend_deg0: (...) angle at the first sample [deg].
+
+        Returns:
+            (candidates..., ..., N) bending angle [deg]; parameters broadcast against `pull_mm` without time.
+        """
+        pull = np.moveaxis(np.asarray(pull_mm, dtype=float), -1, 0)
+        a, b, c = np.asarray(self.a_per_mm), np.asarray(self.b_deg_per_mm), np.asarray(self.c_deg_per_mm)
+        # All that does not depend on the angle comes before the loop, which is two operations a sample.
+        axes = max(a.ndim, b.ndim, c.ndim)
+        increment, reached = _with_axes(np.diff(pull, axis=0), axes), _with_axes(pull[1:], axes)
+        forget = a * np.abs(increment)
+        drive = forget * b * reached + c * increment
+        keep = 1 - forget
+        shape = np.broadcast_shapes(drive.shape[1:], np.shape(bend_deg0))
+        bend = np.empty((len(pull), *shape))  # time first: each step writes one block of memory
+        bend[0] = bend_deg0
+        for k in range(1, len(bend)):
+            now = bend[k, ...]
+            np.multiply(bend[k - 1], keep[k - 1], out=now)
+            now += drive[k - 1]
+        return np.moveaxis(bend, 0, -1)
+
+    def monotone(self) -> bool:
+        """Whether loops of any size rise with the pull and fall with the release: c >= b / 2 >= 0."""
+        return bool(np.all(np.asarray(self.c_deg_per_mm) >= np.asarray(self.b_deg_per_mm) / 2))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters by name, and how far the model is from monotone loops."""
+        a, b, c = (float(np.asarray(v)) for v in dataclasses.astuple(self))
+        return {
+            "a_per_mm": a,
+            "b_deg_per_mm": b,
+            "c_deg_per_mm": c,
+            "c_over_b": c / b,
+            "monotone": self.monotone(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "ColemanHodgdon":
+        """Return the model of such values.
+
+        Raises:
+            ValueError: a parameter is missing, is no number or is out of range.
+        """
+        names = [field.name for field in dataclasses.fields(cls)]
+        found = numbers(values, names)
+        a, b, _ = found
+        if not (np.isfinite(found).all() and a > 0 and b > 0):
+            raise ValueError(f"{', '.join(names)} must be finite, the first two positive; got {found}")
+        return cls(*found)
+
+
+def _with_axes(values: Array, axes: int) -> Array:
+    """(time, ...) values with room for candidates: (time, 1..., ...) where the parameters have more axes."""
+    extra = max(axes - (values.ndim - 1), 0)
+    return values.reshape(len(values), *(1,) * extra, *values.shape[1:])

@@ -1,0 +1,35 @@
+"""Reading the parameters of a model of hysteresis from its file, with one rule for what is refused."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
+    """Return the named values, each one number.
+
+    Raises:
+        ValueError: one is missing or is no number; the message lists all that are needed.
+    """
+    found = [values.get(name) for name in names]
+    for name, value in zip(names, found, strict=True):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            fault = "is missing" if name not in values else f"is {value!r}, no number"
+            raise ValueError(f"{name} {fault}; it needs {', '.join(names)}")
+    return [float(value) for value in found if value is not None]
+
+
+def series(values: dict[str, Any], name: str) -> tuple[float, ...]:
+    """Return the named list of finite numbers.
+
+    Raises:
+        ValueError: it is missing, is no list, is empty, or holds something else.
+    """
+    found = values.get(name)
+    if not isinstance(found, list | tuple) or not found:
+        raise ValueError(f"{name} is {found!r}: must be a list of numbers")
+    plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in found)
+    if not plain or not np.isfinite(found).all():
+        raise ValueError(f"{name} is {found!r}: every entry must be a finite number")
+    return tuple(float(value) for value in found)

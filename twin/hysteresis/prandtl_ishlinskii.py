@@ -1,0 +1,109 @@
+"""The Prandtl-Ishlinskii model of hysteresis: a weighted sum of plays (Krasnosel'skii and Pokrovskii 1989).
+
+    theta = sum_i w_i p_i,    p_i(k) = max(l(k) - r_i, min(l(k) + r_i, p_i(k-1)))
+
+with the pulling distance l and the thresholds r_i in mm, the bending angle theta in degrees and weights
+w_i >= 0 in deg / mm. A play of threshold 0 is the pull itself: its weight is the reversible slope. Before the
+first pull all plays are at zero: the model starts from a straight endoscope at rest.
+
+The plays are the memory, and the command alone moves them. In a filter the angle moves by the increments of
+the model, so that what a measurement corrects stays corrected: a deviation of the angle is never forgotten.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twin.hysteresis.parameters import series
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class PrandtlIshlinskii:
+    """Weights of the plays, and their thresholds."""
+
+    name: ClassVar[str] = "prandtl-ishlinskii"
+    affine: ClassVar[bool] = True
+
+    weights_deg_per_mm: tuple[float, ...]
+    """Of each play, not negative [deg / mm]."""
+    thresholds_mm: tuple[float, ...]
+    """Of each play, half the width of its dead band; not negative [mm]."""
+
+    def start(self, pull_mm: ArrayLike) -> Array:
+        """Return the plays (m, B) after a monotone pull from rest at zero to (B,) [mm]."""
+        pull = np.atleast_1d(np.asarray(pull_mm, dtype=float))
+        return moved(np.zeros((len(self.thresholds_mm), *pull.shape)), pull, self.thresholds_mm)
+
+    def step(
+        self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
+    ) -> tuple[Array, Array]:
+        """Return the bending angle and the plays one sample later.
+
+        Args:
+            bend_deg: (..., B) angle at the previous sample [deg].
+            memory: (m, B) plays at the previous sample [mm].
+            pull_mm: (B,) pulling distance at this sample [mm].
+            previous_pull_mm: not used, the plays know it.
+
+        Returns:
+            (..., B) angle [deg] and (m, B) plays [mm] at this sample.
+        """
+        plays = moved(memory, np.asarray(pull_mm, dtype=float), self.thresholds_mm)
+        return bend_deg + np.tensordot(self.weights_deg_per_mm, plays - memory, axes=1), plays
+
+    def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
+        """Return how much of a deviation of the angle is left after a step: all of it."""
+        return np.ones(np.broadcast_shapes(np.shape(bend_deg), np.shape(pull_mm)))
+
+    def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
+        """Return the model's bending angle along a command that was reached from rest at zero.
+
+        Args:
+            pull_mm: (..., N) pulling distance [mm].
+            bend_deg0: (...) angle at the first sample [deg].
+
+        Returns:
+            (..., N) bending angle [deg].
+        """
+        angle = np.tensordot(self.weights_deg_per_mm, plays_along(pull_mm, self.thresholds_mm), axes=1)
+        return np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters by name."""
+        return {name: [float(value) for value in values] for name, values in dataclasses.asdict(self).items()}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "PrandtlIshlinskii":
+        """Return the model of such values.
+
+        Raises:
+            ValueError: a parameter is missing, is no list of numbers or is out of range.
+        """
+        weights, thresholds = (series(values, field.name) for field in dataclasses.fields(cls))
+        if len(weights) != len(thresholds) or min(*weights, *thresholds) < 0:
+            raise ValueError(
+                "weights_deg_per_mm and thresholds_mm must be of one length and not negative; "
+                f"got {list(weights)} and {list(thresholds)}"
+            )
+        return cls(weights, thresholds)
+
+
+def moved(plays_mm: Array, pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:
+    """Return the plays (m, ...) once the pull is (...) [mm]: each is dragged only beyond its dead band."""
+    threshold = np.reshape(thresholds_mm, (-1,) + (1,) * pull_mm.ndim)
+    return np.maximum(pull_mm - threshold, np.minimum(pull_mm + threshold, plays_mm))
+
+
+def plays_along(pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:
+    """Return the plays (m, ..., N) along commands (..., N) whose first is reached from rest at zero [mm]."""
+    pull = np.moveaxis(np.asarray(pull_mm, dtype=float), -1, 0)
+    plays = np.empty((len(pull), len(thresholds_mm), *pull.shape[1:]))
+    last = np.zeros(plays.shape[1:])
+    for k, now in enumerate(pull):
+        last = plays[k] = moved(last, now, thresholds_mm)
+    return np.moveaxis(plays, 0, -1)

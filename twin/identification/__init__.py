@@ -1,0 +1,79 @@
+"""Identification of models of hysteresis from records: arrays in, a fitted model out; one file per model."""
+
+from collections.abc import Callable, Sequence
+
+from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
+from twin.identification.bouc_wen import identify_bouc_wen
+from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
+from twin.identification.records import NEVER_REVERSES, Records, mean_square_error
+
+__all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
+
+OPTIMIZERS = {
+    ColemanHodgdon.name: "pymoo GA, population {population}, generations {generations}",
+    BoucWen.name: "pymoo GA, population {population}, generations {generations}, then scipy least_squares",
+    PrandtlIshlinskii.name: "scipy nnls",
+}
+"""How each model is fitted, in words for its file."""
+
+
+def identify(
+    records: Records,
+    seed: int,
+    name: str = ColemanHodgdon.name,
+    *,
+    monotone: bool = False,
+    thresholds_mm: Sequence[float] = (),
+    population: int = 80,
+    generations: int = 150,
+    on_generation: Callable[[int, float], None] | None = None,
+) -> tuple[HysteresisModel, float]:
+    """Fit a model of hysteresis to all records.
+
+    Args:
+        records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
+        seed: of the genetic algorithm.
+        name: of the model, one of `MODELS`.
+        monotone: constrain a Coleman-Hodgdon model to c >= b / 2, so that loops of any size are monotone.
+        thresholds_mm: of a Prandtl-Ishlinskii model; if not given, spread evenly over the stroke.
+        population: candidates per generation of the genetic algorithm.
+        generations: how many of them.
+        on_generation: told the number of the generation and the best RMSE so far [deg].
+
+    Returns:
+        The best model and its RMSE over all samples [deg].
+
+    Raises:
+        ValueError: there is no such model or it has no such option; there is no record, a command does not
+            move or never reverses, or a value is not finite.
+    """
+    check_options(name, monotone=monotone, thresholds_mm=thresholds_mm)
+    if name == PrandtlIshlinskii.name:
+        return identify_prandtl_ishlinskii(records, thresholds_mm=thresholds_mm)
+    if name == BoucWen.name:
+        return identify_bouc_wen(
+            records, seed, population=population, generations=generations, on_generation=on_generation
+        )
+    return identify_coleman_hodgdon(
+        records,
+        seed,
+        monotone=monotone,
+        population=population,
+        generations=generations,
+        on_generation=on_generation,
+    )
+
+
+def check_options(name: str, *, monotone: bool = False, thresholds_mm: Sequence[float] = ()) -> None:
+    """Refuse a model that is none of `MODELS`, and an option that the model does not have.
+
+    Raises:
+        ValueError: so it is.
+    """
+    if name not in MODELS:
+        raise ValueError(f"unknown model {name!r}; valid: {', '.join(MODELS)}")
+    if monotone and name != ColemanHodgdon.name:
+        raise ValueError(f"monotone constrains {ColemanHodgdon.name} models only, not {name}")
+    if thresholds_mm and name != PrandtlIshlinskii.name:
+        raise ValueError(f"thresholds belong to {PrandtlIshlinskii.name} models only, not to {name}")

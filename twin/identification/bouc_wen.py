@@ -1,0 +1,79 @@
+"""Identification of the Bouc-Wen model: a genetic algorithm over batches, then nonlinear least squares.
+
+The search finds the basin. The trust region method of Branch, Coleman and Li (1999), in scipy, then goes to
+its bottom, which five parameters that compensate each other make long and flat.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from twin.hysteresis import BoucWen
+from twin.identification.genetic import search
+from twin.identification.records import Records, Stack, check
+
+Array = NDArray[np.float64]
+
+LOWER = np.array([0.1, -60.0, 0.05, 0.5, 1.0])  # kappa_x [deg/mm], kappa_w [deg], rho [1/mm], sigma, n
+UPPER = np.array([80.0, 60.0, 20.0, 5.0, 10.0])
+LOGARITHMIC = np.array([False, False, True, False, True])
+DIFFERENCE = 1e-6
+"""Of a point of the unit cube to either side, for derivatives."""
+
+
+def identify_bouc_wen(
+    records: Records,
+    seed: int,
+    *,
+    population: int = 80,
+    generations: int = 150,
+    on_generation: Callable[[int, float], None] | None = None,
+) -> tuple[BoucWen, float]:
+    """Fit one model to all records.
+
+    Args:
+        records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
+        seed: of the genetic algorithm.
+        population: candidates per generation.
+        generations: how many of them.
+        on_generation: told the number of the generation and the best RMSE so far [deg].
+
+    Returns:
+        The best model and its RMSE over all samples [deg].
+
+    Raises:
+        ValueError: there is no record, a command does not move or never reverses, or a value is not finite.
+    """
+    check(records)
+    stack = Stack(records)
+
+    def cost(unit: Array) -> Array:
+        return stack.mean_square_error(_model(unit.T[..., None]))  # candidates before records
+
+    def errors(point: Array) -> Array:
+        return stack.error(_model(point)).ravel()
+
+    def derivatives(point: Array) -> Array:
+        """Central differences of all variables in one batch; one-sided at the edge of the cube."""
+        ends = [np.clip(point + sign * DIFFERENCE * np.eye(len(point)), 0, 1) for sign in (1, -1)]
+        above, below = (stack.error(_model(end.T[..., None])).reshape(len(point), -1) for end in ends)
+        return ((above - below) / np.diagonal(ends[0] - ends[1])[:, None]).T
+
+    best, _ = search(cost, len(LOWER), seed, population, generations, on_generation)
+    best = least_squares(errors, best, derivatives, bounds=(0, 1), xtol=1e-10, ftol=1e-12, max_nfev=100).x
+    found = _model(best)
+    parameters = (found.kappa_x_deg_per_mm, found.kappa_w_deg, found.rho_per_mm, found.sigma, found.n)
+    model = BoucWen(*(float(np.asarray(value)) for value in parameters))
+    return model, float(np.sqrt(stack.mean_square_error(model)))
+
+
+def _model(unit: Array) -> BoucWen:
+    """The model at (5, ...) of the unit cube."""
+    kappa_x, kappa_w, rho, sigma, n = (
+        low * (high / low) ** value if logarithmic else low + (high - low) * value
+        for low, high, logarithmic, value in zip(LOWER, UPPER, LOGARITHMIC, unit, strict=True)
+    )
+    kappa_w = np.where(np.abs(kappa_w) < 1e-6, 1e-6, kappa_w)  # w of an angle is over kappa_w
+    return BoucWen(kappa_x, kappa_w, rho, sigma, n)
