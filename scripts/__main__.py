@@ -10,7 +10,7 @@ VERBS = {
     "generate": "simulate episodes of an endoscope into a folder of MCAP files",
     "import": "read a measured log, a CSV file, into an MCAP file of the same form",
     "calibrate": "fit the physical parameters of a preset to logs",
-    "identify": "fit the Coleman-Hodgdon model to records",
+    "identify": "fit a model of hysteresis to records",
     "train": "train a policy (RAM or direct RL) or the LSTM on records",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "render": "draw a record as PNG or MP4, without a screen",

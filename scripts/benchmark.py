@@ -1,4 +1,4 @@
-"""`endotwin benchmark`: measure the twin's physics at full size, and its speed."""
+"""`endotwin benchmark`: measure physics, filters and identification at full size, and their speed."""
 
 import dataclasses
 import json
@@ -9,7 +9,7 @@ from pathlib import Path
 from tabulate import tabulate
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.benchmark import physics, speed
+from twin.benchmark import filters, identification, physics, scaling, speed
 from twin.benchmark.result import Result
 from twin.preset import Preset, load_preset
 from twin.randomization import Ranges, load_ranges
@@ -26,13 +26,17 @@ SHORT: dict[str, Callable[[Preset, float], Result]] = {
     "speed_one_core": speed.one_core,
     "speed_two_threads": speed.two_threads,
     "cost_of_vertebrae": speed.cost_of_vertebrae,
+    "identification": identification.against_one_at_a_time,
+    "identification_plain": identification.against_plain_numbers,
+    "cost_of_seeds": scaling.cost_of_seeds,
+    "cost_of_samples": scaling.cost_of_samples,
 }
-LONG = ("closed_cycles", "random_draws")
+LONG = ("closed_cycles", "random_draws", "covariances")
 
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark:
-    """Measure the twin's physics at full size, and its speed, into a JSON file and a table beside it."""
+    """Measure physics, filters and identification at full size, into a JSON file and a table beside it."""
 
     out: Path = Path("benchmark.json")
     """File to write; a table of the same name ends in .md."""
@@ -46,6 +50,8 @@ class Benchmark:
     """Random closed cycles."""
     draws: int = 10_000
     """Endoscopes drawn from the randomisation ranges."""
+    steps: int = 1_000_000
+    """Samples over which the covariances of the Kalman filters are watched."""
     seed: int = 0
     """Not used: the random measurements are the same every time."""
     json: bool = False
@@ -58,8 +64,8 @@ def benchmark(args: Benchmark) -> Summary:
     for name in args.only:
         if name not in names:
             raise ValueError(f"unknown measurement {name!r}; valid: {', '.join(names)}")
-    if args.cycles < 1 or args.draws < 1 or not args.amplitude > 0:
-        raise ValueError("--cycles, --draws and --amplitude must be positive")
+    if args.cycles < 1 or args.draws < 1 or args.steps < 1 or not args.amplitude > 0:
+        raise ValueError("--cycles, --draws, --steps and --amplitude must be positive")
     preset = load_preset(args.preset)
     ranges = load_ranges(args.preset) if "random_draws" in (args.only or names) else Ranges(())
     out = output_file(args.out, (".json",))
@@ -73,6 +79,8 @@ def benchmark(args: Benchmark) -> Summary:
         elif name == "random_draws":
             done = Progress(name, "draw")
             results[name] = physics.random_draws(preset, ranges, amplitude, args.draws, done)
+        elif name == "covariances":
+            results[name] = filters.covariances(args.steps, Progress(name, "filter"))
         else:
             results[name] = SHORT[name](preset, amplitude)
     write_whole(

@@ -74,6 +74,29 @@ def test_what_lies_between_the_bounds_stays_inside(shape, axis, low, width):
     assert area(kept) <= area(held) * (1 + 1e-8)
 
 
+@given(shape=shapes, axis=axes, low=st.floats(-1.2, 0.9), width=st.floats(0.02, 2))
+def test_no_cut_of_the_family_is_smaller(shape, axis, low, width):
+    """The family (x - c)^T P^-1 (x - c) + w (x_axis - m)^2 / d^2 <= 1 + w, with its square completed."""
+    held = ellipsoid(*shape)
+    ends = np.clip([low, low + width], -1, 1) * shape[axis]
+    if ends[1] - ends[0] < 1e-3 * shape[axis]:
+        return
+    middle, half = ends.mean(), (ends[1] - ends[0]) / 2
+    inverse, normal = np.linalg.inv(held.shape[..., 0]), np.eye(2)[axis]
+
+    def logarithm(log_w):
+        w = np.exp(log_w) if log_w > -40 else 0.0
+        matrix = inverse + w / half**2 * np.outer(normal, normal)
+        linear = w / half**2 * middle * normal
+        level = 1 + w - w / half**2 * middle**2 + linear @ np.linalg.solve(matrix, linear)
+        return np.log(level) - np.linalg.slogdet(matrix)[1] / 2
+
+    options = {"xatol": 1e-9}
+    least = minimize_scalar(logarithm, bounds=(-15, 25), method="bounded", options=options).fun
+    kept, _ = cut(held, axis, ends[:1], ends[1:])
+    assert np.log(area(kept)) == pytest.approx(min(least, logarithm(-50.0)), abs=1e-6)
+
+
 @settings(max_examples=25)
 @given(shape=shapes, low=st.floats(-0.95, 0.9), width=st.floats(0.05, 1.5))
 def test_no_ellipse_around_a_cut_one_is_smaller(shape, low, width):

@@ -119,6 +119,23 @@ def test_over_a_gap_the_estimate_follows_the_model_and_then_filters_on(trained, 
     assert np.sqrt((error[1:, 71:] ** 2).mean()) < 0.6 * np.sqrt(0.1)
 
 
+def test_without_a_measurement_the_network_rests_and_the_last_one_moves_along(trained, stacked):
+    """So that the next surprise spans the gap."""
+    estimator, _ = trained
+    pull, _, measurement = stacked
+    state = estimator.start(pull[:, 0], measurement[:, 0])
+    missing = np.full(3, np.nan)
+    assert np.isnan(estimator.step(state, pull[:, 1], pull[:, 0], missing).measurement_deg).all()
+    for k in range(1, 30):
+        state = estimator.step(state, pull[:, k], pull[:, k - 1], measurement[:, k])
+    rested = state
+    for k in range(30, 35):
+        rested = estimator.step(rested, pull[:, k], pull[:, k - 1], missing)
+    assert torch.equal(rested.hidden, state.hidden)
+    along = estimator.model.response(pull[:, 29:35], measurement[:, 29])
+    np.testing.assert_allclose(rested.measurement_deg, along[:, -1], atol=1e-9)
+
+
 def test_step_leaves_the_state_and_the_measurement_alone(trained, stacked):
     estimator, _ = trained
     pull, _, measurement = stacked
@@ -152,7 +169,7 @@ def test_file_that_is_no_network_is_refused_in_one_line(trained, tmp_path):
     with pytest.raises(FileNotFoundError, match="train --agent gru"):
         load_gru(path)
     other = tmp_path / "other.pt"
-    torch.save({"agent": "kalman-net"}, other)
+    torch.save(torch.load(trained[1] / "gru.pt", weights_only=True) | {"agent": "kalman-net"}, other)
     for content in (b"nothing", b"", whole[: len(whole) // 2], other.read_bytes()):
         path.write_bytes(content)
         with pytest.raises(ValueError, match=r"is no network written by `endotwin train --agent gru`") as e:

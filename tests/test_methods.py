@@ -1,4 +1,4 @@
-"""Policies as estimators: what a trained network does to the active model, the network replaced by a constant."""
+"""Policies as estimators: what a network does to the active model, here one that always says the same."""
 
 import numpy as np
 import pytest

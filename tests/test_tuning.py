@@ -53,7 +53,7 @@ def test_likelihood_equals_the_joint_normal_density_of_the_measurements():
 
 def test_tuning_recovers_the_variances_that_made_the_data():
     rng = np.random.default_rng(1)
-    bend, measurement = simulate(0.05, 0.02, 0.1, 12, 800, rng)
+    bend, measurement = simulate(0.05, 0.02, 0.1, 12, 500, rng)
     start = ActiveModel(AT_REST, 0.1, measurement_variance=0.1)
     tuned = tune_active_model(start, np.zeros_like(bend), measurement, bend[:, 0])
     assert tuned.process_variance[0] == pytest.approx(0.05, rel=0.2)
@@ -62,9 +62,9 @@ def test_tuning_recovers_the_variances_that_made_the_data():
 
 def test_tuning_does_not_touch_the_noise_and_does_not_lose_likelihood():
     rng = np.random.default_rng(2)
-    bend, measurement = simulate(0.5, 0.2, 0.1, 4, 200, rng)
+    bend, measurement = simulate(0.5, 0.2, 0.1, 8, 100, rng)
     start = ActiveModel(AT_REST, 0.1, measurement_variance=0.1)
-    initial = bend[:, 0] + rng.uniform(-20, 20, 4)
+    initial = bend[:, 0] + rng.uniform(-20, 20, 8)
     tuned = tune_active_model(start, np.zeros_like(bend), measurement, initial)
     assert tuned.measurement_variance == start.measurement_variance
     assert dataclasses.replace(
@@ -134,7 +134,7 @@ def test_training_episodes_are_those_that_the_published_rows_were_tuned_on(recor
     np.testing.assert_array_equal(episodes.initial_bend_deg, initial)
 
 
-def test_constant_gain_from_a_wide_step_has_the_least_rmse_of_a_grid(model, records):
+def test_constant_gain_has_the_least_rmse_of_a_grid(model, records):
     task = Task(*stack_records(records), noise_level=1.0)
     start = ActiveModel(model, 0.1, measurement_variance=1.0)
     episodes = draw_training_episodes(task, 0)
@@ -143,13 +143,7 @@ def test_constant_gain_from_a_wide_step_has_the_least_rmse_of_a_grid(model, reco
         estimate = filter_.estimate(episodes.pull_mm, episodes.measurement_deg, episodes.initial_bend_deg)
         return np.sqrt(np.mean((estimate - episodes.bend_deg)[:, 1:] ** 2))
 
-    tuned = tune_constant_gain(start, task, 0, first_step=0.5)
+    tuned = tune_constant_gain(start, task, 0)
     grid = [(bend, error) for bend in np.linspace(0, 1, 11) for error in np.linspace(0, 1, 6)]
     assert rmse(tuned) <= min(rmse(ConstantGain(**vars(start), gain=gain)) for gain in grid) + 1e-4
     assert 0 <= min(tuned.gain) <= max(tuned.gain) <= 1
-
-
-def test_constant_gain_of_the_published_rows_is_the_middle_of_its_range(model, records):
-    task = Task(*stack_records(records))
-    tuned = tune_constant_gain(ActiveModel(model, 0.1), task, 0)
-    np.testing.assert_allclose(tuned.gain, 0.5, atol=1e-3)

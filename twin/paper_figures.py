@@ -23,11 +23,11 @@ FIGURES = (
 def paper_figures(
     tracks: Sequence[Track], rows: Sequence[dict[str, Any]] = ()
 ) -> dict[int, tuple[Figure, str]]:
-    """Return figures with their captions, by their numbers in the paper; what the tracks have not is left out.
+    """Return figures with captions, by their numbers in the paper; what the tracks have not is left out.
 
     Args:
         tracks: one for each noise, from `evaluate`.
-        rows: of `evaluation.json`, of the records that the tracks are from: their RMSE is put into the legend.
+        rows: of `evaluation.json`, of the records that the tracks are from; their RMSE goes into the legend.
     """
     by_noise = {(track.noise, track.level): track for track in tracks}
     rmse = {(row["noise"], row["level"], row["method"]): row["rmse_deg"] for row in rows}

@@ -4,8 +4,8 @@ The search is the same in all: population, generations, seed. Only the cost of a
 way. Each uses one core, and the time of that core is taken, so that other work on the machine counts little.
 Beside the model's own response, one candidate at a time, stands a loop over plain Python numbers, the
 fastest that one candidate gets without a compiler. On a quiet machine a batch of 80 takes 0.6 ms, one
-candidate 0.9 ms through the model and 0.05 ms through plain numbers. Most of the time of the identification is
-then pymoo's own work on 12 000 individuals: it is about 20 times as fast as through the model, and not quite
+candidate 0.9 ms through the model and 0.05 ms through plain numbers. Most of the time of an identification is
+then pymoo's own work on 12 000 individuals: it is about 20 times as fast as through the model, and about
 twice as fast as through plain numbers.
 """
 

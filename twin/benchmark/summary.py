@@ -87,7 +87,7 @@ def times_the_limit(rows: Sequence[Row], sample_time_s: float, group: Group) -> 
 
 
 def noise_figure(rows: Sequence[Row], bounds: Sequence[Row]) -> Figure:
-    """Draw the RMSE of every method, a panel for each noise, the best method on top, beside limit and bound."""
+    """Draw the RMSE of every method, a panel for each noise, the best on top, beside limit and bound."""
     noises = list(dict.fromkeys(map(_noise, rows)))
     ratios = times_the_limit(rows, float(rows[0]["sample_time_s"]), _group(rows[0]))
     methods = sorted(ratios, key=lambda method: -ratios[method])
@@ -125,7 +125,7 @@ def noise_figure(rows: Sequence[Row], bounds: Sequence[Row]) -> Figure:
     for axes in grid[len(noises) :]:
         axes.set_visible(False)
     figure.supxlabel(
-        "RMSE [deg], 95 % interval over seeds; dashed: the limit; dotted: posterior Cramér-Rao bound; hollow: oracle",
+        "RMSE [deg], 95 % interval over seeds; dashed: limit; dotted: Cramér-Rao bound; hollow: oracle",
         fontsize=8.5,
         color=INK,
     )

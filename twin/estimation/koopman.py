@@ -72,7 +72,8 @@ class KoopmanFilter(Estimator[Belief]):
         """Advance the belief by one sample: a new angle enters, the oldest leaves."""
         pulls = np.concatenate([np.stack([pull_mm, previous_pull_mm]), belief.memory])
         row = self.row(pulls)
-        mean = np.concatenate([self._advance(row, belief.mean, pulls)[None], belief.mean[:-1]])
+        bend = (row * belief.mean).sum(axis=0) + self.drive(pulls)
+        mean = np.concatenate([bend[None], belief.mean[:-1]])
         # F is this row above a shift: F P F' costs (d + 1)^2 operations, not (d + 1)^3.
         with_past = (row[:, None] * belief.covariance).sum(axis=0)
         covariance = np.empty_like(belief.covariance)
@@ -103,23 +104,22 @@ class KoopmanFilter(Estimator[Belief]):
         increment = pulls_mm[0] - pulls_mm[1]
         return np.tensordot(self.gates, _gates(increment, self.symmetric), axes=(0, 0))
 
+    def drive(self, pulls_mm: Array) -> Array:
+        """Return what the command adds to the newest angle (...) [deg], from the same pulls."""
+        return np.tensordot(self.drives, _drives(pulls_mm, self.symmetric), axes=((0, 1), (0, 1)))
+
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
         """Return the model's angle (B, N) along commands (N,) or (B, N) from first angles, no measurement."""
         pull = np.atleast_2d(pull_mm)
-        pull, bend, first = time_first(pull, np.zeros(pull.shape), bend_deg0)
-        state = self.start(pull[0], first)
-        mean, memory = state.mean, state.memory
-        bend[0] = first
+        pull, zeros, first = time_first(pull, np.zeros(pull.shape), bend_deg0)
+        samples, past = len(pull), self.delays + 1
+        pulls = np.stack([pull[np.maximum(np.arange(samples) - i, 0)] for i in range(past + 1)])
+        row, drive = self.row(pulls), self.drive(pulls)  # of all samples: what is left is one sum for each
+        bend = np.concatenate([np.repeat(first[None], past, axis=0), zeros[1:]])
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that does not forget
-            for k in range(1, len(pull)):
-                pulls = np.concatenate([pull[k : k + 1], pull[k - 1 : k], memory])
-                bend[k] = self._advance(self.row(pulls), mean, pulls)
-                mean, memory = np.concatenate([bend[k : k + 1], mean[:-1]]), pulls[1:-1]
-        return bend.T
-
-    def _advance(self, row: Array, angles: Array, pulls_mm: Array) -> Array:
-        drive = np.tensordot(self.drives, _drives(pulls_mm, self.symmetric), axes=((0, 1), (0, 1)))
-        return (row * angles).sum(axis=0) + drive
+            for k in range(1, samples):
+                bend[k + past - 1] = (row[:, k] * bend[k - 1 : k + past - 1][::-1]).sum(axis=0) + drive[k]
+        return bend[past - 1 :].T
 
 
 def fit_koopman(

@@ -5,7 +5,7 @@ best constant gain: both are found here, on the training records and the trainin
 """
 
 import dataclasses
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from twin.task import Task
 
 Array = NDArray[np.float64]
 TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is tuned on
-PUBLISHED_FIRST_STEP = 0.00025
+FIRST_STEP = 0.5  # of the search for a constant gain, in actions of [-1, 1]
 
 
 class TrainingEpisodes(NamedTuple):
@@ -79,10 +79,9 @@ def tune_active_model(
 
     told = [float(np.asarray(active_model.measurement_variance))] if fit_measurement_variance else []
     start = np.log([*active_model.process_variance, 100.0, 1.0, *told])
-    options: dict[str, Any] = {"xatol": 0.02, "fatol": 0.1, "maxfev": 300}
-    if told:
-        # SciPy's first simplex hardly moves a logarithm that starts at zero: the search for R takes its own.
-        options |= {"maxfev": 500, "initial_simplex": np.vstack([start, start + 2 * np.eye(len(start))])}
+    # SciPy's own first simplex hardly moves a logarithm that is zero: the search would end where it starts.
+    simplex = np.vstack([start, start + 2 * np.eye(len(start))])
+    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 500, "initial_simplex": simplex}
     return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
@@ -104,9 +103,7 @@ def innovation_log_likelihood(
     return total
 
 
-def tune_constant_gain(
-    active_model: ActiveModel, task: Task, seed: int, first_step: float = PUBLISHED_FIRST_STEP
-) -> ConstantGain:
+def tune_constant_gain(active_model: ActiveModel, task: Task, seed: int) -> ConstantGain:
     """Return the filter with the constant gain of least RMSE on noisy training records.
 
     It sees what RAM sees in training, the truth of the training records included. Both gains are searched
@@ -116,9 +113,6 @@ def tune_constant_gain(
         active_model: the filter that the gain is added to.
         task: training records and their noise.
         seed: of the episodes drawn.
-        first_step: size of the first simplex, in actions of [-1, 1]. The published rows have SciPy's for
-            a start at zero, which is below the tolerance: that search ends where it starts, at gains of 0.5.
-            From a step of 0.5 it reaches the least RMSE.
     """
     episodes = draw_training_episodes(task, seed)
 
@@ -133,6 +127,6 @@ def tune_constant_gain(
         rmse = float(np.sqrt(np.mean((estimate - episodes.bend_deg)[:, 1:] ** 2)))
         return rmse + 10 * float(np.maximum(np.abs(action) - 1, 0).sum())  # no way out of the bounds
 
-    simplex = first_step * np.array([[0, 0], [1, 0], [0, 1]])
+    simplex = FIRST_STEP * np.array([[0, 0], [1, 0], [0, 1]])
     options = {"xatol": 0.01, "fatol": 1e-4, "maxfev": 120, "initial_simplex": simplex}
     return with_gain(minimize(cost, np.zeros(2), method="Nelder-Mead", options=options).x)

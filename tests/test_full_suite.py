@@ -1,0 +1,151 @@
+"""The full benchmark, for real and small: records, every method, its training, limit, tables, figures."""
+
+import json
+
+import numpy as np
+import pytest
+
+from scripts.evaluate import main
+from twin.benchmark.fitting import TUNED_WITH, load_fits
+from twin.hysteresis import load_model
+
+METHODS = [
+    "C-H",
+    "C-H (monotone)",
+    "Bouc-Wen",
+    "P-I",
+    "AM",
+    "KF",
+    "UKF",
+    "ESMF",
+    "AM-tuned",
+    "AM-tuned (Q, R)",
+    "AM-tuned (Bouc-Wen)",
+    "UKF-tuned (Bouc-Wen)",
+    "AM-tuned (P-I)",
+    "Huber",
+    "VB",
+    "AM with bias",
+    "Koopman",
+    "Constant gain",
+    "LSTM",
+    "GRU",
+    "KalmanNet",
+    "Direct RL",
+    "RAM",
+    "RAM (oracle)",
+    "Ensemble",
+    "Ensemble (limit)",
+]
+SMALL = "--suite full --seconds 8 --members 12 --episodes 10 --seeds 2 --seed 1 --json"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("full")
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.02"]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def evaluation(folder):
+    return json.loads((folder / "evaluation.json").read_text())
+
+
+def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation):
+    rows = evaluation["rows"]
+    assert len(rows) == len(METHODS) * 10 * 3 * 3 * 2
+    assert list(dict.fromkeys(row["method"] for row in rows)) == METHODS
+    assert {row["twin"] for row in rows} == {"nominal", "bending sheath", "randomized"}
+    assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 180
+    for row in rows:
+        assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
+
+
+def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
+    def figures(method):
+        return [row["rmse_deg"] for row in evaluation["rows"] if row["method"] == method]
+
+    np.testing.assert_allclose(figures("KF"), figures("AM"), rtol=1e-9)
+    np.testing.assert_allclose(figures("UKF"), figures("AM"), rtol=1e-9)
+
+
+def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
+    limit = {
+        (r["noise"], r["level"], r["sample_time_s"], r["twin"], *r["stroke_mm"]): r["rmse_deg"]
+        for r in evaluation["rows"]
+        if r["method"] == "Ensemble (limit)"
+    }
+    ratios: dict[str, list[float]] = {}
+    for r in evaluation["rows"]:
+        place = (r["noise"], r["level"], r["sample_time_s"], r["twin"], *r["stroke_mm"])
+        ratios.setdefault(r["method"], []).append(r["rmse_deg"] / limit[place])
+    for method, found in ratios.items():
+        if "oracle" not in method:
+            assert np.exp(np.mean(np.log(found))) > 0.999, method
+
+
+def test_tables_figures_and_fits_are_kept(folder):
+    for name in (
+        "benchmark.md",
+        "rmse_by_noise.png",
+        "times_the_limit.png",
+        "figure_05.png",
+        "figure_10.png",
+    ):
+        assert (folder / name).stat().st_size > 1000
+    models = {name: load_model(folder / f"T_0.1/{name}.json") for name in ("coleman_hodgdon", "bouc_wen")}
+    fits = load_fits(folder / "T_0.1/tuned.json", models)
+    assert set(fits.tuned) == set(TUNED_WITH)
+    assert 0 <= fits.gain[0] <= 1
+
+
+def test_a_second_run_takes_what_is_there_and_says_the_same(folder, evaluation):
+    made = {path: path.stat().st_mtime_ns for path in folder.glob("*/*") if path.is_file()}
+    assert main([*SMALL.split(), "--out", str(folder), "--sample-time", "0.1", "--workers", "1"]) == 0
+    assert {path: path.stat().st_mtime_ns for path in made} == made
+    again = json.loads((folder / "evaluation.json").read_text())
+    slow = [row for row in evaluation["rows"] if row["sample_time_s"] == 0.1]
+    for first, second in zip(slow, again["rows"], strict=True):
+        assert first["method"] == second["method"]
+        assert second["rmse_deg"] == pytest.approx(first["rmse_deg"], rel=1e-6)
+
+
+def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
+    from scripts.import_log import main as import_log
+
+    rng = np.random.default_rng(0)
+    time = np.sort(rng.uniform(0, 12, 500))
+    time = time[(time < 5) | (time > 6)]
+    pull = 1 - np.cos(2 * np.pi * time / 6)
+    bend = 20 * pull - 6 * np.sign(np.sin(2 * np.pi * time / 6)) + rng.normal(0, 0.1, len(time))
+    lines = [f"{t:.4f},{p:.5f},{b:.4f}" for t, p, b in zip(time, pull, bend, strict=True)]
+    lines[100] = lines[100].rsplit(",", 1)[0] + ",nan"
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,pull_mm,angle_deg", *lines]) + "\n")
+    argv = [str(tmp_path / "log.csv"), "--command-column", "pull_mm", "--out", str(tmp_path / "measured")]
+    assert import_log(argv) == 0
+    run = [str(tmp_path / "measured"), "--train", str(folder / "train"), "--out", str(tmp_path / "out")]
+    assert main([*run, *SMALL.split(), "--sample-time", "0.1"]) == 0
+    rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]
+    assert {(row["twin"], *row["stroke_mm"]) for row in rows} == {("measured", 0.0, 2.0)}
+    assert len(rows) == len(METHODS) * 10
+    assert np.isfinite([row["rmse_deg"] for row in rows]).all()
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ("--policy p.onnx", "give no --policy or --lstm"),
+        ("--sample-time 0.03", "--sample-time 0.03: must be a multiple of 0.02 s"),
+        ("--members 3", "--members 3: an ensemble needs at least 8"),
+        ("--episodes 0", "--episodes 0"),
+        ("--preset none", "none"),
+        ("--seeds 0", "seeds = 0"),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys):
+    assert main(["--suite", "full", "--out", str(tmp_path / "out"), *flags.split()]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("out/*"))

@@ -1,0 +1,58 @@
+"""Does the cost of an evaluation grow linearly with the number of noise seeds, and with that of samples?"""
+
+import time
+
+import numpy as np
+
+from twin.benchmark.result import Result
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.open_loop import OpenLoop
+from twin.estimation.robust import RobustActiveModel
+from twin.estimation.unscented import UnscentedActiveModel
+from twin.evaluation import Protocol, evaluate, filtering
+from twin.hysteresis import ColemanHodgdon
+from twin.preset import Preset
+from twin.test_record import TestRecord
+
+MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
+SAMPLE_TIME, SAMPLES, SEEDS, RECORDS = 0.1, 600, 10, 5
+LINEAR = 1.15  # twice the work may take this much more than twice the time: clocks are noisy
+
+
+def cost_of_seeds(preset: Preset, amplitude: float) -> Result:
+    """Time of an evaluation with 40 seeds over that with 20."""
+    return _doubled("seeds", amplitude, (2 * SEEDS, SAMPLES), (4 * SEEDS, SAMPLES))
+
+
+def cost_of_samples(preset: Preset, amplitude: float) -> Result:
+    """Time of an evaluation of records of 120 s over that of 60 s."""
+    return _doubled("samples", amplitude, (2 * SEEDS, SAMPLES), (2 * SEEDS, 2 * SAMPLES))
+
+
+def _doubled(what: str, amplitude: float, one: tuple[int, int], two: tuple[int, int]) -> Result:
+    taken = [[_seconds(amplitude, *size) for size in (one, two)] for _ in range(3)]
+    first, second = np.min(taken, axis=0)
+    return Result(
+        f"evaluation with twice the {what}",
+        float(second),
+        "s",
+        f"<= {2 * LINEAR:g} times that with half of them",
+        bool(second <= 2 * LINEAR * first),
+        peer="half of them",
+        peer_value=float(first),
+    )
+
+
+def _seconds(amplitude: float, seeds: int, samples: int) -> float:
+    pull = 1e3 * amplitude * np.sin(2 * np.pi * np.arange(samples) * SAMPLE_TIME / 9)
+    truth = MODEL.response(pull, 0.0)
+    record = TestRecord(
+        pull, truth, np.ones(samples, bool), (-1e3 * amplitude, 1e3 * amplitude), "model", "m"
+    )
+    filters = (OpenLoop(MODEL), *(kind(MODEL, SAMPLE_TIME) for kind in (ActiveModel, RobustActiveModel)))
+    methods = [
+        filtering(type(each).__name__, each) for each in (*filters, UnscentedActiveModel(MODEL, SAMPLE_TIME))
+    ]
+    begin = time.process_time()
+    evaluate([record] * RECORDS, methods, Protocol("full", seeds, SAMPLE_TIME))
+    return time.process_time() - begin
