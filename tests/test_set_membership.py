@@ -264,9 +264,21 @@ def test_no_bounds_at_all_is_a_set_that_still_works():
     assert (high - low).max() < 1e-5
 
 
+def test_strips_that_meet_in_one_point_leave_a_set_that_goes_on():
+    plays = PrandtlIshlinskii([5.0], [0.0])
+    tuned = SetMembershipFilter(plays, T, ErrorBound(0.0, 0.0), 1.0)
+    apart = np.concatenate([np.linspace(-1e-8, 1e-8, 41), np.arange(-40, 41) * np.spacing(60.0) - 4e-9])
+    measurement = np.stack([np.full_like(apart, y) for y in (60.0, 61.0, 59.0, 60.0, 60.0)], axis=1)
+    measurement[:, 2] += apart
+    low, high = tuned.intervals(np.full(5, 3.0), measurement, 60.0)
+    assert np.isfinite([low, high]).all()
+    assert ((low < high) & (low <= 60.0) & (high >= 60.0)).all()
+
+
 def training_records(bound: ErrorBound, style: str = "even"):
     rng = np.random.default_rng(6)
     pull = pulls(rng, 5, 400)
+    pull[:, 1] = pull[:, 0]  # a record may begin at rest
     return list(zip(pull, simulate(COLEMAN_HODGDON, bound, pull, rng, style)[0], strict=True))
 
 

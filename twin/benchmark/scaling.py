@@ -49,10 +49,9 @@ def _seconds(amplitude: float, seeds: int, samples: int) -> float:
     record = TestRecord(
         pull, truth, np.ones(samples, bool), (-1e3 * amplitude, 1e3 * amplitude), "model", "m"
     )
-    filters = (OpenLoop(MODEL), *(kind(MODEL, SAMPLE_TIME) for kind in (ActiveModel, RobustActiveModel)))
-    methods = [
-        filtering(type(each).__name__, each) for each in (*filters, UnscentedActiveModel(MODEL, SAMPLE_TIME))
-    ]
+    kinds: tuple[type[ActiveModel], ...] = (ActiveModel, RobustActiveModel, UnscentedActiveModel)
+    methods = [filtering(kind.__name__, kind(MODEL, SAMPLE_TIME)) for kind in kinds]
+    methods.append(filtering("static", OpenLoop(MODEL)))
     begin = time.process_time()
     evaluate([record] * RECORDS, methods, Protocol("full", seeds, SAMPLE_TIME))
     return time.process_time() - begin
