@@ -24,12 +24,14 @@ from rl.training import Training, train_policy
 from scripts.command import Progress, Summary
 from scripts.records import read_episodes, test_records, true_records, whole_pieces
 from twin.benchmark.fitting import TUNED_WITH, Fits, best_gain, identify_models, load_fits, save_fits, tune
+from twin.benchmark.intervals import containment
 from twin.benchmark.limit import bounds, limit_methods, make_ensembles
-from twin.benchmark.methods import active_methods, static_methods, tuned_methods
+from twin.benchmark.methods import active_methods, set_filters, static_methods, tuned_methods
 from twin.benchmark.scenarios import SAMPLE_TIME, write_scenarios
 from twin.benchmark.summary import benchmark_figures, benchmark_tables
 from twin.dataset import Recipe, write_dataset
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation import SUITES, Method, Protocol, evaluate, filtering
 from twin.hysteresis import ColemanHodgdon, load_model
 from twin.preset import load_preset
@@ -101,17 +103,20 @@ def run_full_suite(suite: FullSuite) -> Summary:
             seed=suite.seed,
             on_progress=Progress("ensembles", "command"),
         )
-        rows, limits, tracks = [], [], []
+        rows, limits, sets, tracks = [], [], [], []
         for T, folder in folders.items():
             records = test_records(data, T)
-            methods = _methods(fits[T], true_records([train], T), T, folder) + limit_methods(ensembles, T)
+            training = true_records([train], T)
+            bounded = set_filters(fits[T], training, T, ranges.lowest("wire_offset", preset))
+            methods = _methods(fits[T], training, bounded, folder, T) + limit_methods(ensembles, T)
             found, seen = evaluate(
                 records, methods, suite.protocol(T), Progress(f"evaluate T = {T:g} s", "group"), executor
             )
             rows += found
             limits += bounds(records, ensembles, T, SUITES["full"])
+            sets += containment(records, bounded, suite.protocol(T))
             tracks.append(seen)
-    return _write(suite, rows, limits, tracks[0], records)
+    return _write(suite, rows, limits, sets, tracks[0], records)
 
 
 def _training_records(suite: FullSuite, executor: Executor) -> Path:
@@ -173,12 +178,15 @@ def train_learned(agent: str, train: Path, T: float, folder: Path, episodes: int
     learn(records, active_model, settings(iterations=iterations, seed=seed), out)
 
 
-def _methods(fits: Fits, training: Sequence[Any], T: float, folder: Path) -> list[Method]:
+def _methods(
+    fits: Fits, training: Sequence[Any], bounded: dict[str, SetMembershipFilter], folder: Path, T: float
+) -> list[Method]:
     active_model = ActiveModel(fits.models[ColemanHodgdon.name], T)
     ram, direct = (load_policy(folder / agent / "policy.onnx") for agent in ("ram", "direct"))
     return [
         *static_methods(fits),
-        *active_methods(fits, training, T),
+        *active_methods(fits, T),
+        *(filtering(name, filter_) for name, filter_ in bounded.items()),
         *tuned_methods(fits, training, T),
         filtering("LSTM", LstmEstimator(load_lstm(folder / "lstm" / LSTM_FILE))),
         filtering("GRU", load_gru(folder / "gru" / GRU_FILE)),
@@ -200,6 +208,7 @@ def _write(
     suite: FullSuite,
     rows: list[dict[str, Any]],
     limits: list[dict[str, Any]],
+    sets: list[dict[str, Any]],
     tracks: Sequence[Any],
     records: Sequence[TestRecord],
 ) -> Summary:
@@ -219,9 +228,9 @@ def _write(
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
         "filters_told": "variance and largest magnitude of the noise; Ensemble (limit) its density too",
     }
-    contents = {"protocol": protocol, "rows": rows, "bounds": limits}
+    contents = {"protocol": protocol, "rows": rows, "bounds": limits, "intervals": sets}
     write_whole(folder / "evaluation.json", json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    write_whole(folder / "benchmark.md", benchmark_tables(rows, limits))
+    write_whole(folder / "benchmark.md", benchmark_tables(rows, limits, sets))
     for name, picture in benchmark_figures(rows, limits, tracks).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)

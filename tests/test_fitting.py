@@ -12,8 +12,8 @@ from twin.benchmark.fitting import (
     save_fits,
     tune,
 )
-from twin.benchmark.methods import active_methods, static_methods, tuned_methods
-from twin.evaluation import Protocol, evaluate
+from twin.benchmark.methods import active_methods, set_filters, static_methods, tuned_methods
+from twin.evaluation import Protocol, evaluate, filtering
 from twin.hysteresis import ColemanHodgdon
 from twin.test_record import TestRecord
 
@@ -60,12 +60,13 @@ def test_a_damaged_file_is_named(content, tmp_path):
 def test_tuned_filters_beat_the_papers_on_the_training_stroke(fits, records):
     pull, bend = records[0]
     record = TestRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
-    methods = [*static_methods(fits), *active_methods(fits, records, 0.1), *tuned_methods(fits, records, 0.1)]
+    sets = [filtering(*named) for named in set_filters(fits, records, 0.1, 1.2e-3).items()]
+    methods = [*static_methods(fits), *active_methods(fits, 0.1), *sets, *tuned_methods(fits, records, 0.1)]
     rows, _ = evaluate([record], methods, Protocol("paper-only", seeds=4))
     rmse = {
         row["method"]: row["rmse_deg"] for row in rows if (row["noise"], row["level"]) == ("gaussian", 1.0)
     }
-    assert len(rmse) == 18
+    assert len(rmse) == 19
     for name in ("AM-tuned", "AM-tuned (Q, R)", "Constant gain", "ESMF", "Koopman"):
         assert rmse[name] < 0.7 * rmse["AM"], name
     assert rmse["KF"] == pytest.approx(rmse["AM"], rel=1e-9)

@@ -18,6 +18,7 @@ METHODS = [
     "KF",
     "UKF",
     "ESMF",
+    "ESMF (geometry)",
     "AM-tuned",
     "AM-tuned (Q, R)",
     "AM-tuned (Bouc-Wen)",
@@ -68,6 +69,14 @@ def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
 
     np.testing.assert_allclose(figures("KF"), figures("AM"), rtol=1e-9)
     np.testing.assert_allclose(figures("UKF"), figures("AM"), rtol=1e-9)
+
+
+def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation):
+    rows = [row for row in evaluation["intervals"] if row["method"] == "ESMF (geometry)"]
+    assert len(rows) == 18  # strokes, twins, sample times
+    assert {row["noise"] for row in rows} == {"uniform"}
+    assert all(row["runs_contained"] == 1.0 for row in rows)
+    assert all(0.1 < row["width_deg"] < 2 * np.sqrt(3) for row in rows)  # narrower than one measurement
 
 
 def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):

@@ -141,7 +141,7 @@ def evaluate(
     Returns:
         Rows of `evaluation.json`, and for each noise the tracks of all methods on the first record and seed.
     """
-    groups = list(_groups(records))
+    groups = list(group_records(records))
     results: list[Any] = [None] * len(groups)
     if executor is None:
         for place, group in enumerate(groups):
@@ -159,14 +159,17 @@ def evaluate(
     return [row for rows, _ in results for row in rows], results[0][1]
 
 
-def make_case(records: Sequence[tuple[int, TestRecord]], protocol: Protocol) -> Case:
+def make_case(
+    records: Sequence[tuple[int, TestRecord]], protocol: Protocol, conditions: Sequence[Condition] = ()
+) -> Case:
     """Return all runs of a group: records, then noises, then seeds; shorter records are padded.
 
     Args:
         records: each with its number in the test set, which its noise is drawn by.
         protocol: noises, seeds and initial error.
+        conditions: noises, if not all of the protocol's suite.
     """
-    conditions = SUITES[protocol.suite]
+    conditions = conditions or SUITES[protocol.suite]
     samples = max(len(record.pull_mm) for _, record in records)
     pulls, measurements, truths = [], [], []
     for number, record in records:
@@ -196,8 +199,8 @@ def make_case(records: Sequence[tuple[int, TestRecord]], protocol: Protocol) -> 
     )
 
 
-def _groups(records: Sequence[TestRecord]) -> list[list[tuple[int, TestRecord]]]:
-    """Records of one stroke and one kind of twin, with their numbers in the test set."""
+def group_records(records: Sequence[TestRecord]) -> list[list[tuple[int, TestRecord]]]:
+    """Return the records of each stroke and kind of twin, with their numbers in the test set."""
     groups: dict[tuple[Any, str], list[tuple[int, TestRecord]]] = {}
     for number, record in enumerate(records):
         groups.setdefault((record.stroke_mm, record.twin), []).append((number, record))

@@ -45,6 +45,10 @@ class Ranges:
         """Return a preset with all parameters that have a range drawn anew, independently of each other."""
         return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
 
+    def lowest(self, name: str, preset: Preset) -> float:
+        """Return the lowest value that a parameter can be drawn with; the preset's, where it has no range."""
+        return {limits[0]: limits[1] for limits in self.limits}.get(name, float(getattr(preset, name)))
+
     def without(self, names: Collection[str]) -> "Ranges":
         """Return the ranges of all other parameters."""
         return Ranges(tuple(limits for limits in self.limits if limits[0] not in names))

@@ -10,7 +10,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel
 from twin.estimation.bias import BiasedActiveModel
 from twin.estimation.constant_gain import ConstantGain
-from twin.estimation.error_bound import bound_model_error
+from twin.estimation.error_bound import bound_model_error, geometric_error_bound
 from twin.estimation.kalman import KalmanActiveModel
 from twin.estimation.koopman import fit_koopman
 from twin.estimation.open_loop import OpenLoop
@@ -35,16 +35,34 @@ def static_methods(fits: Fits) -> list[Method]:
     return [filtering(name, OpenLoop(fits.models[model])) for name, model in names.items()]
 
 
-def active_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_time: float) -> list[Method]:
-    """Active models with the paper's Q, three that agree on this model, and the set-membership filter."""
+def active_methods(fits: Fits, sample_time: float) -> list[Method]:
+    """Active models with the paper's Q, which agree on this model."""
     model = fits.models[ColemanHodgdon.name]
-    sets = SetMembershipFilter(model, sample_time, bound_model_error(model, records, sample_time))
     return [
         filtering("AM", ActiveModel(model, sample_time)),
         filtering("KF", KalmanActiveModel(model, sample_time)),
         filtering("UKF", UnscentedActiveModel(model, sample_time)),
-        filtering("ESMF", sets),
     ]
+
+
+def set_filters(
+    fits: Fits, records: Sequence[tuple[Array, Array]], sample_time: float, wire_offset: float
+) -> dict[str, SetMembershipFilter]:
+    """Set-membership filters: one bound found on the training records, one from geometry alone.
+
+    Args:
+        fits: for the Coleman-Hodgdon model.
+        records: training records with their truth.
+        sample_time: T [s].
+        wire_offset: the smallest that a twin may have [m].
+    """
+    model = fits.models[ColemanHodgdon.name]
+    found = bound_model_error(model, records, sample_time)
+    geometric = geometric_error_bound(wire_offset, found.floor_deg)
+    return {
+        "ESMF": SetMembershipFilter(model, sample_time, found),
+        "ESMF (geometry)": SetMembershipFilter(model, sample_time, geometric),
+    }
 
 
 def tuned_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_time: float) -> list[Method]:

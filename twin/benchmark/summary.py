@@ -24,12 +24,13 @@ PHYSICS = ("Ensemble", LIMIT)
 """Methods that know the physics: what others are measured against."""
 
 
-def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
+def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequence[Row] = ()) -> str:
     """Return the benchmark in Markdown.
 
     Args:
         rows: of `evaluation.json`, of all sample times, strokes and twins.
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
+        intervals: how often the set-membership filters held the truth.
     """
     parts = []
     times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
@@ -42,6 +43,9 @@ def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
     for T in times:
         parts.append(f"### Times the limit, T = {T:g} s")
         parts.append(_ratio_table(rows, T))
+    if intervals:
+        parts.append("### Runs in which the interval held the truth throughout, and its mean width")
+        parts.append(_interval_table(intervals))
     paper = paper_tables([row for row in rows if _group(row) == first], "markdown")
     if paper:
         parts.append("### The paper's tables, on these records")
@@ -208,6 +212,32 @@ def _ratio_table(rows: Sequence[Row], T: float) -> str:
     headers = ["method", *(_name(group) for group in groups)]
     align = ("left", *["right"] * len(groups))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+
+
+def _interval_table(intervals: Sequence[Row]) -> str:
+    groups = _groups(intervals)
+    lines = []
+    for row in intervals:
+        if _group(row) == groups[0]:
+            same = [
+                other
+                for other in intervals
+                if all(other[name] == row[name] for name in ("method", "noise", "level", "sample_time_s"))
+            ]
+            cells = {_group(other): other for other in same}
+            lines.append(
+                [
+                    row["method"],
+                    noise_label(*_noise(row)),
+                    f"{row['sample_time_s']:g} s",
+                    *(
+                        f"{100 * cells[group]['runs_contained']:.1f} %, {cells[group]['width_deg']:.2f} deg"
+                        for group in groups
+                    ),
+                ]
+            )
+    headers = ["method", "noise", "T", *(_name(group) for group in groups)]
+    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
 
 
 def _by_ratio(rows: Sequence[Row], times: Sequence[float], groups: Sequence[Group]) -> list[str]:

@@ -41,6 +41,20 @@ class ErrorBound:
         return self.slope_deg_per_mm * np.abs(pull_mm - previous_pull_mm) + self.floor_deg
 
 
+def geometric_error_bound(wire_offset: float, floor_deg: float) -> ErrorBound:
+    """Return the bound that geometry gives, which needs no record of the endoscope that it is used on.
+
+    A wire that runs at an offset r from the middle bends the section by at most dl / r, where neither wire
+    nor sheath yields, and never backwards: the true slope lies in [0, 1 / r]. So does that of a model worth
+    its name, so that the two differ by no more than 1 / r.
+
+    Args:
+        wire_offset: r, the smallest that the endoscope may have [m].
+        floor_deg: what the angle may change by at rest, by creep and the sheath's own motion [deg].
+    """
+    return ErrorBound(float(np.degrees(1e-3 / wire_offset)), floor_deg)
+
+
 def bound_model_error(
     model: HysteresisModel,
     records: Sequence[tuple[Array, Array]],
