@@ -24,17 +24,16 @@ def containment(
 
     Returns:
         Rows with `runs_contained` and `samples_contained`, shares of those in which the truth is known, and
-        the mean `width_deg` after the first 5 s.
+        the mean `width_deg` after the first 5 s, where there is such a time.
     """
-    bounded = [
-        (kind, level) for kind, level in SUITES[protocol.suite] if np.isfinite(noise_bound(kind, level))
-    ]
+    bounded = [condition for condition in SUITES[protocol.suite] if np.isfinite(noise_bound(*condition))]
     late = round(STEADY_SECONDS / protocol.sample_time_s)
     rows = []
     for group, condition in itertools.product(group_records(records), bounded):
         case = make_case(group, protocol, [condition])
         assert case.truth_deg is not None
         known = ~np.isnan(case.measurement_deg)
+        begin = late if known[:, late:].any() else 0  # a short record has no time after the start
         for name, filter_ in filters.items():
             told = filter_.told(case.sensor)
             low, high = told.intervals(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
@@ -49,7 +48,7 @@ def containment(
                     "twin": group[0][1].twin,
                     "runs_contained": float(inside.all(axis=1).mean()),
                     "samples_contained": float(inside[known].mean()),
-                    "width_deg": float((high - low)[:, late:][known[:, late:]].mean()),
+                    "width_deg": float((high - low)[:, begin:][known[:, begin:]].mean()),
                 }
             )
     return rows
