@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -55,7 +56,7 @@ def run_verb(
         if getattr(parsed, "seed", 0) < 0:
             raise ValueError(f"--seed {getattr(parsed, 'seed', 0)}: must not be negative")
         summary = verb(parsed)
-    except (ValueError, OSError, ArithmeticError, MemoryError) as error:
+    except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
         return MISTAKE
     except KeyboardInterrupt:

@@ -16,7 +16,7 @@ from rl.policy import Policy, load_policy
 from rl.training import Training, train_policy
 from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
 from scripts.full_suite import SAMPLE_TIMES, FullSuite, run_full_suite
-from scripts.records import test_records, true_records
+from scripts.records import evaluation_records, true_records
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.open_loop import OpenLoop
 from twin.estimation.tuning import draw_training_episodes, tune_active_model, tune_constant_gain
@@ -123,7 +123,7 @@ def _paper(args: Evaluate) -> Summary:
     if not isinstance(model, ColemanHodgdon):
         raise ValueError(f"--model {args.model} is {model.name}: the paper's suite rests on coleman-hodgdon")
     active_model = ActiveModel(model, T)
-    test = test_records(args.data, T)
+    test = evaluation_records(args.data, T)
     training = true_records([args.train], T) if args.train else None
     policies = _load_policies(args.policy, active_model)
     network = load_lstm(args.lstm) if args.lstm else None

@@ -1,48 +1,55 @@
-"""The full benchmark of `endotwin evaluate --suite full`: records, fits, training, limit, tables and figures.
+"""The full suite of `endotwin evaluate`: records, fits, training, limit, tables and figures.
 
 Every stage keeps what it made beside the results; a run that was stopped goes on from there.
 """
 
+import contextlib
 import dataclasses
 import json
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 
-from rl.gru import GRU_FILE, GruTraining, load_gru, train_gru
-from rl.kalman_net import KALMAN_NET_FILE, KalmanNetTraining, load_kalman_net, train_kalman_net
-from rl.lstm import LSTM_FILE, LstmEstimator, LstmTraining, load_lstm, train_lstm
-from rl.methods import oracle_method, policy_method
-from rl.policy import load_policy
-from rl.training import Training, train_policy
+from rl.learned import LEARNED, learned_methods, train_learned
+from rl.training import claim_folder
 from scripts.command import Progress, Summary
-from scripts.records import read_episodes, test_records, true_records, whole_pieces
-from twin.benchmark.fitting import TUNED_WITH, Fits, best_gain, identify_models, load_fits, save_fits, tune
-from twin.benchmark.intervals import containment
-from twin.benchmark.limit import bounds, limit_methods, make_ensembles
-from twin.benchmark.methods import active_methods, set_filters, static_methods, tuned_methods
-from twin.benchmark.scenarios import SAMPLE_TIME, write_scenarios
-from twin.benchmark.summary import benchmark_figures, benchmark_tables
+from scripts.records import evaluation_records, read_episodes, true_records, whole_pieces
+from twin import __version__
 from twin.dataset import Recipe, write_dataset
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.set_membership import SetMembershipFilter
-from twin.evaluation import SUITES, Method, Protocol, evaluate, filtering
-from twin.hysteresis import ColemanHodgdon, load_model
-from twin.preset import load_preset
-from twin.randomization import load_ranges
+from twin.evaluation import SUITES, Protocol, evaluate, filtering
+from twin.evaluation_record import EvaluationRecord
+from twin.hysteresis import ColemanHodgdon
+from twin.preset import Preset, load_preset
+from twin.randomization import Ranges, load_ranges
 from twin.recording.atomic import write_whole
-from twin.test_record import TestRecord
+from twin.suite.fitting import (
+    TUNED_WITH,
+    Fits,
+    best_gain,
+    identify_models,
+    koopman_variances,
+    load_fits,
+    save_fits,
+    tune,
+)
+from twin.suite.intervals import containment
+from twin.suite.limit import bounds, limit_methods, make_ensembles
+from twin.suite.methods import active_methods, set_filters, static_methods, tuned_methods
+from twin.suite.scenarios import SAMPLE_TIME, write_scenarios
+from twin.suite.summary import benchmark_figures, benchmark_tables
 from twin.track import save_tracks
 
+Array = NDArray[np.float64]
 SAMPLE_TIMES = (0.1, 0.02)
-TRAINING_STROKE = (2e-3, 4e-3)  # the paper's
-LEARNED = ("ram", "direct", "lstm", "gru", "kalman-net")
+TRAINING_STROKE = (2e-3, 4e-3)  # the paper's [m]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,11 +66,28 @@ class FullSuite:
     seeds: int
     initial_error_deg: float
     episodes: int
-    """Of PPO at T = 0.1 s; networks are trained for this share of their own 2000."""
+    """As in `train_learned`."""
     members: int
     seconds: float
     workers: int
     seed: int
+
+    def __post_init__(self) -> None:
+        """Refuse what would fail after hours.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        for T in self.sample_times:
+            self.protocol(T)
+            if T < SAMPLE_TIME or abs(T / SAMPLE_TIME - round(T / SAMPLE_TIME)) > 1e-9:
+                raise ValueError(f"--sample-time {T:g}: must be a multiple of {SAMPLE_TIME:g} s")
+        if self.members < 8:
+            raise ValueError(f"--members {self.members}: an ensemble needs at least 8")
+        if self.seconds < 5:
+            raise ValueError(f"--seconds {self.seconds:g}: must be at least 5")
+        if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
+            raise ValueError(f"--train {self.train} is test data too: what is trained there proves nothing")
 
     def protocol(self, sample_time: float) -> Protocol:
         """Return how methods are compared at one sample time."""
@@ -72,28 +96,22 @@ class FullSuite:
 
 def run_full_suite(suite: FullSuite) -> Summary:
     """Write `evaluation.json`, `benchmark.md`, figures and tracks."""
-    for sample_time in suite.sample_times:
-        suite.protocol(sample_time)
-        if (
-            abs(sample_time / SAMPLE_TIME - round(sample_time / SAMPLE_TIME)) > 1e-9
-            or sample_time < SAMPLE_TIME
-        ):
-            raise ValueError(f"--sample-time {sample_time:g}: must be a multiple of {SAMPLE_TIME:g} s")
-    if suite.members < 8:
-        raise ValueError(f"--members {suite.members}: an ensemble needs at least 8")
     preset, ranges = load_preset(suite.preset), load_ranges(suite.preset)
-    workers = suite.workers or os.cpu_count() or 1
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+    for path, T in ((path, T) for path in suite.data for T in (SAMPLE_TIME, *suite.sample_times)):
+        evaluation_records([path], T)  # a mistake is told now, not after the training
+    if suite.train:
+        true_records([suite.train], max(suite.sample_times))
+    _claim(suite, preset, ranges)
+    with _workers(suite.workers or os.cpu_count() or 1) as executor:
         data = suite.data
         if not data:
             print("test records", file=sys.stderr)
             data = tuple(write_scenarios(suite.folder / "records", preset, ranges, suite.seconds, suite.seed))
-        train = suite.train or _training_records(suite, executor)
-        folders = {T: suite.folder / f"T_{T:g}" for T in suite.sample_times}
-        fits = {T: _fit(suite, train, T, folder, executor) for T, folder in folders.items()}
-        _train(suite, train, folders, executor)
-        finest = test_records(data, SAMPLE_TIME)
-        pulls = {record.pull_mm.tobytes(): record.pull_mm * 1e-3 for record in finest}
+        train = suite.train or _training_records(suite, preset, executor)
+        training = {T: true_records([train], T) for T in suite.sample_times}
+        fits = {T: _fit(suite, train, T, records, executor) for T, records in training.items()}
+        _train(suite, training, fits, executor)
+        pulls = {episode.pull.tobytes(): episode.pull for episode in read_episodes(data, SAMPLE_TIME)}
         ensembles = make_ensembles(
             preset,
             ranges,
@@ -104,14 +122,19 @@ def run_full_suite(suite: FullSuite) -> Summary:
             on_progress=Progress("ensembles", "command"),
         )
         rows, limits, sets, tracks = [], [], [], []
-        for T, folder in folders.items():
-            records = test_records(data, T)
-            training = true_records([train], T)
-            bounded = set_filters(fits[T], training, T, ranges.lowest("wire_offset", preset))
-            methods = _methods(fits[T], training, bounded, folder, T) + limit_methods(ensembles, T)
-            found, seen = evaluate(
-                records, methods, suite.protocol(T), Progress(f"evaluate T = {T:g} s", "group"), executor
-            )
+        for T in suite.sample_times:
+            records = evaluation_records(data, T)
+            bounded = set_filters(fits[T], training[T], T, ranges.lowest("wire_offset", preset))
+            methods = [
+                *static_methods(fits[T]),
+                *active_methods(fits[T], T),
+                *(filtering(name, filter_) for name, filter_ in bounded.items()),
+                *tuned_methods(fits[T], training[T], T),
+                *learned_methods(_active_model(fits[T], T), _folder(suite, T)),
+                *limit_methods(ensembles, T),
+            ]
+            progress = Progress(f"evaluate T = {T:g} s", "group")
+            found, seen = evaluate(records, methods, suite.protocol(T), progress, executor)
             rows += found
             limits += bounds(records, ensembles, T, SUITES["full"])
             sets += containment(records, bounded, suite.protocol(T))
@@ -119,82 +142,101 @@ def run_full_suite(suite: FullSuite) -> Summary:
     return _write(suite, rows, limits, sets, tracks[0], records)
 
 
-def _training_records(suite: FullSuite, executor: Executor) -> Path:
+@contextlib.contextmanager
+def _workers(count: int) -> Iterator[Executor]:
+    """Processes whose waiting jobs are dropped as soon as one fails."""
+    executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"))
+    try:
+        yield executor
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    executor.shutdown()
+
+
+def _claim(suite: FullSuite, preset: Preset, ranges: Ranges) -> None:
+    """Refuse a folder whose records, fits and networks were made from something else.
+
+    Raises:
+        ValueError: they were.
+    """
+    given = None
+    if suite.train:
+        records = true_records([suite.train], SAMPLE_TIME)
+        given = {"path": str(suite.train), "mean_bend_deg": [float(bend.mean()) for _, bend in records]}
+    configuration = {
+        "endotwin": __version__,
+        "preset": preset.to_dict(),
+        "ranges": ranges.to_dict(),
+        "train": given,
+        "simulated": None if suite.data and suite.train else suite.seconds,
+        "episodes": suite.episodes,
+        "seed": suite.seed,
+    }
+    claim_folder(suite.folder, json.loads(json.dumps(configuration)))
+
+
+def _training_records(suite: FullSuite, preset: Preset, executor: Executor) -> Path:
     """Simulate five records on the paper's training stroke, one of each kind of signal."""
     folder = suite.folder / "train"
-    recipe = Recipe(load_preset(suite.preset), TRAINING_STROKE, seconds=suite.seconds, seed=suite.seed)
     if not (folder / "dataset.json").is_file():
-        write_dataset(
-            recipe, len(recipe.signals), folder, executor, on_episode=Progress("training records", "ep")
-        )
+        recipe = Recipe(preset, TRAINING_STROKE, seconds=suite.seconds, seed=suite.seed)
+        progress = Progress("training records", "ep")
+        write_dataset(recipe, len(recipe.signals), folder, executor, on_episode=progress)
     return folder
 
 
-def _fit(suite: FullSuite, train: Path, T: float, folder: Path, executor: Executor) -> Fits:
+def _folder(suite: FullSuite, T: float) -> Path:
+    """Where all that is made for one sample time is kept."""
+    return suite.folder / f"T_{T:g}"
+
+
+def _active_model(fits: Fits, T: float) -> ActiveModel:
+    return ActiveModel(fits.models[ColemanHodgdon.name], T)
+
+
+def _fit(
+    suite: FullSuite, train: Path, T: float, records: list[tuple[Array, Array]], executor: Executor
+) -> Fits:
     """Identify the models, and tune filters by workers."""
+    folder = _folder(suite, T)
     folder.mkdir(parents=True, exist_ok=True)
     measured = [piece for episode in read_episodes([train], T) for piece in whole_pieces(episode)]
     models = identify_models(measured, folder, suite.seed, Progress(f"identify T = {T:g} s", "model"))
     path = folder / "tuned.json"
     if not path.is_file():
-        truth = true_records([train], T)
         jobs: dict[str, Any] = {
-            name: executor.submit(tune, name, models, truth, T, suite.seed) for name in TUNED_WITH
+            name: executor.submit(tune, name, models, records, T, suite.seed) for name in TUNED_WITH
         }
-        jobs["gain"] = executor.submit(best_gain, models, truth, T, suite.seed)
-        _wait(list(jobs.values()), Progress(f"tune T = {T:g} s", "filter"))
-        tuned = {name: jobs[name].result() for name in TUNED_WITH}
-        save_fits(path, Fits(models, tuned, jobs["gain"].result()))
+        gain = executor.submit(best_gain, models, records, T, suite.seed)
+        koopman = executor.submit(koopman_variances, records, suite.seed)
+        _wait([*jobs.values(), gain, koopman], Progress(f"tune T = {T:g} s", "filter"))
+        tuned = {name: job.result() for name, job in jobs.items()}
+        save_fits(path, Fits(models, tuned, gain.result(), koopman.result()))
     return load_fits(path, models)
 
 
-def _train(suite: FullSuite, train: Path, folders: dict[float, Path], executor: Executor) -> None:
+def _train(
+    suite: FullSuite,
+    training: dict[float, list[tuple[Array, Array]]],
+    fits: dict[float, Fits],
+    executor: Executor,
+) -> None:
     """Train every learned method at every sample time, on as many samples at each."""
     jobs = [
-        executor.submit(train_learned, agent, train, T, folder, suite.episodes, suite.seed)
+        executor.submit(
+            train_learned,
+            agent,
+            records,
+            _active_model(fits[T], T),
+            _folder(suite, T),
+            suite.episodes,
+            suite.seed,
+        )
         for agent in LEARNED
-        for T, folder in folders.items()
+        for T, records in training.items()
     ]
     _wait(jobs, Progress("train", "method"))
-
-
-def train_learned(agent: str, train: Path, T: float, folder: Path, episodes: int, seed: int) -> None:
-    """Train one method into its folder, under the strict protocol; a finished one is left as it is."""
-    torch.set_num_threads(1)
-    records = true_records([train], T)
-    active_model = ActiveModel(load_model(folder / f"{ColemanHodgdon.name.replace('-', '_')}.json"), T)
-    share, out = episodes / Training.episodes, folder / agent
-    if agent in ("ram", "direct"):
-        count = max(round(episodes * T / 0.1), 1)
-        train_policy(records, active_model, Training(agent=agent, episodes=count, seed=seed), out)
-        return
-    kinds: dict[str, tuple[Any, Callable[..., Any]]] = {
-        "lstm": (LstmTraining, train_lstm),
-        "gru": (GruTraining, train_gru),
-        "kalman-net": (KalmanNetTraining, train_kalman_net),
-    }
-    settings, learn = kinds[agent]
-    iterations = max(round(settings.iterations * share), 1)
-    learn(records, active_model, settings(iterations=iterations, seed=seed), out)
-
-
-def _methods(
-    fits: Fits, training: Sequence[Any], bounded: dict[str, SetMembershipFilter], folder: Path, T: float
-) -> list[Method]:
-    active_model = ActiveModel(fits.models[ColemanHodgdon.name], T)
-    ram, direct = (load_policy(folder / agent / "policy.onnx") for agent in ("ram", "direct"))
-    return [
-        *static_methods(fits),
-        *active_methods(fits, T),
-        *(filtering(name, filter_) for name, filter_ in bounded.items()),
-        *tuned_methods(fits, training, T),
-        filtering("LSTM", LstmEstimator(load_lstm(folder / "lstm" / LSTM_FILE))),
-        filtering("GRU", load_gru(folder / "gru" / GRU_FILE)),
-        filtering("KalmanNet", load_kalman_net(folder / "kalman-net" / KALMAN_NET_FILE)),
-        policy_method(direct, active_model),
-        policy_method(ram, active_model),
-        oracle_method(ram, active_model),
-    ]
 
 
 def _wait(futures: Sequence[Any], progress: Progress) -> None:
@@ -210,7 +252,7 @@ def _write(
     limits: list[dict[str, Any]],
     sets: list[dict[str, Any]],
     tracks: Sequence[Any],
-    records: Sequence[TestRecord],
+    records: Sequence[EvaluationRecord],
 ) -> Summary:
     folder = suite.folder
     protocol = {
@@ -226,16 +268,15 @@ def _write(
         "data": [str(path) for path in suite.data],
         "train": str(suite.train or folder / "train"),
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
-        "filters_told": "variance and largest magnitude of the noise; Ensemble (limit) its density too",
+        "told": "docs/method.md: all but LSTM, Direct RL, AM-tuned (Q, R) and models alone are told R; "
+        "ESMF the largest magnitude of the noise; Ensemble (limit) its density",
     }
     contents = {"protocol": protocol, "rows": rows, "bounds": limits, "intervals": sets}
     write_whole(folder / "evaluation.json", json.dumps(contents, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "benchmark.md", benchmark_tables(rows, limits, sets))
-    for name, picture in benchmark_figures(rows, limits, tracks).items():
+    for name, picture in benchmark_figures(rows, tracks).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    line = (
-        f"{folder}/evaluation.json: {len(methods)} methods, {len(records)} records, {suite.seeds} noise seeds"
-    )
-    return Summary(line, {"out": str(folder / "evaluation.json"), "methods": methods, "rows": len(rows)})
+    methods, out = list(dict.fromkeys(row["method"] for row in rows)), folder / "evaluation.json"
+    line = f"{out}: {len(methods)} methods, {len(records)} records, {suite.seeds} noise seeds"
+    return Summary(line, {"out": str(out), "methods": methods, "rows": len(rows)})

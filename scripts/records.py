@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.evaluation_record import EvaluationRecord
 from twin.recording import read_dataset
-from twin.test_record import TestRecord
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array,
     return [(episode.pull_mm, episode.bend_deg) for episode in read_episodes(paths, sample_time)]
 
 
-def test_records(paths: Sequence[Path], sample_time: float) -> list[TestRecord]:
+def evaluation_records(paths: Sequence[Path], sample_time: float) -> list[EvaluationRecord]:
     """Return what noise is added to and scored against: each episode from its first known angle on.
 
     The truth of a simulated episode is known throughout; that of a measured log, where it was measured.
@@ -53,10 +53,7 @@ def test_records(paths: Sequence[Path], sample_time: float) -> list[TestRecord]:
         ValueError: a file is damaged, the sample time does not fit it, or fewer than two angles are known.
     """
     episodes = read_episodes(paths, sample_time)
-    return [_test_record(episode, number) for number, episode in enumerate(episodes)]
-
-
-test_records.__test__ = False  # type: ignore[attr-defined]  # pytest takes it for a test by its name
+    return [_evaluation_record(episode, number) for number, episode in enumerate(episodes)]
 
 
 def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
@@ -82,7 +79,7 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
     return moving
 
 
-def _test_record(episode: Episode, number: int) -> TestRecord:
+def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
     seen = np.isfinite(episode.measured_bend) if _is_measured(episode) else np.ones(len(episode.time), bool)
     if seen.sum() < 2:
         raise ValueError(
@@ -91,7 +88,7 @@ def _test_record(episode: Episode, number: int) -> TestRecord:
     first = int(seen.argmax())
     pull = episode.pull_mm[first:]
     low, high = episode.metadata.get("stroke_mm") or np.round([pull.min(), pull.max()], 1) + 0.0
-    return TestRecord(
+    return EvaluationRecord(
         pull_mm=pull,
         bend_deg=episode.bend_deg[first:],
         seen=seen[first:],

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from twin.evaluation import PAPER_CONDITIONS, Method, Protocol, evaluate, make_case
+from twin.evaluation_record import EvaluationRecord
 from twin.noise import noise_variance
 from twin.paper import paper_value
-from twin.test_record import TestRecord
 
 PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
 
@@ -16,7 +16,7 @@ PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
 @pytest.fixture
 def two_records(records):
     return [
-        TestRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", f"record {number}")
+        EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", f"record {number}")
         for number, (pull, bend) in enumerate(records[:2])
     ]
 

@@ -1,21 +1,22 @@
 import numpy as np
 import pytest
 
-from twin.benchmark.fitting import (
+from twin.evaluation import Protocol, evaluate, filtering
+from twin.evaluation_record import EvaluationRecord
+from twin.hysteresis import ColemanHodgdon
+from twin.suite.fitting import (
     MODEL_NAMES,
     MONOTONE,
     TUNED_WITH,
     Fits,
     best_gain,
     identify_models,
+    koopman_variances,
     load_fits,
     save_fits,
     tune,
 )
-from twin.benchmark.methods import active_methods, set_filters, static_methods, tuned_methods
-from twin.evaluation import Protocol, evaluate, filtering
-from twin.hysteresis import ColemanHodgdon
-from twin.test_record import TestRecord
+from twin.suite.methods import active_methods, set_filters, static_methods, tuned_methods
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,7 @@ def fits(models, records):
         models,
         {name: tune(name, models, records, 0.1, 0) for name in TUNED_WITH},
         best_gain(models, records, 0.1, 0),
+        koopman_variances(records, 0),
     )
 
 
@@ -48,7 +50,7 @@ def test_fits_come_back_from_their_file(fits, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", ["no json", "[]", '{"tuned": {}}', '{"tuned": {"AM": {}}, "gain": [0, 0]}']
+    "content", ["no json", "[]", '{"tuned": {}}', '{"tuned": {"AM": {}}, "gain": [0, 0], "koopman": [1, 1]}']
 )
 def test_a_damaged_file_is_named(content, tmp_path):
     path = tmp_path / "tuned.json"
@@ -59,7 +61,7 @@ def test_a_damaged_file_is_named(content, tmp_path):
 
 def test_tuned_filters_beat_the_papers_on_the_training_stroke(fits, records):
     pull, bend = records[0]
-    record = TestRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
+    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
     sets = [filtering(*named) for named in set_filters(fits, records, 0.1, 1.2e-3).items()]
     methods = [*static_methods(fits), *active_methods(fits, 0.1), *sets, *tuned_methods(fits, records, 0.1)]
     rows, _ = evaluate([record], methods, Protocol("paper-only", seeds=4))

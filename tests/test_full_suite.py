@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scripts.evaluate import main
-from twin.benchmark.fitting import TUNED_WITH, load_fits
 from twin.hysteresis import load_model
+from twin.suite.fitting import TUNED_WITH, load_fits
 
 METHODS = [
     "C-H",
@@ -141,6 +141,17 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     assert np.isfinite([row["rmse_deg"] for row in rows]).all()
 
 
+def test_what_was_made_from_something_else_is_not_taken(folder, capsys):
+    assert main([*SMALL.replace("--seed 1", "--seed 2").split(), "--out", str(folder)]) == 2
+    assert "holds a run of another configuration" in capsys.readouterr().err
+
+
+def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
+    train = str(folder / "train")
+    assert main([train, "--train", train, *SMALL.split(), "--out", str(tmp_path)]) == 2
+    assert "is test data too" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
@@ -150,6 +161,8 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
         ("--episodes 0", "--episodes 0"),
         ("--preset none", "none"),
         ("--seeds 0", "seeds = 0"),
+        ("--seconds 2", "--seconds 2: must be at least 5"),
+        ("nowhere", "nowhere"),
     ],
 )
 def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys):

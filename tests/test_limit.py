@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from twin.benchmark.limit import Ensembles, bounds, limit_methods, make_ensembles
-from twin.benchmark.scenarios import SAMPLE_TIME, members, simulate_drives
 from twin.evaluation import Protocol, evaluate, make_case
+from twin.evaluation_record import EvaluationRecord
 from twin.preset import load_preset
 from twin.randomization import load_ranges
-from twin.test_record import TestRecord
+from twin.suite.limit import Ensembles, bounds, limit_methods, make_ensembles
+from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 TIME = np.arange(0, 8, SAMPLE_TIME)
@@ -28,7 +28,9 @@ def test_set():
     for pull, stroke in zip(PULLS, [(-1.0, 1.0), (2.0, 4.0)], strict=True):
         for number, episode in enumerate(simulate_drives(members(PRESET, RANGES, pull, 4, seed=2))):
             bend = episode.bend_deg[::5]
-            made.append(TestRecord(pull[::5] * 1e3, bend, np.ones(len(bend), bool), stroke, "r", str(number)))
+            made.append(
+                EvaluationRecord(pull[::5] * 1e3, bend, np.ones(len(bend), bool), stroke, "r", str(number))
+            )
     return made
 
 
@@ -48,6 +50,15 @@ def test_a_run_is_weighed_by_the_ensemble_of_its_command(ensembles, test_set):
         assert np.corrcoef(members_deg.mean(axis=0), pull[::5])[0, 1] > 0.8
     with pytest.raises(ValueError, match="no ensemble"):
         method.along(PULLS[0][::5] * 1e3 + 0.1)
+
+
+def test_a_record_may_begin_later_than_its_command_and_be_padded(ensembles):
+    method, pull = Ensembles(tuple(ensembles), 0.1), PULLS[1][::5] * 1e3
+    whole = method.along(pull)
+    padded = np.concatenate([pull[7:], np.full(30, pull[-1])])
+    np.testing.assert_array_equal(method.along(padded), whole[:, 7:])
+    with pytest.raises(ValueError, match="no ensemble"):
+        method.along(pull[-5:])  # five samples could be of any command
 
 
 def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles, test_set):
@@ -80,7 +91,7 @@ def test_gaps_of_a_record_are_bridged(ensembles, test_set):
     record = test_set[0]
     seen = np.ones(len(record.bend_deg), bool)
     seen[30:50] = False
-    gap = TestRecord(record.pull_mm, record.bend_deg, seen, record.stroke_mm, "r", "gap")
+    gap = EvaluationRecord(record.pull_mm, record.bend_deg, seen, record.stroke_mm, "r", "gap")
     estimate = Ensembles(tuple(ensembles), 0.1)(make_case([(0, gap)], Protocol("full", seeds=2)))
     assert np.isfinite(estimate).all()
     error = np.abs(estimate[:2] - record.bend_deg)  # under Gaussian noise

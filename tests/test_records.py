@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from recorded import make_episode
 
 from scripts.import_log import Import, import_log
-from scripts.records import read_episodes, true_records, whole_pieces
-from scripts.records import test_records as records_to_test
+from scripts.records import evaluation_records, read_episodes, true_records, whole_pieces
 from twin.episode import Episode
 from twin.measured_dataset import write_measured
 from twin.measured_log import LogFormat, read_measured_log
@@ -33,7 +32,7 @@ def imported(folder, angle, time=None, name="log"):
 
 def test_a_sample_that_was_not_measured_is_neither_measured_nor_scored(tmp_path):
     path = imported(tmp_path, ["", "nan", 2, 3, "", 5, 6, 7])
-    (record,) = records_to_test([path], SAMPLE_TIME)
+    (record,) = evaluation_records([path], SAMPLE_TIME)
     np.testing.assert_array_equal(record.seen, [True, True, False, True, True, True])
     np.testing.assert_allclose(record.bend_deg, [2, 3, 4, 5, 6, 7], atol=1e-9)
     np.testing.assert_allclose(record.pull_mm, np.sin(np.pi * np.arange(2, 8) / 10), atol=1e-9)
@@ -56,7 +55,7 @@ def test_import_says_how_many_samples_have_no_measurement(tmp_path, capsys):
 
 def test_a_gap_in_time_is_not_scored(tmp_path):
     time = np.concatenate([np.arange(10), np.arange(25, 40)]) * SAMPLE_TIME
-    (record,) = records_to_test([imported(tmp_path, [*range(25)], time)], SAMPLE_TIME)
+    (record,) = evaluation_records([imported(tmp_path, [*range(25)], time)], SAMPLE_TIME)
     np.testing.assert_array_equal(np.flatnonzero(~record.seen), np.arange(10, 25))
     assert np.isfinite(record.bend_deg).all()
     assert np.isfinite(record.pull_mm).all()
@@ -70,7 +69,7 @@ def test_a_simulated_record_is_known_throughout(tmp_path):
         tmp_path / "a.mcap",
         dataclasses.replace(episode, measured_bend=holes, metadata=episode.metadata | facts),
     )
-    (record,) = records_to_test([path], 0.04)
+    (record,) = evaluation_records([path], 0.04)
     assert record.seen.all()
     np.testing.assert_allclose(record.bend_deg, episode.bend_deg[::2])
     assert (record.stroke_mm, record.twin, record.name) == ((2.0, 4.0), "Öse", "episode_0007")
@@ -88,16 +87,16 @@ def test_a_simulated_record_is_known_throughout(tmp_path):
 def test_a_record_says_what_left_it_and_its_range(tmp_path, facts, twin):
     episode = dataclasses.replace(make_episode(vertebrae=0), pull=np.linspace(-0.01e-3, 1.04e-3, 12))
     path = write_episode(tmp_path / "a.mcap", dataclasses.replace(episode, metadata=facts))
-    (record,) = records_to_test([path], 0.02)
+    (record,) = evaluation_records([path], 0.02)
     assert record.twin == twin
     assert str(record.stroke_mm) == "(0.0, 1.0)"
 
 
 def test_a_log_that_was_hardly_measured_is_refused(tmp_path):
     path = imported(tmp_path, [*[""] * 30, 1, 2])
-    assert len(records_to_test([path], SAMPLE_TIME)[0].seen) == 2
+    assert len(evaluation_records([path], SAMPLE_TIME)[0].seen) == 2
     with pytest.raises(ValueError, match="log: the angle is known at 1 samples, at least 2 are needed"):
-        records_to_test([path], 0.2)  # the last sample of this grid is the first measurement
+        evaluation_records([path], 0.2)  # the last sample of this grid is the first measurement
     (episode,) = read_episodes([path], 0.2)
     with pytest.raises(ValueError, match="log: too much of the measured angle is missing"):
         whole_pieces(episode)
@@ -174,7 +173,7 @@ def test_whatever_the_holes_nothing_that_is_computed_with_is_nan(tmp_path_factor
     assert np.isfinite(pull).all()
     assert np.isfinite(bend).all()
     try:
-        (record,) = records_to_test([path], sample_time)
+        (record,) = evaluation_records([path], sample_time)
     except ValueError as refused:
         fault = str(refused)
     else:

@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
 
-from twin.benchmark.scenarios import (
+from twin.excitation import SIGNALS
+from twin.preset import load_preset
+from twin.randomization import load_ranges
+from twin.recording import read_dataset
+from twin.suite.scenarios import (
     RANDOMIZED,
     STROKES_MM,
     commands,
@@ -9,10 +13,6 @@ from twin.benchmark.scenarios import (
     scenarios,
     write_scenarios,
 )
-from twin.excitation import SIGNALS
-from twin.preset import load_preset
-from twin.randomization import load_ranges
-from twin.recording import read_dataset
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from twin.benchmark.summary import (
+from twin.suite.summary import (
     LIMIT,
     benchmark_figures,
     benchmark_tables,
@@ -64,18 +64,28 @@ def test_distance_to_the_limit_is_the_geometric_mean_over_noises(rows):
 def test_the_best_that_neither_sees_the_truth_nor_knows_the_physics_is_bold(rows):
     text = benchmark_tables(rows, BOUNDS)
     first = text.split("### ")[1]
-    assert first.startswith("RMSE [deg], nominal, [-1, 1] mm, T = 0.1 s")
+    assert first.startswith(
+        "RMSE [deg] ± half its 95 % interval over noise seeds, nominal, [-1, 1] mm, T = 0.1 s"
+    )
     lines = {line.split("|")[1].strip(): line for line in first.splitlines() if line.startswith("| ")}
     assert "**1.000 ± 0.100**" in lines["RAM"]
     assert "**" not in lines["AM"] + lines["RAM (oracle)"] + lines["Ensemble"] + lines[LIMIT]
-    assert (
-        lines["*bound*"].split("|")[2:4] == [f"{'0.450':>23} ", f"{'-':>18} "] or "0.450" in lines["*bound*"]
-    )
-    assert text.count("### ") == 2 + 1 + 2 + 1  # two sample times, without the start, ratios, the paper's
+    # Two sample times, without the start, ratios at both, bounds, the paper's.
+    assert text.count("### ") == 2 + 1 + 2 + 1 + 1
+
+
+def test_the_bound_stands_beside_the_limit_over_randomised_twins(rows):
+    bounds = [BOUNDS[0] | {"stroke_mm": [2.0, 4.0]}]
+    assert "0.500 / 0.450" in benchmark_tables(rows, bounds)
+    assert "- / 0.450" in benchmark_tables(rows, BOUNDS)  # the nominal twin is not drawn
 
 
 def test_methods_are_listed_from_the_nearest_to_the_limit(rows):
-    ratios = benchmark_tables(rows, BOUNDS).split("### Times the limit, T = 0.1 s")[1].split("###")[0]
+    ratios = (
+        benchmark_tables(rows, BOUNDS)
+        .split("### Times the limit: geometric mean over noises, T = 0.1 s")[1]
+        .split("###")[0]
+    )
     names = [line.split("|")[1].strip() for line in ratios.splitlines() if line.startswith("| ")][1:]
     assert names == ["RAM (oracle)", LIMIT, "Ensemble", "RAM", "AM"]
 
@@ -83,6 +93,6 @@ def test_methods_are_listed_from_the_nearest_to_the_limit(rows):
 def test_figures_are_pictures_and_those_of_the_paper_carry_its_numbers(rows):
     time = np.arange(30) * 0.1
     track = Track("gaussian", 1.0, time, time, time + 1, {"AM": time + 0.5, "RAM": time + 0.1})
-    figures = benchmark_figures(rows, BOUNDS, [track])
+    figures = benchmark_figures(rows, [track])
     assert set(figures) == {"rmse_by_noise.png", "times_the_limit.png", "figure_05.png", "figure_06.png"}
     assert all(picture.startswith(b"\x89PNG") for picture in figures.values())

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.estimator import Estimator, Sensor
+from twin.evaluation_record import EvaluationRecord
 from twin.metrics import confidence_interval, error_indices
 from twin.noise import NOISES, draw_noise, noise_bound, noise_variance
 from twin.paper import paper_value
-from twin.test_record import TestRecord
 from twin.track import Track
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ class Protocol:
 
 
 def evaluate(
-    records: Sequence[TestRecord],
+    records: Sequence[EvaluationRecord],
     methods: Sequence[Method],
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
@@ -143,6 +143,8 @@ def evaluate(
     """
     groups = list(group_records(records))
     results: list[Any] = [None] * len(groups)
+    if on_progress:
+        on_progress(0, len(groups))
     if executor is None:
         for place, group in enumerate(groups):
             results[place] = _evaluate_group(group, methods, protocol)
@@ -160,7 +162,7 @@ def evaluate(
 
 
 def make_case(
-    records: Sequence[tuple[int, TestRecord]], protocol: Protocol, conditions: Sequence[Condition] = ()
+    records: Sequence[tuple[int, EvaluationRecord]], protocol: Protocol, conditions: Sequence[Condition] = ()
 ) -> Case:
     """Return all runs of a group: records, then noises, then seeds; shorter records are padded.
 
@@ -199,16 +201,16 @@ def make_case(
     )
 
 
-def group_records(records: Sequence[TestRecord]) -> list[list[tuple[int, TestRecord]]]:
+def group_records(records: Sequence[EvaluationRecord]) -> list[list[tuple[int, EvaluationRecord]]]:
     """Return the records of each stroke and kind of twin, with their numbers in the test set."""
-    groups: dict[tuple[Any, str], list[tuple[int, TestRecord]]] = {}
+    groups: dict[tuple[Any, str], list[tuple[int, EvaluationRecord]]] = {}
     for number, record in enumerate(records):
         groups.setdefault((record.stroke_mm, record.twin), []).append((number, record))
     return list(groups.values())
 
 
 def _evaluate_group(
-    records: list[tuple[int, TestRecord]], methods: Sequence[Method], protocol: Protocol
+    records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
 ) -> tuple[list[dict[str, Any]], list[Track]]:
     conditions = SUITES[protocol.suite]
     shown = make_case(records, protocol)
@@ -253,7 +255,7 @@ def _row(
     condition: Condition,
     method: Method,
     errors: list[Array],
-    records: Sequence[tuple[int, TestRecord]],
+    records: Sequence[tuple[int, EvaluationRecord]],
     protocol: Protocol,
 ) -> dict[str, Any]:
     """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
@@ -267,6 +269,8 @@ def _row(
         return error_indices(np.concatenate(scored, axis=1))
 
     indices, late = pooled(1), pooled(round(STEADY_SECONDS / protocol.sample_time_s))
+    if not np.isfinite(indices["rmse_deg"]).all():
+        raise FloatingPointError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
     return {

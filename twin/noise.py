@@ -1,7 +1,7 @@
 """Measurement noise, in degrees: the RAM paper's Gaussian and Poisson, and five that nobody trains on.
 
 A kind of noise has one level. A filter is told the variance, a set-membership filter the largest magnitude;
-Fisher's information is there for the bound that no estimator passes.
+Fisher's information is there for a Cramer-Rao bound.
 """
 
 import dataclasses
@@ -77,8 +77,8 @@ def noise_bound(kind: str, level: float) -> float:
 def fisher_information(kind: str, level: float) -> float | None:
     """Return what one sample tells of the angle (Fisher 1925), the integral of p'^2 / p [1 / deg^2].
 
-    It is at least 1 / variance, and equals it for Gaussian noise alone. None where the Cramer-Rao bound does
-    not hold: on a lattice, or where the density jumps.
+    It is at least 1 / variance, and equals it for Gaussian noise alone. None where there is no finite one: on
+    a lattice, where the density jumps, and at the edge of the gamma law.
     """
     return _known(kind).information(level)
 

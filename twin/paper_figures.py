@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from twin.figures import tracking_figure
 from twin.paper import METHODS, noise_label, paper_value
+from twin.tables import protocol_rows
 from twin.track import Track
 
 FIGURES = (
@@ -30,7 +31,7 @@ def paper_figures(
         rows: of `evaluation.json`, of the records that the tracks are from; their RMSE goes into the legend.
     """
     by_noise = {(track.noise, track.level): track for track in tracks}
-    rmse = {(row["noise"], row["level"], row["method"]): row["rmse_deg"] for row in rows}
+    rmse = {(row["noise"], row["level"], row["method"]): row["rmse_deg"] for row in protocol_rows(rows)}
     figures = {}
     for number, noise, level, wanted in FIGURES:
         track = by_noise.get((noise, level))

@@ -33,8 +33,17 @@ def ordered(methods: Iterable[str]) -> list[str]:
     return sorted(unique, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
 
 
+def place(row: Row) -> tuple[tuple[float, ...], str]:
+    """Return the stroke [mm] and the kind of twin of a row."""
+    return tuple(map(float, row.get("stroke_mm") or ())), str(row.get("twin", ""))
+
+
 def protocol_rows(rows: Sequence[Row], sample_time_s: float | None = None) -> list[Row]:
-    """Return the rows of one sample time: the one asked for, else the longest, the paper's protocol."""
+    """Return the rows of the paper's protocol: of the first stroke and twin, and of one sample time.
+
+    The sample time is the one asked for, else the longest.
+    """
+    rows = [row for row in rows if place(row) == place(rows[0])]
     times = {float(row["sample_time_s"]) for row in rows}
     if not times:
         return []

@@ -10,9 +10,9 @@ from twin.estimation.open_loop import OpenLoop
 from twin.estimation.robust import RobustActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
 from twin.evaluation import Protocol, evaluate, filtering
+from twin.evaluation_record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import Preset
-from twin.test_record import TestRecord
 
 MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
 SAMPLE_TIME, SAMPLES, SEEDS, RECORDS = 0.1, 600, 10, 5
@@ -46,7 +46,7 @@ def _doubled(what: str, amplitude: float, one: tuple[int, int], two: tuple[int, 
 def _seconds(amplitude: float, seeds: int, samples: int) -> float:
     pull = 1e3 * amplitude * np.sin(2 * np.pi * np.arange(samples) * SAMPLE_TIME / 9)
     truth = MODEL.response(pull, 0.0)
-    record = TestRecord(
+    record = EvaluationRecord(
         pull, truth, np.ones(samples, bool), (-1e3 * amplitude, 1e3 * amplitude), "model", "m"
     )
     kinds: tuple[type[ActiveModel], ...] = (ActiveModel, RobustActiveModel, UnscentedActiveModel)

@@ -4,10 +4,14 @@ The angle is sought among the affine combinations of the members: angle_k = mean
 coefficients c do not change with time and are normal before anything is measured, so that mean and covariance
 of the angle over all times are those of the ensemble. Each measurement then updates c: an ensemble Kalman
 filter in the space of the weights (Evensen 2003; Hunt et al. 2007), whose members are simulated once, for
-every noise and seed. Told the density of the noise, it moves c by the score of the innovation (Masreliez
-1975) instead of by the innovation itself.
+every noise and seed.
 
-It knows the physics, and from where to where its parameters lie: what an estimator could reach at best.
+Told the density of the noise, it moves c by the score of the innovation, as Masreliez (1975) does, where its
+belief is narrow, and by the best linear update of that noise where it is not. Its covariance shrinks by the
+mean slope of the score, not by the slope at the innovation: so all filters of one noise share it.
+
+It knows the physics and the ranges of its parameters. Among linear estimators that know no more it is the
+best, but for the finite number of members; a nonlinear one can do somewhat better, as twins are not normal.
 """
 
 import dataclasses
@@ -108,11 +112,11 @@ class EnsembleFilter(Estimator[EnsembleState]):
 def posterior_bound(
     members_deg: Array, information: ArrayLike, seen: NDArray[np.bool_] | None = None
 ) -> Array:
-    """Return the posterior Cramer-Rao bound of the angle (Van Trees 1968; Tichavsky et al. 1998).
+    """Return the posterior Cramer-Rao bound of normal twins (Van Trees 1968; Tichavsky et al. 1998).
 
-    It holds for the mean square error over twins as the ensemble has them, for any estimator, if the angle is
-    normal with the mean and covariance of the ensemble. Fisher's information of each measurement adds to that
-    of the coefficients before it.
+    If the angle were normal with the mean and covariance of the ensemble, no estimator would have a smaller
+    mean square error over such twins. Real twins are not normal: an estimator may pass it. Fisher's
+    information of each measurement adds to that of the coefficients before it.
 
     Args:
         members_deg: (M, N) ensemble along the command [deg].

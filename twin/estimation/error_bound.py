@@ -42,11 +42,12 @@ class ErrorBound:
 
 
 def geometric_error_bound(wire_offset: float, floor_deg: float) -> ErrorBound:
-    """Return the bound that geometry gives, which needs no record of the endoscope that it is used on.
+    """Return the bound that geometry suggests, for endoscopes that have left no record.
 
-    A wire that runs at an offset r from the middle bends the section by at most dl / r, where neither wire
-    nor sheath yields, and never backwards: the true slope lies in [0, 1 / r]. So does that of a model worth
-    its name, so that the two differ by no more than 1 / r.
+    A wire that runs at an offset r from the middle bends the section by dl / r, if neither wire nor sheath
+    yields, and by less if they do. The slopes of endoscope and model then lie near [0, 1 / r], and differ by
+    no more than 1 / r. That is an assumption with a margin, not a theorem: a stretched wire that slips may
+    bend the section against the pull for a moment, and a Coleman-Hodgdon model may fall while the pull rises.
 
     Args:
         wire_offset: r, the smallest that the endoscope may have [m].
@@ -71,11 +72,9 @@ def bound_model_error(
         model: the model of hysteresis, parameters scalar.
         records: `(pull_mm, bend_deg)` with the true angle; noise in it would count as error of the model.
         sample_time: T [s].
-        factor: safety factor on all bounds, chosen before any test. Models fitted to the twin at strokes of
-            2 to 4 mm turned out to need 1.7 (Coleman-Hodgdon), 1.8 (Bouc-Wen) and 2.3 (Prandtl-Ishlinskii)
-            at strokes of -1 to 1 mm.
+        factor: safety factor on all bounds. The default was chosen before any test, and is no guarantee.
         increment_deg_per_s: how much f may change from sample to sample (before the factor). At 0 there is no
-            f, and w alone explains the error; on the twin no other value gave narrower intervals.
+            f, and w alone explains the error.
 
     Raises:
         ValueError: no record has two samples, or the factor is below 1.

@@ -41,7 +41,7 @@ class KoopmanFilter(Estimator[Belief]):
     drives: Array
     """(2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i."""
     process_variance: float
-    """Q of the newest angle per sample: the residual variance of the fit [deg^2]."""
+    """Q of the newest angle per sample; from a fit, its residual variance, until it is tuned [deg^2]."""
     measurement_variance: ArrayLike = 0.1
     """R [deg^2], one for all filters or (B,)."""
     initial_variance: float = 400 / 3
@@ -82,14 +82,17 @@ class KoopmanFilter(Estimator[Belief]):
         covariance[1:, 1:] = belief.covariance[:-1, :-1]
         return Belief(mean, covariance, pulls[1:-1])
 
-    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
-        """Predict, and condition on the measurement of the newest angle."""
-        predicted = self.predict(state, pull_mm, previous_pull_mm)
+    def update(self, belief: Belief, measurement_deg: Array) -> Belief:
+        """Condition the belief on a measurement of the newest angle."""
         newest = np.eye(self.delays + 1)[0]
         mean, covariance = condition(
-            predicted.mean, predicted.covariance, newest, measurement_deg, self.measurement_variance
+            belief.mean, belief.covariance, newest, measurement_deg, self.measurement_variance
         )
-        return Belief(mean, covariance, predicted.memory)
+        return Belief(mean, covariance, belief.memory)
+
+    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
+        """Predict and update by one sample."""
+        return self.update(self.predict(state, pull_mm, previous_pull_mm), measurement_deg)
 
     def bend_deg(self, state: Belief) -> Array:
         """Return the (B,) mean of the angle [deg]."""

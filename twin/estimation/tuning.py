@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from twin.estimation.active_model import ANGLE, ActiveModel
+from twin.estimation.active_model import ActiveModel
 from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor, time_first
 from twin.estimation.gaussian import innovation_of
+from twin.estimation.koopman import KoopmanFilter
 from twin.task import Task
 
 Array = NDArray[np.float64]
@@ -85,21 +86,42 @@ def tune_active_model(
     return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
+def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanFilter:
+    """Return the filter with the process and initial variance that make the measurements most likely.
+
+    The residual of its fit is far too small a process variance: it says what one step misses, not that the
+    next step misses the same.
+    """
+
+    def with_variances(logarithms: Array) -> KoopmanFilter:
+        process, initial = np.exp(np.clip(logarithms, -30, 20)).tolist()
+        return dataclasses.replace(koopman, process_variance=process, initial_variance=initial)
+
+    def cost(logarithms: Array) -> float:
+        return -innovation_log_likelihood(with_variances(logarithms), *episodes[:3])
+
+    start = np.log([koopman.process_variance, koopman.initial_variance])
+    simplex = np.vstack([start, start + 2 * np.eye(2)])
+    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 150, "initial_simplex": simplex}
+    return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
+
+
 def innovation_log_likelihood(
-    active_model: ActiveModel, pull_mm: Array, measurement_deg: Array, initial_bend_deg: Array
+    filter_: ActiveModel | KoopmanFilter, pull_mm: Array, measurement_deg: Array, initial_bend_deg: Array
 ) -> float:
     """Return the log-likelihood of all measurements after the first, summed over (B, N) records."""
     pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
-    belief = active_model.start(pull[0], initial)
+    belief = filter_.start(pull[0], initial)
+    newest = np.eye(len(belief.mean))[0]
     total = 0.0
     for k in range(1, len(measurement)):
-        belief = active_model.predict(belief, pull[k], pull[k - 1])
-        innovation, spread = innovation_of(belief.mean, belief.covariance, ANGLE, measurement[k])
-        variance = spread + np.asarray(active_model.measurement_variance, dtype=float)
+        belief = filter_.predict(belief, pull[k], pull[k - 1])
+        innovation, spread = innovation_of(belief.mean, belief.covariance, newest, measurement[k])
+        variance = spread + np.asarray(filter_.measurement_variance, dtype=float)
         missing = np.isnan(innovation)
         terms = innovation**2 / variance + np.log(2 * np.pi * variance)
         total -= 0.5 * float(np.sum(np.where(missing, 0.0, terms)))
-        belief = active_model.update(belief, measurement[k])
+        belief = filter_.update(belief, measurement[k])
     return total
 
 

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.tuning import draw_training_episodes, tune_active_model, tune_constant_gain
+from twin.estimation.koopman import KoopmanFilter, fit_koopman
+from twin.estimation.tuning import (
+    draw_training_episodes,
+    tune_active_model,
+    tune_constant_gain,
+    tune_koopman,
+)
+from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import (
     BoucWen,
     ColemanHodgdon,
@@ -19,13 +26,14 @@ from twin.hysteresis import (
     PrandtlIshlinskii,
     load_model,
 )
-from twin.identification import identify
+from twin.identification import OPTIMIZERS, identify
 from twin.recording.atomic import write_whole
 from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 Records = Sequence[tuple[Array, Array]]
 
+POPULATION, GENERATIONS = 80, 150  # of the genetic algorithm
 MONOTONE = "coleman-hodgdon, monotone"
 MODEL_NAMES = (ColemanHodgdon.name, MONOTONE, BoucWen.name, PrandtlIshlinskii.name)
 
@@ -47,9 +55,15 @@ TUNED_WITH = {
     "AM": ColemanHodgdon.name,
     "AM (Q, R)": ColemanHodgdon.name,
     "AM (Bouc-Wen)": BoucWen.name,
+    "UKF (Bouc-Wen)": BoucWen.name,
     "AM (P-I)": PrandtlIshlinskii.name,
 }
 """Which filters are tuned by likelihood, and the model of each."""
+
+
+def model_path(folder: Path, name: str) -> Path:
+    """Return where the model of a name in `MODEL_NAMES` is kept."""
+    return folder / f"{name.replace(', ', '_').replace('-', '_')}.json"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +76,8 @@ class Fits:
     """By the names in `TUNED_WITH`."""
     gain: tuple[float, float]
     """Best constant gain of the angle, and of the model's error [1 / s]."""
+    koopman: tuple[float, float]
+    """Process and initial variance of the lifted model [deg^2]."""
 
 
 def identify_models(
@@ -77,14 +93,16 @@ def identify_models(
     """
     models = {}
     for done, name in enumerate(MODEL_NAMES, start=1):
-        path = folder / f"{name.replace(', ', '_').replace('-', '_')}.json"
+        path = model_path(folder, name)
         if not path.is_file():
             monotone = name == MONOTONE
             kind = ColemanHodgdon.name if monotone else name
-            model, rmse = identify(measured, seed, kind, monotone=monotone)
-            optimizer = "non-negative least squares" if name == PrandtlIshlinskii.name else "pymoo GA"
-            values = IdentifiedModel(model, rmse, optimizer, seed, "training records").to_dict()
-            write_whole(path, json.dumps(values, indent=2) + "\n")
+            model, rmse = identify(
+                measured, seed, kind, monotone=monotone, population=POPULATION, generations=GENERATIONS
+            )
+            how = OPTIMIZERS[kind].format(population=POPULATION, generations=GENERATIONS)
+            found = IdentifiedModel(model, rmse, how, seed, "training records")
+            write_whole(path, json.dumps(found.to_dict(), indent=2) + "\n")
         models[name] = load_model(path)
         if on_progress:
             on_progress(done, len(MODEL_NAMES))
@@ -95,7 +113,8 @@ def tune(
     name: str, models: dict[str, HysteresisModel], records: Records, sample_time: float, seed: int
 ) -> Tuned:
     """Tune one filter of `TUNED_WITH` by the likelihood of its innovations under the training noise."""
-    start = ActiveModel(models[TUNED_WITH[name]], sample_time)
+    kind = UnscentedActiveModel if name.startswith("UKF") else ActiveModel
+    start = kind(models[TUNED_WITH[name]], sample_time)
     episodes = draw_training_episodes(_task(records), seed)
     found = tune_active_model(
         start,
@@ -118,9 +137,25 @@ def best_gain(
     ).gain
 
 
+def koopman_variances(records: Records, seed: int) -> tuple[float, float]:
+    """Return process and initial variance of the lifted model, by likelihood on the training episodes."""
+    tuned = tune_koopman(fit_koopman(records), draw_training_episodes(_task(records), seed))
+    return tuned.process_variance, tuned.initial_variance
+
+
+def tuned_koopman(fits: Fits, records: Records) -> KoopmanFilter:
+    """Return the lifted model of the training records, with the variances that it was tuned to."""
+    process, initial = fits.koopman
+    return dataclasses.replace(fit_koopman(records), process_variance=process, initial_variance=initial)
+
+
 def save_fits(path: Path, fits: Fits) -> None:
     """Write tuned variances and the gain; the models have files of their own."""
-    values = {"tuned": {name: dataclasses.asdict(t) for name, t in fits.tuned.items()}, "gain": fits.gain}
+    values = {
+        "tuned": {name: dataclasses.asdict(tuned) for name, tuned in fits.tuned.items()},
+        "gain": fits.gain,
+        "koopman": fits.koopman,
+    }
     write_whole(path, json.dumps(values, indent=2) + "\n")
 
 
@@ -140,10 +175,10 @@ def load_fits(path: Path, models: dict[str, HysteresisModel]) -> Fits:
             )
             for name, found in values["tuned"].items()
         }
-        angle, error = values["gain"]
-    except (ValueError, KeyError, TypeError) as error_:
-        raise ValueError(f"{path} is damaged: remove it, and it is made again") from error_
-    return Fits(models, tuned, (float(angle), float(error)))
+        gain, koopman = ((float(a), float(b)) for a, b in (values["gain"], values["koopman"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is damaged: remove it, and it is made again") from error
+    return Fits(models, tuned, gain, koopman)
 
 
 def _task(records: Records) -> Task:

@@ -12,12 +12,12 @@ from tabulate import tabulate
 from twin.figures import INK, MUTED, clean_axes, style_of, to_png_bytes
 from twin.paper import noise_label
 from twin.paper_figures import paper_figures
-from twin.tables import paper_tables
+from twin.tables import paper_tables, place
 from twin.track import Track
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-Group = tuple[tuple[float, float], str]
+Group = tuple[tuple[float, ...], str]
 
 LIMIT = "Ensemble (limit)"
 PHYSICS = ("Ensemble", LIMIT)
@@ -32,41 +32,41 @@ def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequ
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
         intervals: how often the set-membership filters held the truth.
     """
-    parts = []
     times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
     first = _groups(rows)[0]
+    parts = []
     for T in times:
-        parts.append(f"### RMSE [deg], {_name(first)}, T = {T:g} s")
-        parts.append(_noise_table(rows, bounds, T, first, "rmse_deg"))
+        parts.append(f"### RMSE [deg] ± half its 95 % interval over noise seeds, {_name(first)}, T = {T:g} s")
+        parts.append(_noise_table(rows, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {_name(first)}, T = {times[0]:g} s")
-    parts.append(_noise_table(rows, bounds, times[0], first, "rmse_steady_deg"))
+    parts.append(_noise_table(rows, times[0], first, "rmse_steady_deg"))
     for T in times:
-        parts.append(f"### Times the limit, T = {T:g} s")
+        parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(rows, T))
+    if bounds:
+        parts.append("### The limit over randomised twins, and the Cramér-Rao bound of normal twins [deg]")
+        parts.append(_bound_table(rows, bounds))
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
-    paper = paper_tables([row for row in rows if _group(row) == first], "markdown")
+    paper = paper_tables([row for row in rows if place(row) == first], "markdown")
     if paper:
         parts.append("### The paper's tables, on these records")
         parts.append(paper)
     return "\n\n".join(parts) + "\n"
 
 
-def benchmark_figures(
-    rows: Sequence[Row], bounds: Sequence[Row], tracks: Sequence[Track]
-) -> dict[str, bytes]:
+def benchmark_figures(rows: Sequence[Row], tracks: Sequence[Track]) -> dict[str, bytes]:
     """Return PNG files by name: RMSE by noise, distance to the limit by records, and the paper's figures.
 
     Args:
         rows: of `evaluation.json`.
-        bounds: posterior Cramer-Rao bounds.
         tracks: of the first group of records at the longest sample time.
     """
     longest, first = max(float(row["sample_time_s"]) for row in rows), _groups(rows)[0]
-    shown = [row for row in rows if _group(row) == first and float(row["sample_time_s"]) == longest]
+    shown = [row for row in rows if place(row) == first and float(row["sample_time_s"]) == longest]
     figures = {
-        "rmse_by_noise.png": noise_figure(shown, bounds),
+        "rmse_by_noise.png": noise_figure(shown),
         "times_the_limit.png": limit_figure(rows),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
@@ -81,7 +81,7 @@ def times_the_limit(rows: Sequence[Row], sample_time_s: float, group: Group) -> 
         sample_time_s: which sample time [s].
         group: stroke [mm] and kind of twin.
     """
-    chosen = [r for r in rows if float(r["sample_time_s"]) == sample_time_s and _group(r) == group]
+    chosen = [r for r in rows if float(r["sample_time_s"]) == sample_time_s and place(r) == group]
     limit = {_noise(row): row["rmse_deg"] for row in chosen if row["method"] == LIMIT}
     ratios: dict[str, list[float]] = {}
     for row in chosen:
@@ -90,10 +90,10 @@ def times_the_limit(rows: Sequence[Row], sample_time_s: float, group: Group) -> 
     return {method: float(np.exp(np.mean(np.log(np.maximum(r, 1e-9))))) for method, r in ratios.items()}
 
 
-def noise_figure(rows: Sequence[Row], bounds: Sequence[Row]) -> Figure:
-    """Draw the RMSE of every method, a panel for each noise, the best on top, beside limit and bound."""
+def noise_figure(rows: Sequence[Row]) -> Figure:
+    """Draw the RMSE of every method, a panel for each noise, the best on top, beside the limit."""
     noises = list(dict.fromkeys(map(_noise, rows)))
-    ratios = times_the_limit(rows, float(rows[0]["sample_time_s"]), _group(rows[0]))
+    ratios = times_the_limit(rows, float(rows[0]["sample_time_s"]), place(rows[0]))
     methods = sorted(ratios, key=lambda method: -ratios[method])
     columns = 5
     lines = -(-len(noises) // columns)
@@ -105,18 +105,15 @@ def noise_figure(rows: Sequence[Row], bounds: Sequence[Row]) -> Figure:
         limit = values[noise, LIMIT]["rmse_deg"] if (noise, LIMIT) in values else None
         if limit is not None:
             axes.axvline(limit, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
-        for bound in bounds:
-            if _noise(bound) == noise and _same_place(bound, rows[0]):
-                axes.axvline(bound["rmse_deg"], color=MUTED, linewidth=0.9, linestyle=":")
-        for place, method in enumerate(methods):
+        for line, method in enumerate(methods):
             row = values[noise, method]
             low, high = row["rmse_ci95_deg"]
             own = style_of(method)
             colour = own.colour if method in ("RAM", "AM-tuned", "LSTM", "Direct RL", "AM", "C-H") else MUTED
             colour = INK if method == LIMIT else colour
-            axes.plot([max(low, 1e-3), high], [place, place], color=colour, linewidth=1.4)
+            axes.plot([max(low, 1e-3), high], [line, line], color=colour, linewidth=1.4)
             face = "white" if row["oracle"] else colour
-            axes.plot(row["rmse_deg"], place, "o", markersize=4.2, color=colour, markerfacecolor=face)
+            axes.plot(row["rmse_deg"], line, "o", markersize=4.2, color=colour, markerfacecolor=face)
         axes.set_xscale("log")
         axes.xaxis.set_major_locator(FixedLocator([0.1, 0.3, 1, 3, 10]))
         axes.xaxis.set_major_formatter("{x:g}")
@@ -129,7 +126,7 @@ def noise_figure(rows: Sequence[Row], bounds: Sequence[Row]) -> Figure:
     for axes in grid[len(noises) :]:
         axes.set_visible(False)
     figure.supxlabel(
-        "RMSE [deg], 95 % interval over seeds; dashed: limit; dotted: Cramér-Rao bound; hollow: oracle",
+        "RMSE [deg], 95 % interval over seeds; dashed: the limit; hollow: oracle",
         fontsize=8.5,
         color=INK,
     )
@@ -167,13 +164,13 @@ def limit_figure(rows: Sequence[Row]) -> Figure:
         axes.tick_params(length=0, colors=INK)
         axes.spines[:].set_visible(False)
     figure.suptitle(
-        "RMSE over the limit's, geometric mean over ten noises", fontsize=9.5, color=INK, x=0.01, ha="left"
+        "RMSE over the limit's, geometric mean over noises", fontsize=9.5, color=INK, x=0.01, ha="left"
     )
     return figure
 
 
-def _noise_table(rows: Sequence[Row], bounds: Sequence[Row], T: float, group: Group, index: str) -> str:
-    chosen = [row for row in rows if float(row["sample_time_s"]) == T and _group(row) == group]
+def _noise_table(rows: Sequence[Row], T: float, group: Group, index: str) -> str:
+    chosen = [row for row in rows if float(row["sample_time_s"]) == T and place(row) == group]
     noises = list(dict.fromkeys(map(_noise, chosen)))
     values = {(row["method"], _noise(row)): row for row in chosen}
     methods = list(dict.fromkeys(row["method"] for row in chosen))
@@ -194,9 +191,6 @@ def _noise_table(rows: Sequence[Row], bounds: Sequence[Row], T: float, group: Gr
                 text += f" ± {(high - low) / 2:.3f}"
             cells.append(f"**{text}**" if best[noise] == method else text)
         lines.append([f"{method}{' (oracle)' if row['oracle'] and 'oracle' not in method else ''}", *cells])
-    if index == "rmse_deg":
-        known = {_noise(b): b["rmse_deg"] for b in bounds if _same_place(b, chosen[0])}
-        lines.append(["*bound*", *(f"{known[noise]:.3f}" if noise in known else "-" for noise in noises)])
     headers = ["method", *(noise_label(*noise) for noise in noises)]
     align = ("left", *["right"] * len(noises))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
@@ -214,17 +208,36 @@ def _ratio_table(rows: Sequence[Row], T: float) -> str:
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
+def _bound_table(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
+    """The bound is a mean over twins as they are drawn: it stands beside twins that are."""
+    drawn = {
+        (tuple(row["stroke_mm"]), row["sample_time_s"], _noise(row)): row["rmse_deg"]
+        for row in rows
+        if row["method"] == LIMIT and row["twin"] in ("randomized", "measured")
+    }
+    noises = list(dict.fromkeys(map(_noise, bounds)))
+    lines: dict[Any, list[str]] = {}
+    for bound in bounds:
+        key = (tuple(bound["stroke_mm"]), bound["sample_time_s"])
+        low, high = bound["stroke_mm"]
+        line = lines.setdefault(key, [f"[{low:g}, {high:g}] mm", f"{bound['sample_time_s']:g} s"])
+        found = drawn.get((*key, _noise(bound)))
+        line.append(f"{'-' if found is None else f'{found:.3f}'} / {bound['rmse_deg']:.3f}")
+    headers = ["stroke", "T", *(f"{noise_label(*noise)}: limit / bound" for noise in noises)]
+    return str(tabulate(list(lines.values()), headers, tablefmt="pipe", disable_numparse=True))
+
+
 def _interval_table(intervals: Sequence[Row]) -> str:
     groups = _groups(intervals)
     lines = []
     for row in intervals:
-        if _group(row) == groups[0]:
+        if place(row) == groups[0]:
             same = [
                 other
                 for other in intervals
                 if all(other[name] == row[name] for name in ("method", "noise", "level", "sample_time_s"))
             ]
-            cells = {_group(other): other for other in same}
+            cells = {place(other): other for other in same}
             lines.append(
                 [
                     row["method"],
@@ -250,13 +263,8 @@ def _by_ratio(rows: Sequence[Row], times: Sequence[float], groups: Sequence[Grou
     return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
 
 
-def _group(row: Row) -> Group:
-    low, high = row["stroke_mm"]
-    return (float(low), float(high)), str(row["twin"])
-
-
 def _groups(rows: Sequence[Row]) -> list[Group]:
-    return list(dict.fromkeys(map(_group, rows)))
+    return list(dict.fromkeys(map(place, rows)))
 
 
 def _noise(row: Row) -> tuple[str, float]:
@@ -266,13 +274,6 @@ def _noise(row: Row) -> tuple[str, float]:
 def _name(group: Group) -> str:
     (low, high), twin = group
     return f"{twin}, [{low:g}, {high:g}] mm"
-
-
-def _same_place(bound: Row, row: Row) -> bool:
-    """Whether a bound belongs to the stroke and sample time of a row."""
-    return (
-        list(bound["stroke_mm"]) == list(row["stroke_mm"]) and bound["sample_time_s"] == row["sample_time_s"]
-    )
 
 
 def _deployable(row: Row) -> bool:

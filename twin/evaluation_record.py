@@ -1,7 +1,6 @@
 """A record that estimators are tested on: the command, the true angle, and where that is known at all."""
 
 import dataclasses
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +9,8 @@ Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
-class TestRecord:
+class EvaluationRecord:
     """One record at even samples; the true angle is known at its first one."""
-
-    __test__: ClassVar[bool] = False  # pytest takes a class of such a name for a test
 
     pull_mm: Array
     """(N,) commanded pulling distance, finite [mm]."""

@@ -12,17 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.benchmark.scenarios import SAMPLE_TIME, members, simulate_drives
+from twin import __version__
 from twin.estimation.ensemble import EnsembleFilter, posterior_bound
 from twin.evaluation import Case, Method
+from twin.evaluation_record import EvaluationRecord
 from twin.noise import fisher_information, noise_variance
 from twin.noise_density import noise_density
 from twin.preset import Preset
 from twin.randomization import Ranges
 from twin.recording.atomic import write_whole
-from twin.test_record import TestRecord
+from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
 
 Array = NDArray[np.float64]
+_SAME = 1e-9  # two pulls that differ by less are one [mm]
+_LEAST = 10  # samples for which a record must follow a command
 
 
 def make_ensembles(
@@ -50,8 +53,10 @@ def make_ensembles(
         One `.npz` for each command, with `pull_mm` (N,) and `bend_deg` (members, N).
     """
     folder.mkdir(parents=True, exist_ok=True)
-    origin = json.dumps([preset.to_dict(), ranges.to_dict(), count, seed, SAMPLE_TIME]).encode()
+    origin = json.dumps([__version__, preset.to_dict(), ranges.to_dict(), count, seed, SAMPLE_TIME]).encode()
     paths = []
+    if on_progress:
+        on_progress(0, len(pulls))
     for done, pull in enumerate(pulls, start=1):
         name = hashlib.sha256(origin + np.ascontiguousarray(pull).tobytes()).hexdigest()[:16]
         path = folder / f"{name}.npz"
@@ -98,16 +103,24 @@ class Ensembles:
         return estimate
 
     def along(self, pull_mm: Array) -> Array:
-        """Return the ensemble (M, N) along a command (N,) [deg].
+        """Return the ensemble (M, n) along a command (N,) [deg].
+
+        A record may begin later than the command that was simulated, where its first angles were missing, and
+        may be padded at its end: the ensemble whose command it follows for the longest time is cut to both.
 
         Raises:
-            ValueError: there is none.
+            ValueError: the record follows none.
         """
+        best = np.empty((0, 0))
         for known, members_deg in self._load():
-            samples = len(known)
-            if samples <= len(pull_mm) and np.allclose(known, pull_mm[:samples], rtol=0, atol=1e-9):
-                return members_deg
-        raise ValueError("a record follows a command that no ensemble was simulated along")
+            for late in map(int, np.flatnonzero(np.abs(known - pull_mm[0]) < _SAME)):
+                samples = min(len(known) - late, len(pull_mm))
+                here = slice(late, late + samples)
+                if samples > best.shape[1] and np.abs(known[here] - pull_mm[:samples]).max() < _SAME:
+                    best = members_deg[:, here]
+        if best.shape[1] < _LEAST:
+            raise ValueError("a record follows a command that no ensemble was simulated along")
+        return best
 
     def _load(self) -> list[tuple[Array, Array]]:
         every = round(self.sample_time / SAMPLE_TIME)
@@ -139,7 +152,7 @@ def limit_methods(paths: Sequence[Path], sample_time: float) -> list[Method]:
 
 
 def bounds(
-    records: Sequence[TestRecord],
+    records: Sequence[EvaluationRecord],
     paths: Sequence[Path],
     sample_time: float,
     conditions: Sequence[tuple[str, float]],
@@ -150,7 +163,7 @@ def bounds(
     them; a single twin may be better or worse known.
     """
     ensembles = Ensembles(tuple(paths), sample_time)
-    strokes: dict[tuple[float, float], dict[bytes, TestRecord]] = {}
+    strokes: dict[tuple[float, float], dict[bytes, EvaluationRecord]] = {}
     for record in records:
         strokes.setdefault(record.stroke_mm, {}).setdefault(record.pull_mm.tobytes(), record)
     rows = []

@@ -8,12 +8,12 @@ import numpy as np
 
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation import STEADY_SECONDS, SUITES, Protocol, group_records, make_case
+from twin.evaluation_record import EvaluationRecord
 from twin.noise import noise_bound
-from twin.test_record import TestRecord
 
 
 def containment(
-    records: Sequence[TestRecord], filters: Mapping[str, SetMembershipFilter], protocol: Protocol
+    records: Sequence[EvaluationRecord], filters: Mapping[str, SetMembershipFilter], protocol: Protocol
 ) -> list[dict[str, Any]]:
     """Return how often the truth is inside, for each group of records, bounded noise and filter.
 

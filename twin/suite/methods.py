@@ -5,14 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.benchmark.fitting import MONOTONE, TUNED_WITH, Fits
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel
 from twin.estimation.bias import BiasedActiveModel
 from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.error_bound import bound_model_error, geometric_error_bound
 from twin.estimation.kalman import KalmanActiveModel
-from twin.estimation.koopman import fit_koopman
 from twin.estimation.open_loop import OpenLoop
 from twin.estimation.robust import RobustActiveModel
 from twin.estimation.set_membership import SetMembershipFilter
@@ -20,6 +18,7 @@ from twin.estimation.tuning import UntoldActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
 from twin.evaluation import Method, filtering
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
+from twin.suite.fitting import MONOTONE, TUNED_WITH, Fits, tuned_koopman
 
 Array = NDArray[np.float64]
 
@@ -76,12 +75,12 @@ def tuned_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_tim
         filtering("AM-tuned", tuned("AM")),
         filtering("AM-tuned (Q, R)", tuned("AM (Q, R)", UntoldActiveModel)),
         filtering("AM-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)")),
-        filtering("UKF-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)", UnscentedActiveModel)),
+        filtering("UKF-tuned (Bouc-Wen)", tuned("UKF (Bouc-Wen)", UnscentedActiveModel)),
         filtering("AM-tuned (P-I)", tuned("AM (P-I)")),
         filtering("Huber", tuned("AM", RobustActiveModel)),
         filtering("VB", AdaptiveActiveModel(tuned("AM"))),
         filtering("AM with bias", tuned("AM", BiasedActiveModel)),
-        filtering("Koopman", fit_koopman(records)),
+        filtering("Koopman", tuned_koopman(fits, records)),
         filtering(
             "Constant gain", ConstantGain(fits.models[ColemanHodgdon.name], sample_time, gain=fits.gain)
         ),
