@@ -97,7 +97,7 @@ def read_measured_log(
         raise FileNotFoundError(f"no file {path}")
     table = read_columns(path)
 
-    time_column = form.time_column or table.first_of(("time_s", "phase_rad"))
+    time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
     time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
     time_unit = _unit(table, time_column, form.time_unit, time_units, "--time-unit")
     row_count = len(table.rows)
