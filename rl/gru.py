@@ -26,6 +26,7 @@ from rl.foretold import surprises
 from rl.supervised import (
     Network,
     OnProgress,
+    SequenceTraining,
     chunks,
     contents_of,
     descend,
@@ -42,28 +43,6 @@ from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 GRU_FILE = "gru.pt"
-
-
-@dataclasses.dataclass(frozen=True)
-class GruTraining:
-    """How the GRU is trained."""
-
-    iterations: int = 600
-    """Gradient steps, each on fresh noise."""
-    sequences: int = 64
-    """Records with their own noise in one step."""
-    window: int = 150
-    """Samples of each."""
-    hidden: int = 32
-    """Units of the one layer."""
-    learning_rate: float = 5e-3
-    """Of Adam at the start; it falls to zero along a cosine."""
-    noise: str = "gaussian"
-    """Measurement noise during training."""
-    noise_level: float = 0.1
-    """Its level: R = 0.1 in the paper."""
-    seed: int = 0
-    """Of the weights and the noise."""
 
 
 class GruNetwork(Network):
@@ -169,7 +148,7 @@ class Gru(Estimator[GruState]):
 def train_gru(
     records: Sequence[tuple[Array, Array]],
     active_model: ActiveModel,
-    training: GruTraining,
+    training: SequenceTraining,
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Gru:

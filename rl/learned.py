@@ -8,11 +8,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.gru import GRU_FILE, GruTraining, load_gru, train_gru
+from rl.gru import GRU_FILE, load_gru, train_gru
 from rl.kalman_net import KALMAN_NET_FILE, KalmanNetTraining, load_kalman_net, train_kalman_net
-from rl.lstm import LSTM_FILE, LstmEstimator, LstmTraining, load_lstm, train_lstm
+from rl.lstm import LSTM_FILE, LstmEstimator, load_lstm, train_lstm
 from rl.methods import oracle_method, policy_method
 from rl.policy import load_policy
+from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from twin.estimation.active_model import ActiveModel
 from twin.evaluation import Method, filtering
@@ -23,8 +24,8 @@ LEARNED = ("ram", "direct", "lstm", "gru", "kalman-net")
 PAPER_SAMPLE_TIME = 0.1  # at which `Training.episodes` is meant [s]
 
 _NETWORKS: dict[str, tuple[Any, Callable[..., Any]]] = {
-    "lstm": (LstmTraining, train_lstm),
-    "gru": (GruTraining, train_gru),
+    "lstm": (SequenceTraining, train_lstm),
+    "gru": (SequenceTraining, train_gru),
     "kalman-net": (KalmanNetTraining, train_kalman_net),
 }
 

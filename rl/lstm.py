@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from rl.supervised import Network, OnProgress, chunks, descend, tensor32, train_once
+from rl.supervised import Network, OnProgress, SequenceTraining, chunks, descend, tensor32, train_once
 from rl.training import run_configuration
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, time_first
@@ -28,28 +28,6 @@ Array = NDArray[np.float64]
 Memory = tuple[torch.Tensor, torch.Tensor]
 LSTM_FILE = "lstm.pt"
 WARM_UP = 10  # samples at the start of a sequence that are not scored: the network has seen nothing yet
-
-
-@dataclasses.dataclass(frozen=True)
-class LstmTraining:
-    """How the LSTM is trained."""
-
-    iterations: int = 600
-    """Gradient steps, each on fresh noise."""
-    sequences: int = 64
-    """Records with their own noise in one step."""
-    window: int = 150
-    """Samples of each."""
-    hidden: int = 32
-    """Units of the one LSTM layer."""
-    learning_rate: float = 5e-3
-    """Of Adam at the start; it falls to zero along a cosine."""
-    noise: str = "gaussian"
-    """Measurement noise during training."""
-    noise_level: float = 0.1
-    """Its level: R = 0.1 in the paper."""
-    seed: int = 0
-    """Of the weights and the noise."""
 
 
 class Lstm(Network):
@@ -147,7 +125,7 @@ class LstmEstimator(Estimator[LstmState]):
 def train_lstm(
     records: Sequence[tuple[Array, Array]],
     active_model: ActiveModel,
-    training: LstmTraining,
+    training: SequenceTraining,
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Lstm:
@@ -170,6 +148,8 @@ def train_lstm(
         network = Lstm(training.hidden, active_model.sample_time)
         _normalise(network, task, rng)
         window = min(training.window, task.pull_mm.shape[1])
+        if window <= WARM_UP:
+            raise ValueError(f"records of {window} samples: the LSTM is trained on more than {WARM_UP}")
 
         def loss() -> torch.Tensor:
             increments, noise = _draw(task, training.sequences, window, rng)
@@ -195,7 +175,7 @@ def train_lstm(
     )
 
 
-def load_lstm(path: Path, hidden: int = LstmTraining.hidden) -> Lstm:
+def load_lstm(path: Path, hidden: int = SequenceTraining.hidden) -> Lstm:
     """Read a trained network.
 
     Raises:

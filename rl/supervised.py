@@ -5,6 +5,7 @@ they minimise is theirs.
 """
 
 import csv
+import dataclasses
 import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -27,6 +28,28 @@ OnProgress = Callable[[int, int, float], None]
 GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
 CHUNK = 200_000  # samples, over all records, that pass through a network at once: some 100 MB
 LEAST_VARIANCE = 1e-6  # R [deg^2] below which a network is told this: it divides by sqrt(R)
+
+
+@dataclasses.dataclass(frozen=True)
+class SequenceTraining:
+    """How a recurrent network, LSTM or GRU, is trained on windows of the records."""
+
+    iterations: int = 600
+    """Gradient steps, each on fresh noise."""
+    sequences: int = 64
+    """Records with their own noise in one step."""
+    window: int = 150
+    """Samples of each."""
+    hidden: int = 32
+    """Units of the one recurrent layer."""
+    learning_rate: float = 5e-3
+    """Of Adam at the start; it falls to zero along a cosine."""
+    noise: str = "gaussian"
+    """Measurement noise during training."""
+    noise_level: float = 0.1
+    """Its level: R = 0.1 in the paper."""
+    seed: int = 0
+    """Of the weights and the noise."""
 
 
 class Network(torch.nn.Module):

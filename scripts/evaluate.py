@@ -10,9 +10,10 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from rl.lstm import Lstm, LstmEstimator, LstmTraining, load_lstm, train_lstm
+from rl.lstm import Lstm, LstmEstimator, load_lstm, train_lstm
 from rl.methods import oracle_method, policy_method
 from rl.policy import Policy, load_policy
+from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
 from scripts.full_suite import SAMPLE_TIMES, FullSuite, run_full_suite
@@ -199,7 +200,7 @@ def _train_lstm(training: list[tuple[Array, Array]], active_model: ActiveModel, 
     return train_lstm(
         training,
         active_model,
-        LstmTraining(seed=args.seed),
+        SequenceTraining(seed=args.seed),
         args.out / "lstm",
         TrainingProgress("train lstm", "steps"),
     )

@@ -9,9 +9,10 @@ from typing import Any, Literal
 import tyro
 
 from rl.agents import AGENTS
-from rl.gru import GRU_FILE, GruTraining, train_gru
+from rl.gru import GRU_FILE, train_gru
 from rl.kalman_net import KALMAN_NET_FILE, KalmanNetTraining, train_kalman_net
-from rl.lstm import LSTM_FILE, LstmTraining, train_lstm
+from rl.lstm import LSTM_FILE, train_lstm
+from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from scripts.command import Summary, TrainingProgress, output_folder, run_verb
 from scripts.records import true_records
@@ -77,10 +78,10 @@ def train(args: Train) -> Summary:
     drawn: dict[str, Any] = {"noise": args.noise, "noise_level": args.noise_level, "seed": args.seed}
 
     if args.agent == "lstm":
-        train_lstm(records, active_model, LstmTraining(**drawn), folder, progress)
+        train_lstm(records, active_model, SequenceTraining(**drawn), folder, progress)
         path = folder / LSTM_FILE
     elif args.agent == "gru":
-        train_gru(records, active_model, GruTraining(**drawn), folder, progress)
+        train_gru(records, active_model, SequenceTraining(**drawn), folder, progress)
         path = folder / GRU_FILE
     elif args.agent == "kalman-net":
         gain = KalmanNetTraining(**drawn, initial_error_deg=args.initial_error_deg)

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from recorded import make_episode
 
 import scripts.train
-from rl.gru import Gru, GruNetwork, GruTraining, load_gru, train_gru
+from rl.gru import Gru, GruNetwork, load_gru, train_gru
+from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.recording import write_episode
 
-SHORT = GruTraining(iterations=120, sequences=32, window=80, seed=1)
+SHORT = SequenceTraining(iterations=120, sequences=32, window=80, seed=1)
 MODELS = [
     ColemanHodgdon(1.15, 22.38, 5.0),
     BoucWen(22.0, -12.0, 1.1, 1.0, 1.5),
@@ -180,7 +181,7 @@ def test_file_that_is_no_network_is_refused_in_one_line(trained, tmp_path):
 def test_the_verb_trains_it(tmp_path, model, monkeypatch, capsys):
     write_episode(tmp_path / "one.mcap", make_episode(samples=60))
     (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
-    monkeypatch.setattr(scripts.train, "GruTraining", functools.partial(GruTraining, iterations=2))
+    monkeypatch.setattr(scripts.train, "SequenceTraining", functools.partial(SequenceTraining, iterations=2))
     line = f"{tmp_path}/one.mcap --model {tmp_path}/model.json --out {tmp_path}/run --agent gru"
     assert scripts.train.main([*line.split(), "--sample-time", "0.02", "--seed", "5", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)

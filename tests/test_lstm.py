@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from rl.lstm import Lstm, LstmEstimator, LstmTraining, load_lstm, train_lstm
+from rl.lstm import Lstm, LstmEstimator, load_lstm, train_lstm
+from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator
 
-SHORT = LstmTraining(iterations=150, sequences=32, window=100, seed=1)
+SHORT = SequenceTraining(iterations=150, sequences=32, window=100, seed=1)
 
 
 @pytest.fixture(scope="module")
