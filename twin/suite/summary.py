@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 Group = tuple[tuple[float, ...], str]
 
+BESIDE_THE_PAPER = ("C-H", "AM", "LSTM", "Direct RL", "RAM", "AM-tuned", "KalmanNet", "RAM (oracle)")
+"""Methods in the paper's tables: its own, and a few to measure them by."""
 LIMIT = "Ensemble (limit)"
 PHYSICS = ("Ensemble", LIMIT)
 """Methods that know the physics: what others are measured against."""
@@ -49,7 +51,8 @@ def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequ
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
-    paper = paper_tables([row for row in rows if place(row) == first], "markdown")
+    beside = [row for row in rows if place(row) == first and row["method"] in BESIDE_THE_PAPER]
+    paper = paper_tables(beside, "markdown")
     if paper:
         parts.append("### The paper's tables, on these records")
         parts.append(paper)
