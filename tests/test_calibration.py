@@ -256,3 +256,27 @@ def test_commands_of_the_match_are_those_of_generate(tmp_path):
     recipe = Recipe(TRUTH, (2e-3, 4e-3), seconds=3.0, seed=7)
     for number, pull in enumerate(training_commands((2e-3, 4e-3), 2, 3.0, 7)):
         assert np.array_equal(make_episode(recipe, number).pull, pull)
+
+
+def test_missing_samples_are_not_fitted():
+    time = np.arange(0, 20, 0.05)
+    pull = 2e-3 * np.sin(2 * np.pi * time / 10)
+    bend = 300 * pull + 0.05 * np.sign(np.cos(2 * np.pi * time / 10))
+    seen = bend.copy()
+    seen[100:140] = np.nan
+    holed = Episode(
+        time=time,
+        pull=pull,
+        bend=bend,
+        measured_bend=seen,
+        joint_angle=np.empty((len(time), 0)),
+        wire_tension=np.empty((len(time), 2, 0)),
+        sheath_friction=np.empty((len(time), 2, 0)),
+    )
+    loop = measured_loop(holed, "holed", 0.05)
+    assert not loop.fitted[101:139].any()
+    assert loop.fitted[:100].all()
+    assert np.isfinite(loop.bend).all()
+    with pytest.raises(ValueError, match=r"holed: 9 measured samples to fit: needs at least 10"):
+        nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
+        measured_loop(nearly, "holed", 0.05)
