@@ -277,6 +277,6 @@ def test_missing_samples_are_not_fitted():
     assert not loop.fitted[101:139].any()
     assert loop.fitted[:100].all()
     assert np.isfinite(loop.bend).all()
+    nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
     with pytest.raises(ValueError, match=r"holed: 9 measured samples to fit: needs at least 10"):
-        nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
         measured_loop(nearly, "holed", 0.05)

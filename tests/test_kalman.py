@@ -1,6 +1,7 @@
 """The Kalman family on models that are affine in the angle: one filter, written in three ways."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -10,13 +11,21 @@ from hypothesis import strategies as st
 
 from twin.benchmark.filters import covariances, least_margin
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.adaptive import AdaptiveActiveModel
+from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.kalman import KalmanActiveModel
+from twin.estimation.robust import RobustActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import ColemanHodgdon
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 FAMILY = [KalmanActiveModel, ActiveModel, UnscentedActiveModel]
+# Filters that do more, with what they do more turned off: these are linear too.
+LINEAR = [
+    functools.partial(RobustActiveModel, threshold=np.inf),
+    functools.partial(ConstantGain, gain=(0.0, 0.0)),
+]
 variances = st.floats(1e-6, 1e3)
 parameters = st.tuples(st.floats(0.05, 3), st.floats(1, 40), st.floats(-10, 20))
 
@@ -56,7 +65,7 @@ def filterpy_run(active_model: ActiveModel, pull: np.ndarray, measurement: np.nd
     return np.array(means), np.array(covariance)
 
 
-@pytest.mark.parametrize("filter_type", FAMILY)
+@pytest.mark.parametrize("filter_type", [*FAMILY, *LINEAR])
 @settings(max_examples=40)
 @given(
     parameters=parameters,
@@ -78,6 +87,21 @@ def test_filter_equals_filterpy_on_random_systems(filter_type, parameters, T, q,
     scale = max(np.abs(expected_means).max(), 1)
     np.testing.assert_allclose(means, expected_means, rtol=1e-7, atol=1e-9 * scale)
     np.testing.assert_allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+
+
+@settings(max_examples=20)
+@given(parameters=parameters, r=st.floats(1e-2, 1e2), seed=st.integers(0, 10_000))
+def test_adaptive_filter_that_is_sure_of_its_noise_equals_filterpy(parameters, r, seed):
+    rng = np.random.default_rng(seed)
+    pull = command(rng, 80)
+    model = ColemanHodgdon(*parameters)
+    measurement = model.response(pull, 60.0) + rng.normal(size=80) * np.sqrt(r)
+    sure = AdaptiveActiveModel(
+        ActiveModel(model, 0.1, measurement_variance=r), forgetting=1.0, first_shape=1e12
+    )
+    expected, _ = filterpy_run(told, pull, measurement, 50.0)
+    estimate = sure.estimate(pull, measurement, 50.0)[0]
+    np.testing.assert_allclose(estimate, expected[:, 0], rtol=1e-6, atol=1e-6)
 
 
 @settings(max_examples=40)
