@@ -17,7 +17,7 @@ from stable_baselines3 import PPO
 
 from rl.agents import Agent, check_agent_name, make_agent
 from twin.estimation.active_model import ActiveModel
-from twin.hysteresis import MODELS
+from twin.hysteresis import described_model
 
 Array = NDArray[np.float64]
 _METADATA_KEY = "endotwin"
@@ -49,8 +49,7 @@ class Policy:
     def active_model(self) -> ActiveModel:
         """The filter that the policy was trained beside."""
         values = dict(self.configuration["active_model"])
-        described = values.pop("model")
-        model = MODELS[described["model"]](described)
+        model = described_model(values.pop("model"))
         for name in ("process_variance", "initial_variance"):
             values[name] = tuple(values[name])
         return ActiveModel(model, **values)

@@ -20,6 +20,7 @@ from rl.agents import check_agent_name, make_agent
 from rl.environment import BatchEnvironment
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
+from twin.hysteresis import describe_model
 from twin.noise import draw_noise
 from twin.recording.atomic import write_whole
 from twin.task import Task, stack_records
@@ -149,7 +150,7 @@ def run_configuration(
     return {
         "training": dataclasses.asdict(training),
         "active_model": {
-            "model": {"model": active_model.model.name, **active_model.model.to_dict()},
+            "model": describe_model(active_model.model),
             "sample_time": active_model.sample_time,
             "process_variance": list(active_model.process_variance),
             "measurement_variance": float(np.asarray(active_model.measurement_variance)),

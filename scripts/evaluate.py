@@ -10,6 +10,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from rl.learned import PAPER_SAMPLE_TIME
 from rl.lstm import Lstm, LstmEstimator, load_lstm, train_lstm
 from rl.methods import oracle_method, policy_method
 from rl.policy import Policy, load_policy
@@ -32,7 +33,6 @@ from twin.task import Task, stack_records
 from twin.track import save_tracks
 
 Array = NDArray[np.float64]
-PAPER_SAMPLE_TIME = 0.1  # [s]
 
 
 @dataclasses.dataclass(frozen=True)

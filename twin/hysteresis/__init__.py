@@ -2,7 +2,14 @@
 
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.coleman_hodgdon import ColemanHodgdon
-from twin.hysteresis.model import MODELS, HysteresisModel, IdentifiedModel, load_model
+from twin.hysteresis.model import (
+    MODELS,
+    HysteresisModel,
+    IdentifiedModel,
+    describe_model,
+    described_model,
+    load_model,
+)
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 __all__ = [
@@ -12,5 +19,7 @@ __all__ = [
     "HysteresisModel",
     "IdentifiedModel",
     "PrandtlIshlinskii",
+    "describe_model",
+    "described_model",
     "load_model",
 ]

@@ -58,6 +58,21 @@ MODELS: dict[str, Callable[[dict[str, Any]], HysteresisModel]] = {
 """How a model is read, by the name on the command line and in its file."""
 
 
+def describe_model(model: HysteresisModel) -> dict[str, Any]:
+    """Return the name and the parameters of a model, as every file holds them."""
+    return {"model": model.name, **model.to_dict()}
+
+
+def described_model(values: dict[str, Any]) -> HysteresisModel:
+    """Return the model that `describe_model` has described.
+
+    Raises:
+        KeyError: there is no name, or no model of that name.
+        ValueError: a parameter is missing, is no number or is out of range.
+    """
+    return MODELS[values["model"]](values)
+
+
 @dataclasses.dataclass(frozen=True)
 class IdentifiedModel:
     """A fitted model and how it was found; the contents of `coleman_hodgdon.json` and its like."""
@@ -71,8 +86,7 @@ class IdentifiedModel:
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of the file."""
         return {
-            "model": self.model.name,
-            **self.model.to_dict(),
+            **describe_model(self.model),
             "rmse_deg": self.rmse_deg,
             "optimizer": self.optimizer,
             "seed": self.seed,

@@ -1,6 +1,7 @@
 """The limit of the benchmark: ensembles of randomised twins along its commands, simulated once and kept."""
 
 import dataclasses
+import functools
 import hashlib
 import io
 import itertools
@@ -112,7 +113,7 @@ class Ensembles:
             ValueError: the record follows none.
         """
         best = np.empty((0, 0))
-        for known, members_deg in self._load():
+        for known, members_deg in self._loaded:
             for late in map(int, np.flatnonzero(np.abs(known - pull_mm[0]) < _SAME)):
                 samples = min(len(known) - late, len(pull_mm))
                 here = slice(late, late + samples)
@@ -122,7 +123,9 @@ class Ensembles:
             raise ValueError("a record follows a command that no ensemble was simulated along")
         return best
 
-    def _load(self) -> list[tuple[Array, Array]]:
+    @functools.cached_property
+    def _loaded(self) -> list[tuple[Array, Array]]:
+        """Pull (N,) [mm] and members (M, N) [deg] of every command, read once."""
         every = round(self.sample_time / SAMPLE_TIME)
         loaded = []
         for path in self.paths:
