@@ -102,6 +102,8 @@ def test_batch_is_what_one_after_the_other_gives_whatever_the_number_of_threads(
         )
         for record, expected in zip(together, serial, strict=True):
             assert_same(record, expected)
+    assert all(expected.wire_slack.shape == expected.wire_tension.shape for expected in serial)
+    assert max(expected.wire_slack.max() for expected in serial) > 0.1e-3  # equal, and not all zero
     bends = [np.ptp(expected.bend) for expected in serial[:-1]]
     assert min(bends) > 0.02
     assert len({float(bend) for bend in bends}) == len(bends)

@@ -12,11 +12,12 @@ from twin.calibration.matching import best_coleman_hodgdon, match, training_comm
 from twin.calibration.objective import BEND_SCALE, TENSION_SHARE, predict, residuals
 from twin.calibration.parameters import DEFAULT, FreeParameters
 from twin.calibration.report import fit_figure, fit_report
-from twin.dataset import Recipe, make_episode
 from twin.episode import Episode
 from twin.hysteresis import ColemanHodgdon
 from twin.physics import simulate
 from twin.preset import Preset
+from twin.recipe import EpisodeKey, Recipe
+from twin.simulated_episode import make_episode
 
 SAMPLE_TIME = 0.05  # [s]
 TRUTH = Preset(
@@ -253,9 +254,9 @@ def test_preset_is_matched_to_given_coleman_hodgdon_parameters():
 
 
 def test_commands_of_the_match_are_those_of_generate(tmp_path):
-    recipe = Recipe(TRUTH, (2e-3, 4e-3), seconds=3.0, seed=7)
+    recipe = Recipe(TRUTH, ((2.0, 4.0),), seconds=3.0, seeds=(7,))
     for number, pull in enumerate(training_commands((2e-3, 4e-3), 2, 3.0, 7)):
-        assert np.array_equal(make_episode(recipe, number).pull, pull)
+        assert np.array_equal(make_episode(recipe, EpisodeKey(7, number)).pull, pull)
 
 
 def test_missing_samples_are_not_fitted():

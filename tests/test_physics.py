@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from twin.episode import Episode
 from twin.excitation import approach
 from twin.physics import Endoscope, simulate, simulate_batch
 from twin.preset import Preset, load_preset
@@ -43,6 +44,11 @@ def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def loop() -> tuple[np.ndarray, np.ndarray]:
     return loop_of(PRESET, 8.0)
+
+
+@pytest.fixture(scope="module")
+def loop_episode() -> Episode:
+    return simulate(PRESET, sine(8.0, 2), SAMPLE_TIME)
 
 
 @pytest.mark.parametrize("viscous", [True, False])
@@ -180,6 +186,29 @@ def test_paid_out_wire_goes_slack_at_a_large_pull():
     assert episode.tension[-1, 1] == 0.0  # paid out faster than the bending takes it up
 
 
+def test_wire_is_slack_exactly_where_it_carries_nothing(loop_episode):
+    tension, slack = loop_episode.wire_tension, loop_episode.wire_slack
+    assert slack.shape == tension.shape
+    assert (slack >= 0).all()
+    taut = tension > 0
+    assert (slack[taut] == 0).all()
+    assert (slack[~taut] > 0).all()
+    assert 0.01 < np.mean(~taut) < 0.99
+    assert slack.max() > 0.1e-3
+
+
+def test_slack_is_what_the_way_of_the_wire_leaves_over(loop_episode):
+    """No wire is lost: stretch (less slack) grows by what the pulley takes up less what the tip gives."""
+    stiffness = PRESET.wire_stiffness * (PRESET.sheath_elements + 1)  # of one of the lengths in series
+    half = PRESET.wire_stiffening * stiffness / 2
+    stretched = (np.sqrt(1 + 4 * half * loop_episode.wire_tension / stiffness) - 1) / (2 * half)
+    stretch = (stretched - loop_episode.wire_slack).sum(axis=2)  # (samples, wires)
+    taken_up = loop_episode.pulley - PRESET.wire_offset * loop_episode.bend
+    for wire, side in enumerate((1.0, -1.0)):
+        grown = side * (taken_up - taken_up[0])
+        np.testing.assert_allclose(stretch[:, wire] - stretch[0, wire], grown, atol=1e-12)
+
+
 def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull():
     up = simulate(PRESET, ramp_and_rest(AMPLITUDE), SAMPLE_TIME)
     down = simulate(PRESET, ramp_and_rest(-AMPLITUDE), SAMPLE_TIME)
@@ -236,7 +265,7 @@ def test_state_restored_into_a_fresh_endoscope_continues_bit_for_bit(whole_run, 
     simulate(PRESET, command[: sample + 1], SAMPLE_TIME, endoscope=first)
     fresh = Endoscope.from_preset(PRESET)
     rest = simulate(PRESET, command[sample:], SAMPLE_TIME, state=first.save_state(), endoscope=fresh)
-    for field in ("bend", "joint_angle", "wire_tension", "sheath_friction"):
+    for field in ("bend", "joint_angle", "wire_tension", "wire_slack", "sheath_friction"):
         assert np.array_equal(getattr(rest, field), getattr(whole, field)[sample:]), field
     assert np.array_equal(fresh.data.ptr.qpos, at_end.data.ptr.qpos)
     assert np.array_equal(fresh.data.ptr.qvel, at_end.data.ptr.qvel)

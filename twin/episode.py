@@ -11,7 +11,10 @@ Array = NDArray[np.float64]
 LARGEST_GRID = 10_000_000
 """Samples of an even grid: more come of a wrong time stamp, and would fill the memory."""
 
-OPTIONAL = ("pulley", "sheath_bend", "lateral_pull", "lateral_bend", "lateral_joint_angle")
+WIRES = "abcd"
+"""Names of the wires, by index: a against b in the first bending plane, c against d sideways."""
+
+OPTIONAL = ("pulley", "sheath_bend", "wire_slack", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
 
 
@@ -45,6 +48,9 @@ class Episode:
     """(N,) distance that the pulley has really pulled, behind servo and backlash [m]; may be empty."""
     sheath_bend: Array = dataclasses.field(default_factory=_not_recorded)
     """(N,) angle that the sheath is bent by [rad]; may be empty."""
+    wire_slack: Array = dataclasses.field(default_factory=_not_recorded)
+    """(N, wires, elements + 1) how much longer each length of wire is than its way [m], pulley to tip; zero
+    where it is taut; may be empty."""
     lateral_pull: Array = dataclasses.field(default_factory=_not_recorded)
     """(N,) commanded pulling distance of wire c against d [m]; empty with one bending plane."""
     lateral_bend: Array = dataclasses.field(default_factory=_not_recorded)
@@ -82,6 +88,11 @@ class Episode:
     def sample_time(self) -> float:
         """Median time between two samples [s]."""
         return float(np.median(np.diff(self.time)))
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether a real endoscope left this record, and not the twin."""
+        return bool(self.metadata.get("source") == "measured")
 
     @property
     def pull_mm(self) -> Array:

@@ -248,9 +248,9 @@ def to_svg(figure: Figure) -> str:
 
 
 def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
-    """Return a figure as a PNG file with `dpi` pixels per inch."""
+    """Return a figure as a PNG file with `dpi` pixels per inch, without the version of who drew it."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return buffer.getvalue()
 
 

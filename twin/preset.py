@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +127,10 @@ class Preset:
         if not isinstance(self.name, str):
             raise ValueError(f"preset parameter name = {self.name!r}: must be text")
         for field in dataclasses.fields(self)[1:]:
-            _check(field, getattr(self, field.name))
+            value = getattr(self, field.name)
+            _check(field, value)
+            if isinstance(field.default, float):  # 3 and 3.0 are one preset, and are written alike
+                object.__setattr__(self, field.name, float(value))
         steps = self.control_period / self.time_step
         if steps < 1 or abs(steps - round(steps)) > 1e-9:
             raise ValueError(
@@ -154,7 +157,7 @@ class Preset:
         names = [field.name for field in dataclasses.fields(self)]
         for name in changes:
             if name not in names:
-                raise ValueError(f"unknown preset parameter {name!r}{_suggestion(name, names)}")
+                raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, names)}")
         return dataclasses.replace(self, **changes)
 
     def without_friction(self) -> "Preset":
@@ -180,7 +183,7 @@ def parameter_limits(name: str) -> tuple[float, float]:
     """
     limits = {field.name: field.metadata for field in dataclasses.fields(Preset)[1:]}
     if name not in limits:
-        raise ValueError(f"unknown preset parameter {name!r}{_suggestion(name, list(limits))}")
+        raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, list(limits))}")
     return limits[name]["low"], limits[name]["high"]
 
 
@@ -236,7 +239,19 @@ def load_preset(name_or_path: str | Path) -> Preset:
         FileNotFoundError: a path to a YAML file that does not exist.
     """
     name, values = read_preset_file(name_or_path)
-    parameters = {str(key): value for key, value in values.items() if key != "ranges"}
+    return preset_of(name, {str(key): value for key, value in values.items() if key != "ranges"})
+
+
+def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
+    """Return the preset that parameters from a YAML file describe.
+
+    Args:
+        name: what it is called, unless a `name` is among the parameters.
+        parameters: by name; the others keep their defaults.
+
+    Raises:
+        ValueError: a parameter is unknown or out of range.
+    """
     named = {key: value if key == "name" else _number(value) for key, value in parameters.items()}
     return Preset(name=name).replace(**named)
 
@@ -253,7 +268,7 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
     if not path.is_file():
         if path.parent == assets_folder():
             names = preset_names()
-            hint = _suggestion(text, names)
+            hint = suggestion(text, names)
             raise ValueError(f"unknown preset {text!r}{hint}; or give the path of a .yaml file")
         raise FileNotFoundError(f"no preset file {path}")
     try:
@@ -273,7 +288,8 @@ def _number(value: Any) -> Any:
     return value
 
 
-def _suggestion(name: str, names: list[str]) -> str:
+def suggestion(name: str, names: list[str]) -> str:
+    """Return what to say after an unknown name: the one that was meant, perhaps, and all valid ones."""
     close = difflib.get_close_matches(name, names, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
     return f"{guess}; valid: {', '.join(names)}"

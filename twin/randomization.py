@@ -32,6 +32,9 @@ class Ranges:
         Raises:
             ValueError: a name is no parameter, or a range is empty or leaves the parameter's physical range.
         """
+        # 5 and 5.0 are one range, and are written alike.
+        floats = tuple((name, float(low), float(high)) for name, low, high in self.limits)
+        object.__setattr__(self, "limits", floats)
         for name, low, high in self.limits:
             if name in _FIXED:
                 raise ValueError(f"range of {name}: it is not drawn; choose it in the preset")

@@ -74,9 +74,11 @@ def simulate_batch(
             endoscopes.advance(inputs[done - 1], start < done)
         if (longest - done) % periods == 0:
             tension, friction = endoscopes.wire_tension(), endoscopes.sheath_friction()
+            slack = endoscopes.wire_slack()
             for index in np.flatnonzero(first_sample <= done).tolist():
                 sample = int(done - first_sample[index]) // periods
-                records[index].add(sample, endoscopes.qpos[index], tension[index], friction[index])
+                record, qpos = records[index], endoscopes.qpos[index]
+                record.add(sample, qpos, tension[index], friction[index], slack[index])
             if on_sample is not None:
                 on_sample(done // periods, longest // periods)
     return [
@@ -129,6 +131,10 @@ class EndoscopeBatch:
     def wire_tension(self) -> Array:
         """(B, wires, elements + 1) tension in each length of wire, pulley to tip [N]."""
         return self._loads.tension(self._loads.stretch(self.qpos))
+
+    def wire_slack(self) -> Array:
+        """(B, wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
+        return self._loads.slack(self._loads.stretch(self.qpos))
 
     def sheath_friction(self) -> Array:
         """(B, wires, elements) force at which each element of the sheath begins to slide [N]."""

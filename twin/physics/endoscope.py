@@ -109,6 +109,10 @@ class Endoscope(dm_mujoco.Physics):
         """(wires, elements + 1) tension in each length of wire, pulley to tip [N]; zero where slack."""
         return self._loads.tension(self._loads.stretch(self._qpos))[0]
 
+    def wire_slack(self) -> Array:
+        """(wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
+        return self._loads.slack(self._loads.stretch(self._qpos))[0]
+
     def sheath_friction(self) -> Array:
         """(wires, elements) friction force at which each element of the sheath begins to slide [N]."""
         return self.model.ptr.dof_frictionloss[self.layout.element]

@@ -6,11 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.episode import WIRES
 from twin.preset import Preset
 
 Index = NDArray[np.intp]
-WIRES = ("a", "b", "c", "d")
-"""Names of the wires: a against b in the first bending plane, c against d sideways."""
 PLANES = ("", "lateral_")
 """Prefix of the joints of each bending plane."""
 

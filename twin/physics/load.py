@@ -63,6 +63,10 @@ class Loads:
         """(B, wires, elements + 1) tension in each length of wire [N] at its stretch; zero where slack."""
         return tension_at(stretch, self._stiffness, self._quadratic)
 
+    def slack(self, stretch: Array) -> Array:
+        """(B, wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
+        return np.maximum(-stretch, 0.0)
+
     def drift(self, time: Array, travel: Array) -> Array:
         """Return by what the friction of the sheath has changed since new and warm.
 

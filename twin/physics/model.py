@@ -10,7 +10,8 @@ vertebra has a second, crossed hinge, and there is a second pulley for the wires
 import mujoco
 
 from twin.assets import assets_folder
-from twin.physics.layout import PLANES, WIRES, hinge_groups
+from twin.episode import WIRES
+from twin.physics.layout import PLANES, hinge_groups
 from twin.physics.load import LEAST_FRICTION, joint_friction
 from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset import Preset

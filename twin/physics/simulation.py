@@ -16,6 +16,9 @@ from twin.preset import Preset
 
 Array = NDArray[np.float64]
 
+MUJOCO = mujoco.__version__
+"""Version of MuJoCo."""
+
 
 def simulate(
     preset: Preset,
@@ -62,7 +65,13 @@ def simulate(
     for k, periods in enumerate(command.between.tolist()):
         for inputs in periods if k > 0 else ():
             endoscope.advance(*inputs)
-        record.add(k, endoscope.data.ptr.qpos, endoscope.wire_tension(), endoscope.sheath_friction())
+        record.add(
+            k,
+            endoscope.data.ptr.qpos,
+            endoscope.wire_tension(),
+            endoscope.sheath_friction(),
+            endoscope.wire_slack(),
+        )
         if on_sample is not None:
             on_sample(endoscope)
     return record.episode(endoscope.xml)
@@ -142,12 +151,16 @@ class Record:
         self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))
         self._wire_tension = np.empty((count, *layout.wire.shape))
         self._sheath_friction = np.empty((count, *layout.element.shape))
+        self._wire_slack = np.empty((count, *layout.wire.shape))
 
-    def add(self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array) -> None:
-        """Note positions, tensions (wires, elements + 1) and frictions (wires, elements) at one sample."""
+    def add(
+        self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array, wire_slack: Array
+    ) -> None:
+        """Note one sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
         self._qpos[sample] = qpos
         self._wire_tension[sample] = wire_tension
         self._sheath_friction[sample] = sheath_friction
+        self._wire_slack[sample] = wire_slack
 
     def episode(self, xml: str) -> Episode:
         """Return the whole record, with the model that made it."""
@@ -172,11 +185,12 @@ class Record:
             sheath_friction=self._sheath_friction,
             pulley=self._qpos[:, self._layout.pulley[0]],
             sheath_bend=command.sheath_bend,
+            wire_slack=self._wire_slack,
             **lateral,
             metadata={
                 "preset": preset.to_dict(),
                 "endotwin": __version__,
-                "mujoco": mujoco.__version__,
+                "mujoco": MUJOCO,
             },
             attachments={"endoscope.xml": xml.encode()},
         )
