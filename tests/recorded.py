@@ -1,10 +1,14 @@
 """A record of random numbers, what is said of two that should be equal, and what others read of one."""
 
 import dataclasses
+import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from twin.episode import OPTIONAL, Episode
@@ -21,11 +25,12 @@ def make_episode(
     *,
     planes: int = 1,
     drive: bool = False,
+    drawn: bool = False,
 ) -> Episode:
     """Random numbers that use every digit of a double.
 
     `elements=None`: no load cells, as when measured; `planes=2`: it bends sideways too; `drive`: what the
-    pulley and the sheath did is known.
+    pulley, the sheath and slack wires did is known; `drawn`: the preset tells what the endoscope looks like.
     """
     rng = np.random.default_rng(seed)
     lengths, elements = (0, 0) if elements is None else (elements + 1, elements)
@@ -46,6 +51,11 @@ def make_episode(
     )
     recorded = ["pulley", "sheath_bend"] * drive + ["lateral_pull", "lateral_bend"] * (planes == 2)
     optional = {field: rng.normal(size=samples) for field in recorded}
+    if drive and lengths > 0:
+        slack = rng.normal(scale=1e-4, size=episode.wire_tension.shape)
+        optional["wire_slack"] = np.maximum(slack, 0)
+    if drawn:
+        episode.metadata["preset"].update(wire_offset=1e-3, bending_planes=planes)
     if planes == 2 and vertebrae > 0:
         optional["lateral_joint_angle"] = rng.normal(size=(samples, vertebrae))
     return dataclasses.replace(episode, **optional)
@@ -72,3 +82,24 @@ def messages(path: Path) -> dict[str, list]:
         for _, channel, message, decoded in reader.iter_decoded_messages():
             result.setdefault(channel.topic, []).append((message, decoded))
     return result
+
+
+def records_of(content: bytes) -> list[Any]:
+    """All records of a file with chunks unopened, every CRC of the data section checked."""
+    reader = StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True)
+    return list(reader.records)
+
+
+def of_kind(records: list[Any], kind: type) -> list[Any]:
+    return [record for record in records if isinstance(record, kind)]
+
+
+def in_file_order(content: bytes) -> list[tuple[Channel, Message]]:
+    """Every message as a reader finds it that takes one record after the other, all CRCs checked."""
+    channels, found = {}, []
+    for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
+        if isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            found.append((channels[record.channel_id], record))
+    return found

@@ -12,9 +12,11 @@ from mcap.reader import make_reader
 from recorded import LINK, make_episode, messages
 from scipy.spatial.transform import Rotation
 
+from twin.recording import EpisodeWriter, write_csv, write_episode
 from twin.recording import endotwin_pb2 as schema
-from twin.recording import write_csv, write_episode
-from twin.recording.messages import REQUIRED_TOPICS
+from twin.recording.camera import CAMERA_TOPIC, picture_message
+from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS
+from twin.recording.scene import scene
 
 
 def test_an_independent_reader_sees_the_same(tmp_path):
@@ -22,6 +24,7 @@ def test_an_independent_reader_sees_the_same(tmp_path):
     seen = messages(write_episode(tmp_path / "a.mcap", episode))
     nanoseconds = [1_234_560_000_000 + 20_000_000 * k for k in range(40)]
     assert set(seen) == {"/command", "/truth", "/measurement", "/tension", "/joint_states", "/tf"}
+    assert {tuple(record.sequence for record, _ in rows) for rows in seen.values()} == {tuple(range(40))}
     for rows in seen.values():
         assert [record.log_time for record, _ in rows] == nanoseconds
         assert [record.publish_time for record, _ in rows] == nanoseconds
@@ -37,6 +40,9 @@ def test_an_independent_reader_sees_what_is_sideways_and_what_the_drive_did(tmp_
     episode = make_episode(planes=2, drive=True)
     seen = messages(write_episode(tmp_path / "a.mcap", episode))
     assert_fields_of_all_wires(seen, episode, "abcd")
+    for wire, name in enumerate("abcd"):
+        slack_mm = field(seen, "/truth", f"wire_slack_{name}_mm")
+        np.testing.assert_allclose(slack_mm, episode.wire_slack[:, wire] * 1000, rtol=1e-12)
     for topic, name, wanted in (
         ("/command", "lateral_pull_mm", episode.lateral_pull * 1000),
         ("/truth", "lateral_bend_deg", np.rad2deg(episode.lateral_bend)),
@@ -60,6 +66,28 @@ def test_what_was_not_recorded_is_absent_from_the_messages(tmp_path):
         ("/tension", ["tension_c_n", "tension_d_n"]),
     ):
         assert not any(column(seen, topic, lambda m, names=names: any(m.HasField(name) for name in names)))
+    assert not any(
+        len(values) for name in "abcd" for values in field(seen, "/truth", f"wire_slack_{name}_mm")
+    )
+
+
+def test_one_message_draws_the_endoscope(tmp_path):
+    episode = make_episode(start=1234.0, planes=2, drawn=True)
+    ((record, drawing),) = messages(write_episode(tmp_path / "a.mcap", episode))["/scene"]
+    assert (record.log_time, record.publish_time, record.sequence) == (1_234_000_000_000,) * 2 + (0,)
+    assert drawing.DESCRIPTOR.full_name == "foxglove.SceneUpdate"
+    assert drawing.SerializeToString() == scene(episode, 1_234_000_000_000).SerializeToString()
+    assert {entity.frame_id for entity in drawing.entities} == {"base", *(f"vertebra_{k}" for k in range(3))}
+
+
+def test_a_picture_goes_beside_the_episode(tmp_path):
+    with EpisodeWriter(tmp_path / "a.mcap") as writer:
+        writer.write(make_episode())
+        writer.add_message(CAMERA_TOPIC, picture_message(b"\xff\xd8 a picture", 1_040_000_000), 1_040_000_000)
+    ((record, picture),) = messages(tmp_path / "a.mcap")["/camera/image"]
+    assert picture.DESCRIPTOR.full_name == "foxglove.CompressedImage"
+    assert (picture.data, picture.format, picture.frame_id) == (b"\xff\xd8 a picture", "jpeg", "camera")
+    assert record.log_time == picture.timestamp.ToNanoseconds() == 1_040_000_000
 
 
 def column(seen, topic, read):
@@ -127,7 +155,8 @@ def test_frames_follow_the_hinges_of_both_planes(tmp_path):
     ("episode", "topics"),
     [
         (make_episode(vertebrae=0, elements=None), set(REQUIRED_TOPICS)),
-        (make_episode(vertebrae=0), {*REQUIRED_TOPICS, "/tension"}),
+        (make_episode(vertebrae=0, drawn=True), {*REQUIRED_TOPICS, "/tension"}),
+        (make_episode(drawn=True), {*SCHEMAS}),
         (make_episode(elements=None), {*REQUIRED_TOPICS, "/joint_states", "/tf"}),
         (
             dataclasses.replace(make_episode(), metadata={"preset": "ureteroscope"}),

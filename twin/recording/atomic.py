@@ -1,16 +1,25 @@
-"""A file that appears under its name only when it is whole."""
+"""A file that appears under its name only when it is whole, and a folder that one run writes into."""
 
+import contextlib
+import errno
+import fcntl
 import os
+import secrets
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
+
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL, errno.EACCES)
+"""What file systems say that cannot lock a folder."""
 
 
 class WholeFile:
     """Context manager: an open binary file that takes its final name when the block ends well.
 
-    Until then it is `.NAME.partial` in the same folder, so that renaming it never crosses a file system.
-    Under an exception that file is removed, and what stood under the final name before is left as it was.
+    Until then it is `.NAME.XXXXXXXX.partial` in the same folder, so that renaming it never crosses a file
+    system and that two processes never write into the same one. Under an exception that file is removed, and
+    what stood under the final name before is left as it was.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -20,7 +29,7 @@ class WholeFile:
             path: the final name.
         """
         self.path = Path(path)
-        self._partial = self.path.with_name(f".{self.path.name}.partial")
+        self._partial = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.partial")
 
     def __enter__(self) -> BinaryIO:
         """Open the file under its temporary name.
@@ -30,7 +39,7 @@ class WholeFile:
         """
         if not self.path.parent.is_dir():
             raise FileNotFoundError(f"no folder {self.path.parent} to write {self.path.name} into")
-        self._file = self._partial.open("wb")
+        self._file = self._partial.open("xb")
         return self._file
 
     def __exit__(
@@ -39,7 +48,11 @@ class WholeFile:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Give the file its final name, or remove it if the block was left by an exception."""
+        """Give the file its final name, or remove it if the block was left by an exception.
+
+        Raises:
+            OSError: the disk is full or fails; the error names the file.
+        """
         try:
             if kind is None:
                 self._file.flush()
@@ -47,9 +60,14 @@ class WholeFile:
                 os.fsync(self._file.fileno())
                 self._file.close()
                 os.replace(self._partial, self.path)
+        except OSError as failure:
+            raise OSError(failure.errno, failure.strerror, str(self.path)) from failure
         finally:
-            self._file.close()
+            with contextlib.suppress(OSError):  # closing writes what is left, which a full disk refuses again
+                self._file.close()
             self._partial.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno and error.filename is None:
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
 
 
 def write_whole(path: str | Path, content: bytes | str) -> None:
@@ -57,6 +75,38 @@ def write_whole(path: str | Path, content: bytes | str) -> None:
 
     Raises:
         FileNotFoundError: the folder does not exist.
+        OSError: the disk is full or fails.
     """
     with WholeFile(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed processes have left of whole files."""
+    for path in folder.glob(".*.????????.partial"):
+        if path.is_file():  # a folder that is being exported is named alike
+            path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def claim(folder: Path) -> Iterator[None]:
+    """Context manager: no other process that asks can write into the folder meanwhile; ends with the process.
+
+    Some file systems cannot lock folders (NFS). There, nothing keeps two runs apart: each file is whole all
+    the same, but one run may find that the other has removed what it was writing, and end with an error.
+
+    Raises:
+        ValueError: another process is writing into it.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ValueError(f"another run is writing into {folder}: wait for it, or stop it") from error
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,14 +1,20 @@
 """The bending section as a viewer sees it: the angle of each hinge, and a chain of frames turned by them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.recording.layout import SECOND
 
 Array = NDArray[np.float64]
 
@@ -16,20 +22,19 @@ LATERAL_HINGE = "lateral_hinge_"
 """How the names of the hinges that bend it sideways begin, in the plane of wires c and d."""
 
 
-def joint_states(episode: Episode, nanoseconds: list[int]) -> Iterator[Any]:
-    """Yield the angles of the hinges at each sample [rad]: `hinge_0` ..., then `lateral_hinge_0` ..."""
-    names = [f"hinge_{index}" for index in range(episode.joint_angle.shape[1])]
-    angles = [episode.joint_angle]
+def hinge_angles(episode: Episode) -> dict[str, Array]:
+    """Return the angle of each hinge (N,) by name [rad]: `hinge_0` ..., then `lateral_hinge_0` ..."""
+    angles = {f"hinge_{index}": angle for index, angle in enumerate(episode.joint_angle.T)}
     if len(episode.lateral_joint_angle) > 0:
-        names += [f"{LATERAL_HINGE}{index}" for index in range(episode.lateral_joint_angle.shape[1])]
-        angles.append(episode.lateral_joint_angle)
-    message = JointStates()
-    joints = [message.joints.add(name=name) for name in names]
-    for time, row in zip(nanoseconds, np.hstack(angles).astype(float).tolist(), strict=True):
-        _stamp(message.timestamp, time)
-        for joint, angle in zip(joints, row, strict=True):
-            joint.position = angle
-        yield message
+        lateral = enumerate(episode.lateral_joint_angle.T)
+        angles |= {f"{LATERAL_HINGE}{index}": angle for index, angle in lateral}
+    return angles
+
+
+def joint_states(names: Sequence[str], angles: Sequence[float], nanoseconds: int) -> Any:
+    """Return a `JointStates` of hinges at one sample [rad]."""
+    joints = [JointState(name=name, position=angle) for name, angle in zip(names, angles, strict=True)]
+    return JointStates(timestamp=_stamp(nanoseconds), joints=joints)
 
 
 def link_length(episode: Episode) -> float | None:
@@ -47,32 +52,16 @@ def link_length(episode: Episode) -> float | None:
     return float(preset["section_length"]) / joints
 
 
-def transforms(episode: Episode, nanoseconds: list[int], link: float) -> Iterator[Any]:
-    """Yield, at each sample, the frames base -> vertebra_0 -> vertebra_1 ..., a link apart [m].
+def rotations(episode: Episode) -> dict[str, Array]:
+    """Return how each frame is turned from the one before it: the parts of unit quaternions.
 
-    Each is turned by its hinge about (0, -1, 0) and then, in the turned frame, by its lateral hinge about
-    (0, 0, 1), if there is one. The quaternion of that is
+    A vertebra is turned by its hinge about (0, -1, 0) and then, in the turned frame, by its lateral hinge
+    about (0, 0, 1), if there is one. The quaternion of that is
     (cos(h/2) - sin(h/2) j) (cos(l/2) + sin(l/2) k), with i = j k.
+
+    Returns:
+        (N, vertebrae) of each part; with one bending plane x and z are zero, and left out.
     """
-    message = FrameTransforms()
-    frames = []
-    for index in range(episode.joint_angle.shape[1]):
-        frame = message.transforms.add(child_frame_id=f"vertebra_{index}")
-        frame.parent_frame_id = f"vertebra_{index - 1}" if index else "base"
-        frame.translation.x = link if index else 0.0
-        frames.append((frame.timestamp, frame.rotation))
-    quaternions = _rotations(episode)
-    rows = [parts.tolist() for parts in quaternions.values()]
-    for time, *parts in zip(nanoseconds, *rows, strict=True):
-        for (stamp, rotation), *values in zip(frames, *parts, strict=True):
-            _stamp(stamp, time)
-            for axis, value in zip(quaternions, values, strict=True):
-                setattr(rotation, axis, value)
-        yield message
-
-
-def _rotations(episode: Episode) -> dict[str, Array]:
-    """(N, vertebrae) of each part of the quaternions; with one bending plane x and z stay at their zero."""
     half = np.asarray(episode.joint_angle, dtype=float) / 2
     y, w = -np.sin(half), np.cos(half)
     if len(episode.lateral_joint_angle) == 0:
@@ -82,5 +71,29 @@ def _rotations(episode: Episode) -> dict[str, Array]:
     return {"x": y * sine, "y": y * cosine, "z": w * sine, "w": w * cosine}
 
 
-def _stamp(timestamp: Any, nanoseconds: int) -> None:
-    timestamp.seconds, timestamp.nanos = divmod(nanoseconds, 10**9)
+def transforms(link: float, parts: Sequence[str], values: Sequence[float], nanoseconds: int) -> Any:
+    """Return the `FrameTransforms` base -> vertebra_0 -> vertebra_1 ... at one sample, a link apart.
+
+    Args:
+        link: the length of a vertebra [m].
+        parts: names of those parts of the quaternions that are not zero.
+        values: these parts of each vertebra, all of the first part first.
+        nanoseconds: time of the sample.
+    """
+    stamp, vertebrae = _stamp(nanoseconds), len(values) // len(parts)
+    frames = [
+        FrameTransform(
+            timestamp=stamp,
+            parent_frame_id=f"vertebra_{index - 1}" if index else "base",
+            child_frame_id=f"vertebra_{index}",
+            translation=Vector3(x=link if index else 0.0),
+            rotation=Quaternion(**dict(zip(parts, values[index::vertebrae], strict=True))),
+        )
+        for index in range(vertebrae)
+    ]
+    return FrameTransforms(transforms=frames)
+
+
+def _stamp(nanoseconds: int) -> Any:
+    seconds, nanos = divmod(nanoseconds, SECOND)
+    return Timestamp(seconds=seconds, nanos=nanos)

@@ -1,23 +1,20 @@
 """Reading episodes from MCAP files; any damage to a file is one line that names the file and the fault."""
 
-import io
-import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-import zstandard
-from mcap.records import Attachment, Channel, Chunk, Footer, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.opcode import Opcode
 
 from twin.episode import Episode
-from twin.recording.messages import SCHEMAS, decode
-from twin.recording.writer import METADATA_RECORD
+from twin.recording.contents import TOPICS, Contents
+from twin.recording.records import MAGIC, Record, mcap_bytes, parse, record_at, summary_fault
 
-_MAGIC = b"\x89MCAP0\r\n"  # opens and closes every MCAP file
-_LARGEST_CHUNK = 2**28  # [bytes] uncompressed; writers use 1 to 4 MiB
-_FOOTER_CRC = 4  # [bytes] last field of the footer
+HINT = "; `endotwin export FILE --recover` saves what is whole"
+"""What is said after the fault of a file that is cut off or damaged."""
+
+_DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 def read_episode(path: str | Path) -> Episode:
@@ -34,28 +31,29 @@ def read_episode(path: str | Path) -> Episode:
         ValueError: it is not an MCAP file, is cut off or damaged, or holds no whole episode.
     """
     path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"no file {path}")
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder, not an MCAP file")
-    data = path.read_bytes()
-    if not data:
-        raise ValueError(f"{path} is cut off: it is empty")
-    if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
-        raise ValueError(f"{path} is not an MCAP file: it does not begin with the MCAP mark")
-    if len(data) < 2 * len(_MAGIC) or not data.endswith(_MAGIC):
-        raise ValueError(f"{path} is cut off: it does not end with the MCAP mark")
+    contents = _read(path, TOPICS)
+    try:
+        return whole_episode(contents)
+    except ValueError as error:
+        raise ValueError(f"{path} {error}") from error
 
-    # What can go wrong in bytes from anywhere is no closed list: mcap, zstandard and Protobuf have their own
-    # exceptions and let through those of struct, of codecs and of dictionaries.
+
+def read_metadata(path: str | Path) -> dict[str, Any]:
+    """Read the metadata of an episode, and vouch for its file by every CRC, length and count in it.
+
+    The messages are not decoded, which is what `read_episode` spends most of its time on.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is not an MCAP file, is cut off or damaged, or holds no metadata of an episode.
+    """
+    path = Path(path)
+    contents = _read(path, kept=())
     try:
-        records = list(_records(data))
+        contents.check_topics()
+        return contents.metadata()
     except Exception as error:
-        raise ValueError(f"{path} is damaged: {_one_line(error)}") from error
-    try:
-        return _episode(records)
-    except Exception as error:
-        raise ValueError(f"{path} holds no whole episode: {_one_line(error)}") from error
+        raise ValueError(f"{path} holds no whole episode: {one_line(error)}") from error
 
 
 def read_dataset(path: str | Path) -> list[Episode]:
@@ -65,105 +63,112 @@ def read_dataset(path: str | Path) -> list[Episode]:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.
         ValueError: a file is damaged (see `read_episode`).
     """
+    return [read_episode(file) for file in episode_files(path)]
+
+
+def episode_files(path: str | Path) -> list[Path]:
+    """Return the `*.mcap` of a folder in the order of their names, or the one file that a path names.
+
+    Raises:
+        FileNotFoundError: there is no `*.mcap` in the folder.
+    """
     path = Path(path)
     if not path.is_dir():
-        return [read_episode(path)]
+        return [path]
     files = sorted(path.glob("*.mcap"))
     if not files:
         raise FileNotFoundError(f"no *.mcap file in {path}")
-    return [read_episode(file) for file in files]
+    return files
 
 
-def _records(data: bytes) -> Iterator[Any]:
-    """Yield the records of a file with those inside chunks, all checked against the CRCs of the file."""
-    # From memory, a length that is too large reads what there is; from a file it would be allocated first.
-    # All records are read before any chunk is unpacked, as the CRC of the data section comes after them.
-    reader = StreamReader(io.BytesIO(data), emit_chunks=True, validate_crcs=True)
-    for record in list(reader.records):
-        if isinstance(record, Chunk):
-            _check_size(record)
-            yield from breakup_chunk(record, validate_crc=True)
-        else:
-            if isinstance(record, Footer):
-                _check_summary(record, data)
-            yield record
+def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
+    """Return what is in the bytes of a file, of which nothing may be missing or wrong.
 
+    Args:
+        data: a file that begins with the MCAP mark.
+        kept: topics whose messages are wanted.
 
-def _check_size(chunk: Chunk) -> None:
-    """Refuse a chunk that would unpack to more memory than any writer puts into one."""
-    if chunk.compression not in ("zstd", ""):
-        raise ValueError(f"a chunk is compressed by {chunk.compression!r}: only zstd is supported")
-    sizes = [chunk.uncompressed_size]
-    if chunk.compression == "zstd":
-        sizes.append(zstandard.frame_content_size(chunk.data))
-    if max(sizes) > _LARGEST_CHUNK:
-        raise ValueError(f"a chunk claims {max(sizes)} bytes, more than {_LARGEST_CHUNK}")
-
-
-def _check_summary(footer: Footer, data: bytes) -> None:
-    """Check the CRC from the start of the summary up to the CRC itself, which `StreamReader` does not."""
-    if footer.summary_start == 0 or footer.summary_crc == 0:
-        return
-    summary = data[footer.summary_start : -len(_MAGIC) - _FOOTER_CRC]
-    if zlib.crc32(summary) != footer.summary_crc:
-        raise ValueError("the CRC of the summary does not match")
-
-
-def _episode(records: list[Any]) -> Episode:
-    schemas: dict[int, Schema] = {}
-    topics: dict[int, str] = {}
-    times: dict[str, list[int]] = {}
-    payloads: dict[str, list[bytes]] = {}
-    metadata: dict[str, Any] | None = None
-    attachments: dict[str, bytes] = {}
-    for record in records:
-        if isinstance(record, Message):
-            if record.channel_id not in topics:
-                raise ValueError(f"a message is on channel {record.channel_id}, which is not described")
-            topic = topics[record.channel_id]
-            if topic in SCHEMAS:
-                times.setdefault(topic, []).append(record.log_time)
-                payloads.setdefault(topic, []).append(record.data)
-        elif isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            _check_schema(record, schemas)
-            topics[record.id] = record.topic
-        elif isinstance(record, Metadata) and record.name == METADATA_RECORD:
-            metadata = {name: _from_json(name, text) for name, text in record.metadata.items()}
-        elif isinstance(record, Attachment):
-            attachments[record.name] = record.data
-    if metadata is None:
-        raise ValueError(f"metadata record {METADATA_RECORD!r} is missing")
-    return Episode(**decode(times, payloads), metadata=metadata, attachments=attachments)
-
-
-def _check_schema(channel: Channel, schemas: dict[int, Schema]) -> None:
-    if channel.topic not in SCHEMAS:
-        return
-    wanted = SCHEMAS[channel.topic].DESCRIPTOR.full_name
-    found = schemas[channel.schema_id].name if channel.schema_id in schemas else "none"
-    if (channel.message_encoding, found) != ("protobuf", wanted):
-        raise ValueError(
-            f"topic {channel.topic} has {channel.message_encoding!r} messages of schema {found}: "
-            f"must be 'protobuf' of {wanted}"
-        )
-
-
-def _from_json(name: str, text: str) -> Any:
+    Raises:
+        ValueError: the file is cut off or damaged; the text goes on after the name of the file.
+    """
+    if len(data) < 2 * len(MAGIC) or not data.endswith(MAGIC):
+        raise ValueError("is cut off: it does not end with the MCAP mark")
+    contents = Contents(len(data), kept)
+    # What can go wrong in bytes from anywhere is no closed list: mcap, zstandard and Protobuf have their own
+    # exceptions and let through those of struct, of codecs and of dictionaries.
     try:
-        return json.loads(text, parse_constant=_refuse_constant)
-    except ValueError as error:
-        raise ValueError(f"metadata {name!r} is not JSON: {error}") from error
+        # No chunk is unpacked before the CRC of the data section is known to match, which comes last.
+        for record in list(_records(data)):
+            contents.add(data, record)
+            if record.opcode == Opcode.STATISTICS:
+                _check_counts(contents, parse(data, record))
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise ValueError(f"is damaged: {one_line(error)}") from error
+    return contents
 
 
-def _refuse_constant(constant: str) -> None:
-    raise ValueError(f"{constant} is not a number")
+def whole_episode(contents: Contents) -> Episode:
+    """Return the episode that the contents of a file make.
+
+    Raises:
+        ValueError: they make none; the text goes on after the name of the file.
+    """
+    try:
+        return contents.episode(contents.metadata())
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise ValueError(f"holds no whole episode: {one_line(error)}") from error
 
 
-def _one_line(error: Exception) -> str:
-    """What went wrong in one line, with the kind of error where its own text says too little."""
+def one_line(error: Exception) -> str:
+    """Return what went wrong in one line, with the kind of error where its own text says too little."""
     text = " ".join(str(error).split())
     if isinstance(error, ValueError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _read(path: Path, kept: Collection[str]) -> Contents:
+    data = mcap_bytes(path)
+    try:
+        return whole_contents(data, kept)
+    except ValueError as error:
+        raise ValueError(f"{path} {error}{HINT}") from error
+
+
+def _records(data: bytes) -> Iterator[Record]:
+    """Yield the records of a file up to its footer, checked against the CRCs of data section and summary."""
+    offset, end = len(MAGIC), len(data) - len(MAGIC)
+    data_ended = False
+    while offset < end:
+        record = record_at(data, offset, end)
+        if record.opcode == Opcode.DATA_END:
+            expected = parse(data, record).data_section_crc
+            if expected not in (0, zlib.crc32(memoryview(data)[:offset])):
+                raise ValueError("the CRC of the data section does not match")
+            data_ended = True
+        elif record.opcode in _DATA and data_ended:
+            raise ValueError(f"the record at byte {offset} comes after the end of the data section")
+        elif record.opcode == Opcode.FOOTER:
+            fault = summary_fault(data, record)
+            if fault is not None:
+                raise ValueError(fault)
+            if not data_ended:
+                raise ValueError("the data section has no end")
+            if record.end != end:
+                raise ValueError(f"{end - record.end} bytes come after the footer")
+            return
+        yield record
+        offset = record.end
+    raise ValueError("it has no footer")
+
+
+def _check_counts(contents: Contents, statistics: Any) -> None:
+    """Refuse a file from which whole records were taken away, or into which some were put."""
+    for kind, found in contents.counts.items():
+        claimed = getattr(statistics, f"{kind}_count")
+        if claimed != found:
+            raise ValueError(f"the summary counts {claimed} records of kind {kind}, the file has {found}")

@@ -1,21 +1,20 @@
-"""Writing an episode into one MCAP file, whose bytes depend on the episode alone.
+"""Writing an episode into one MCAP file, whose bytes depend on the episode alone."""
 
-The format is that of the MCAP specification (https://mcap.dev/spec): Protobuf messages in zstd chunks, with
-CRCs over the chunks, the whole data section and the summary.
-"""
-
+import itertools
 import json
+import operator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.writer import CompressionType, Writer
 
 from twin.episode import Episode
 from twin.recording.atomic import WholeFile
-from twin.recording.messages import encode
+from twin.recording.chunks import message_chunks, sample_chunks
+from twin.recording.container import Container
+from twin.recording.messages import LARGEST_TIME, SCHEMAS, to_nanoseconds
+from twin.recording.streams import streams_of
 
 METADATA_RECORD = "endotwin"
 """Name of the metadata record that holds `Episode.metadata`, each item as JSON."""
@@ -47,19 +46,18 @@ class EpisodeWriter:
         """
         self.path = Path(path)
         self._file = WholeFile(self.path)
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._others: list[tuple[int, str, bytes]] = []
+        self._descriptors: dict[str, Any] = {}
         self._complete = False
 
     def __enter__(self) -> "EpisodeWriter":
-        """Open the file under its temporary name, `.NAME.partial`.
+        """Open the file under its temporary name, `.NAME.XXXXXXXX.partial`.
 
         Raises:
             FileNotFoundError: the folder does not exist.
         """
-        self._mcap = Writer(self._file.__enter__(), compression=CompressionType.ZSTD, enable_data_crcs=True)
-        # The default names the version of the library: the same episode would differ between two machines.
-        self._mcap.start(library=METADATA_RECORD)
+        # Without a version of any library: the same episode would differ between two machines.
+        self._container = Container(self._file.__enter__(), library=METADATA_RECORD)
         return self
 
     def __exit__(
@@ -77,51 +75,75 @@ class EpisodeWriter:
             try:
                 if not self._complete:
                     raise ValueError(f"{self.path}: no whole episode was written")
-                self._mcap.finish()
+                self._write_others()
+                self._container.finish()
             except BaseException as failure:
                 self._file.__exit__(type(failure), failure, failure.__traceback__)
                 raise
         self._file.__exit__(kind, error, traceback)
 
     def write(self, episode: Episode) -> None:
-        """Add every message, the metadata and the attachments of an episode; one episode makes one file.
+        """Add the metadata, the attachments and every message of an episode; one episode makes one file.
+
+        What says where the messages come from and what they are stands in front of them: if the file is cut
+        later, that is still known.
 
         Raises:
-            ValueError: metadata is not JSON, times or shapes do not fit (see `messages.encode`), or the file
-                holds an episode already.
+            ValueError: metadata is not JSON, times or shapes do not fit (see `messages.to_nanoseconds` and
+                `streams.streams_of`), or the file holds an episode already.
         """
         if self._complete:
             raise ValueError(f"{self.path} already holds an episode: one file, one episode")
         metadata = {name: _to_json(name, episode.metadata[name]) for name in sorted(episode.metadata)}
-        for topic, time, message in encode(episode):
-            self.add_message(topic, message, time)
-        self._mcap.add_metadata(METADATA_RECORD, metadata)
+        nanoseconds = to_nanoseconds(episode.time)
+        streams = streams_of(episode, nanoseconds[0])
+        self._container.add_metadata(METADATA_RECORD, metadata)
         for name in sorted(episode.attachments):
             media_type = _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
-            self._mcap.add_attachment(0, 0, name, media_type, episode.attachments[name])
+            self._container.add_attachment(name, media_type, episode.attachments[name])
+        for stream in streams:
+            self._descriptors.setdefault(stream.topic, SCHEMAS[stream.topic].DESCRIPTOR)
+        channels = self._channels()
+        on = [channels[stream.topic] for stream in streams]
+        for content in sample_chunks(streams, on, np.array(nanoseconds)):
+            self._container.add_chunk(content)
         self._complete = True
 
     def add_message(self, topic: str, message: Any, time: int) -> None:
-        """Add one message, on a topic of an episode or on another (`/estimate/METHOD`, `/camera/...`).
+        """Add one message on a topic beside those of an episode: `/estimate/METHOD`, `/camera/...`.
+
+        Such messages may come in any order. They are kept in memory and written when the block ends, into
+        chunks of their own, in the order of time; their sequence numbers count those of a topic.
 
         Args:
             topic: where it goes; its schema is that of the first message on the topic.
             message: any Protobuf message.
             time: nanoseconds of simulation; both log time and publish time.
-        """
-        if topic not in self._channels:
-            self._channels[topic] = self._mcap.register_channel(topic, "protobuf", self._schema(message))
-        data = message.SerializeToString(deterministic=True)
-        self._mcap.add_message(self._channels[topic], time, data, time)
 
-    def _schema(self, message: Any) -> int:
-        name = message.DESCRIPTOR.full_name
-        if name not in self._schemas:
-            files = FileDescriptorSet()
-            _add_file(files, message.DESCRIPTOR.file, set())
-            data = files.SerializeToString(deterministic=True)
-            self._schemas[name] = self._mcap.register_schema(name, "protobuf", data)
-        return self._schemas[name]
+        Raises:
+            ValueError: the time is negative or beyond 292 years.
+        """
+        if not 0 <= time <= LARGEST_TIME:
+            raise ValueError(f"{topic}: time {time} ns: a log time is from 0 to {LARGEST_TIME} ns")
+        self._descriptors.setdefault(topic, message.DESCRIPTOR)
+        self._others.append((time, topic, message.SerializeToString(deterministic=True)))
+
+    def _channels(self) -> dict[str, int]:
+        """Describe every topic so far; by topic, the channel of its messages."""
+        return {
+            topic: self._container.add_channel(topic, descriptor)
+            for topic, descriptor in self._descriptors.items()
+        }
+
+    def _write_others(self) -> None:
+        channels = self._channels()
+        counts = {topic: itertools.count() for topic in channels}
+        messages = [
+            (channels[topic], next(counts[topic]), time, data)
+            for time, topic, data in sorted(self._others, key=operator.itemgetter(0))
+        ]
+        for content in message_chunks(messages):
+            self._container.add_chunk(content)
 
 
 def write_episode(path: str | Path, episode: Episode) -> Path:
@@ -137,16 +159,6 @@ def write_episode(path: str | Path, episode: Episode) -> Path:
     with EpisodeWriter(path) as writer:
         writer.write(episode)
     return writer.path
-
-
-def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:
-    """Add the descriptor of a .proto file after those it imports, so that a reader needs nothing else."""
-    if file.name in known:
-        return
-    known.add(file.name)
-    for dependency in file.dependencies:
-        _add_file(files, dependency, known)
-    file.CopyToProto(files.file.add())
 
 
 def _to_json(name: str, value: Any) -> str:

@@ -1,0 +1,206 @@
+"""What an episode holds, sample by sample, in the units of its file: names, units, meaning, statistics."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+
+Array = NDArray[np.float64]
+
+
+TOLERANCE = 1e-7
+"""Relative, of statistics: nine digits of them are written."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Feature:
+    """One quantity of an episode."""
+
+    name: str
+    topic: str
+    field: str
+    """Of the topic's message; `*` stands for each of the wires a, b (, c, d)."""
+    meaning: str
+    values: Callable[[Episode], Array]
+    """(N, ...) in the unit that the name ends in; empty where it was not recorded."""
+
+
+FEATURES = (
+    Feature("pull_mm", "/command", "pull_mm", "commanded pulling distance of wire a", lambda e: e.pull_mm),
+    Feature(
+        "lateral_pull_mm",
+        "/command",
+        "lateral_pull_mm",
+        "commanded pulling distance of wire c",
+        lambda e: e.lateral_pull * 1e3,
+    ),
+    Feature(
+        "measured_bend_deg",
+        "/measurement",
+        "bend_deg",
+        "bending angle as the sensor saw it",
+        lambda e: e.measured_bend_deg,
+    ),
+    Feature(
+        "tension_n",
+        "/tension",
+        "tension_*_n",
+        "tension of each wire at the pulley",
+        lambda e: e.tension if e.wire_tension.shape[2] else np.empty(0),
+    ),
+    Feature("bend_deg", "/truth", "bend_deg", "true bending angle of the tip", lambda e: e.bend_deg),
+    Feature(
+        "lateral_bend_deg",
+        "/truth",
+        "lateral_bend_deg",
+        "true bending angle sideways",
+        lambda e: np.degrees(e.lateral_bend),
+    ),
+    Feature(
+        "pulley_mm",
+        "/truth",
+        "pulley_mm",
+        "how far the pulley has really pulled",
+        lambda e: e.pulley * 1e3,
+    ),
+    Feature(
+        "sheath_bend_deg",
+        "/truth",
+        "sheath_bend_deg",
+        "angle that the sheath is bent by",
+        lambda e: np.degrees(e.sheath_bend),
+    ),
+    Feature(
+        "wire_tension_n",
+        "/truth",
+        "wire_tension_*_n",
+        "tension in each length of wire, pulley to tip",
+        lambda e: e.wire_tension,
+    ),
+    Feature(
+        "sheath_friction_n",
+        "/truth",
+        "sheath_friction_*_n",
+        "friction force at which each element of the sheath slides",
+        lambda e: e.sheath_friction,
+    ),
+    Feature(
+        "wire_slack_mm",
+        "/truth",
+        "wire_slack_*_mm",
+        "how much longer each length of wire is than its way",
+        lambda e: e.wire_slack * 1e3,
+    ),
+    Feature(
+        "joint_angle_rad",
+        "/joint_states",
+        "joints[].position",
+        "angle of each hinge, base to tip",
+        lambda e: e.joint_angle,
+    ),
+    Feature(
+        "lateral_joint_angle_rad",
+        "/joint_states",
+        "joints[].position",
+        "angle of each sideways hinge, base to tip",
+        lambda e: e.lateral_joint_angle,
+    ),
+)
+"""Every quantity that an episode can hold."""
+
+
+def recorded(episode: Episode) -> dict[str, Array]:
+    """Return the quantities that an episode holds, by the names of `FEATURES`."""
+    values = {feature.name: np.asarray(feature.values(episode)) for feature in FEATURES}
+    return {name: array for name, array in values.items() if array.size > 0}
+
+
+def describe_features(episode: Episode) -> dict[str, dict[str, Any]]:
+    """Return topic, field, shape of a sample and meaning of what an episode holds, by name."""
+    held = recorded(episode)
+    return {
+        feature.name: {
+            "topic": feature.topic,
+            "field": feature.field,
+            "shape": list(held[feature.name].shape[1:]),
+            "meaning": feature.meaning,
+        }
+        for feature in FEATURES
+        if feature.name in held
+    }
+
+
+def statistics(episode: Episode) -> dict[str, dict[str, float]]:
+    """Return count, least, largest, mean and standard deviation of each quantity, over all its numbers.
+
+    A measurement that is missing (NaN) is not counted; a quantity of which all are is left out. Nine digits
+    are kept: processors differ in how they round a sum. The order is that of the alphabet, as in the metadata
+    of a file.
+    """
+    told = {}
+    for name, array in sorted(recorded(episode).items()):
+        known = array[~np.isnan(array)]
+        if known.size == 0:
+            continue
+        told[name] = {
+            "count": int(known.size),
+            "max": _rounded(known.max()),
+            "mean": _rounded(known.mean()),
+            "min": _rounded(known.min()),
+            "std": _rounded(known.std()),
+        }
+    return told
+
+
+def wrong_statistics(episode: Episode, said: Any) -> list[str]:
+    """Return how the statistics of a record differ from what is said of it, one line each."""
+    found = statistics(episode)
+    if not isinstance(said, Mapping) or found.keys() != said.keys():
+        return ["statistics are of other quantities"]
+    wrong = []
+    for name, values in found.items():
+        scale = max(abs(values["min"]), abs(values["max"]))
+        for key, value in values.items():
+            told = said[name].get(key) if isinstance(said[name], Mapping) else None
+            close = isinstance(told, (int, float)) and abs(value - told) <= TOLERANCE * max(scale, abs(value))
+            if not close:
+                wrong.append(f"{key} of {name} is {value:g}, not {told}")
+    return wrong
+
+
+def combine(parts: Iterable[Mapping[str, Mapping[str, float]]]) -> dict[str, dict[str, float]]:
+    """Return the statistics of all records together, from those of each.
+
+    Means and variances are merged pairwise (Chan, Golub and LeVeque 1979), which loses little to rounding
+    where the mean is large beside the deviation; nine digits of the result are kept.
+    """
+    merged: dict[str, dict[str, float]] = {}
+    for part in parts:
+        for name, new in part.items():
+            if name not in merged:
+                merged[name] = dict(new)
+                continue
+            old = merged[name]
+            count = old["count"] + new["count"]
+            apart, share = new["mean"] - old["mean"], new["count"] / count
+            squares = old["count"] * old["std"] ** 2 + new["count"] * new["std"] ** 2
+            squares += apart**2 * old["count"] * share
+            merged[name] = {
+                "count": count,
+                "min": min(old["min"], new["min"]),
+                "max": max(old["max"], new["max"]),
+                "mean": old["mean"] + apart * share,
+                "std": float(np.sqrt(squares / count)),
+            }
+    return {
+        name: {key: _rounded(value) if key != "count" else int(value) for key, value in values.items()}
+        for name, values in merged.items()
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.9g}")

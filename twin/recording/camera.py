@@ -1,0 +1,20 @@
+"""Pictures of the endoscope among the messages of an episode."""
+
+from typing import Any
+
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+CAMERA_TOPIC = "/camera/image"
+"""Where the pictures go."""
+
+
+def picture_message(jpeg: bytes, nanoseconds: int) -> Any:
+    """Return a `CompressedImage` of one picture, in the frame `camera`.
+
+    Args:
+        jpeg: the picture, as a JPEG file.
+        nanoseconds: time of the picture.
+    """
+    message = CompressedImage(data=jpeg, format="jpeg", frame_id="camera")
+    message.timestamp.FromNanoseconds(nanoseconds)
+    return message

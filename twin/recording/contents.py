@@ -1,0 +1,210 @@
+"""What the records of a file add up to: messages by topic, metadata, attachments, and their episode."""
+
+import json
+import math
+import struct
+from collections.abc import Collection
+from typing import Any
+
+from mcap.opcode import Opcode
+
+from twin.episode import Episode
+from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
+from twin.recording.records import HEAD, Budget, Record, parse, unpack
+from twin.recording.writer import METADATA_RECORD
+
+PASSED_OVER = ("/scene", "/camera/")
+"""How topics begin that are pictures of an episode and not part of it."""
+
+TOPICS = frozenset(topic for topic in SCHEMAS if not topic.startswith(PASSED_OVER))
+"""Topics whose messages make an episode."""
+
+_MESSAGE = struct.Struct(HEAD.format + "HIQQ")  # followed by channel, sequence, log time and publish time
+_MESSAGE_FIELDS = _MESSAGE.size - HEAD.size  # [bytes]
+
+_SMALLEST_JOINT_LIMIT = 1_000_000
+_JOINT_TAGS = (b"\x12", b"\x92")  # one of them begins each joint of a JointStates: field 2, of known length
+
+Found = dict[str, tuple[list[int], list[bytes]]]
+
+
+class Contents:
+    """What has been read of a file so far; grows record by record."""
+
+    def __init__(self, file_size: int, kept: Collection[str] = TOPICS) -> None:
+        """Begin with nothing.
+
+        Args:
+            file_size: bytes of the file, which bound what it may unpack to.
+            kept: topics whose messages are kept; those of others are checked and counted.
+        """
+        self.times: dict[str, list[int]] = {}
+        self.payloads: dict[str, list[bytes]] = {}
+        self.items: dict[str, str] | None = None
+        self.attachments: dict[str, bytes] = {}
+        self.topics: dict[int, str] = {}
+        self.counts = {"message": 0, "chunk": 0, "attachment": 0, "metadata": 0}
+        self.file_size = file_size
+        self._channels: dict[int, tuple[str, str, int]] = {}
+        self._schemas: dict[int, str] = {}
+        self._kept = kept
+        self._budget = Budget(file_size)
+
+    def add(self, data: bytes, record: Record) -> Found:
+        """Take in one record of a file, with all that is inside a chunk; some kinds are passed over.
+
+        Returns:
+            Times and payloads of the messages by topic, which are part of the contents now.
+
+        Raises:
+            Exception: the record is damaged, in one of many ways; nothing of its messages was taken in.
+        """
+        if record.opcode == Opcode.CHUNK:
+            raw = unpack(parse(data, record), self._budget)
+            found = self._add_inner(raw, 0, len(raw))
+            self.counts["chunk"] += 1
+            return found
+        if record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            return self._add_inner(data, record.start, record.end)
+        if record.opcode == Opcode.METADATA:
+            metadata = parse(data, record)
+            if metadata.name == METADATA_RECORD:
+                self.items = metadata.metadata
+            self.counts["metadata"] += 1
+        elif record.opcode == Opcode.ATTACHMENT:
+            attachment = parse(data, record)
+            self.attachments[attachment.name] = attachment.data
+            self.counts["attachment"] += 1
+        return {}
+
+    def _add_inner(self, raw: bytes, offset: int, end: int) -> Found:
+        """Take in records of the kinds that may be inside a chunk; this loop is what reading costs most."""
+        found: Found = {}
+        places: dict[int, tuple[list[int], list[bytes]] | None] = {}
+        count, others, limit = 0, 0, self._budget.records
+        read_message, message_opcode = _MESSAGE.unpack_from, int(Opcode.MESSAGE)
+        head_size, fields_size, message_size = HEAD.size, _MESSAGE_FIELDS, _MESSAGE.size
+        while offset < end:
+            if end - offset >= message_size:
+                opcode, length, channel, _, time, _ = read_message(raw, offset)
+            elif end - offset >= head_size:
+                opcode, length = HEAD.unpack_from(raw, offset)
+            else:
+                raise ValueError("the last record of a chunk is cut off")
+            stop = offset + head_size + length
+            count += 1
+            if count > limit:
+                raise ValueError("its chunks hold more records than a file of this size may hold")
+            if stop > end:
+                raise ValueError(f"a record claims {length} bytes: {end - offset - head_size} are left")
+            if opcode == message_opcode:
+                if length < fields_size:
+                    raise ValueError(f"a message has {length} bytes: must have {fields_size} or more")
+                if channel not in places:
+                    places[channel] = self._place(channel, found)
+                place = places[channel]
+                if place is not None:
+                    place[0].append(time)
+                    place[1].append(raw[offset + message_size : stop])
+            else:
+                others += 1
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._describe(raw, Record(opcode, offset, offset + head_size, stop))
+            offset = stop
+        self.counts["message"] += count - others
+        self._budget.records -= count
+        for topic, (times, payloads) in found.items():
+            self.times.setdefault(topic, []).extend(times)
+            self.payloads.setdefault(topic, []).extend(payloads)
+        return found
+
+    def _place(self, channel: int, found: Found) -> tuple[list[int], list[bytes]] | None:
+        """Where the messages of a channel go; None if they are passed over."""
+        if channel not in self.topics:
+            raise ValueError(f"a message is on channel {channel}, which is not described")
+        topic = self.topics[channel]
+        return found.setdefault(topic, ([], [])) if topic in self._kept else None
+
+    def _describe(self, raw: bytes, record: Record) -> None:
+        """Take in a schema or a channel; writers repeat them, in the same words."""
+        fields = parse(raw, record)
+        if record.opcode == Opcode.SCHEMA:
+            if self._schemas.setdefault(fields.id, fields.name) != fields.name:
+                raise ValueError(f"schema {fields.id} is both {self._schemas[fields.id]} and {fields.name}")
+            return
+        channel = (fields.topic, fields.message_encoding, fields.schema_id)
+        if self._channels.setdefault(fields.id, channel) != channel:
+            raise ValueError(f"channel {fields.id} is described twice, differently")
+        self.topics[fields.id] = fields.topic
+
+    def metadata(self) -> dict[str, Any]:
+        """Return the metadata of the episode.
+
+        Raises:
+            ValueError: the file has none, or an item is not JSON.
+        """
+        if self.items is None:
+            raise ValueError(f"metadata record {METADATA_RECORD!r} is missing")
+        return {name: from_json(name, text) for name, text in self.items.items()}
+
+    def episode(self, metadata: dict[str, Any]) -> Episode:
+        """Return the episode that the messages make.
+
+        Raises:
+            ValueError: a topic is missing or of another schema, or messages or arrays do not fit together.
+            google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
+        """
+        self.check_topics()
+        self._check_joints()
+        arrays = decode(self.times, self.payloads)
+        return Episode(**arrays, metadata=metadata, attachments=self.attachments)
+
+    def check_topics(self) -> None:
+        """Check that the topics of an episode are described, and as what they are.
+
+        Raises:
+            ValueError: a topic is missing or of another schema.
+        """
+        for topic in REQUIRED_TOPICS:
+            if topic not in self.topics.values():
+                raise ValueError(f"topic {topic} is missing")
+        for topic, encoding, schema in self._channels.values():
+            if topic not in TOPICS:
+                continue
+            wanted, found = SCHEMAS[topic].DESCRIPTOR.full_name, self._schemas.get(schema, "none")
+            if (encoding, found) != ("protobuf", wanted):
+                raise ValueError(
+                    f"topic {topic} has {encoding!r} messages of schema {found}: "
+                    f"must be 'protobuf' of {wanted}"
+                )
+
+    def _check_joints(self) -> None:
+        """Bound the joints before they are decoded: an empty one of 2 bytes becomes an object of 100."""
+        joints = sum(
+            payload.count(tag) for payload in self.payloads.get("/joint_states", []) for tag in _JOINT_TAGS
+        )
+        if joints > max(_SMALLEST_JOINT_LIMIT, self.file_size):
+            raise ValueError("/joint_states has more joints than a file of this size may hold")
+
+
+def from_json(name: str, text: str) -> Any:
+    """Return an item of the metadata.
+
+    Raises:
+        ValueError: it is not JSON, or holds a number that is not finite.
+    """
+    try:
+        return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
+    except ValueError as error:
+        raise ValueError(f"metadata {name!r} is not JSON: {error}") from error
+
+
+def _refuse_constant(constant: str) -> None:
+    raise ValueError(f"{constant} is not a number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is beyond the largest number")
+    return value

@@ -1,0 +1,120 @@
+"""What a viewer draws: the parts of the endoscope, each fixed to a frame of `/tf`, which moves it.
+
+The shapes are those of the twin's own pictures (`twin/physics/model.py`), in the primitives of Foxglove's
+`SceneUpdate`, whose cylinders stand along z.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from twin.episode import WIRES, Episode
+from twin.recording.poses import link_length
+
+BASE = "base"
+"""Frame at the end of the sheath, where the bending section begins."""
+
+_SHEATH = _TIP = (0.15, 0.17, 0.21)
+_BACKBONE = (0.42, 0.45, 0.50)
+_VERTEBRA = (0.60, 0.63, 0.68)
+_LENS = (0.35, 0.62, 0.85)
+_LOOKS = {  # colour, and place across the section (y, z)
+    "a": ((0.83, 0.18, 0.13), (0, 1)),
+    "b": ((0.12, 0.38, 0.75), (0, -1)),
+    "c": ((0.16, 0.55, 0.28), (1, 0)),
+    "d": ((0.90, 0.58, 0.10), (-1, 0)),
+}
+
+# Of the distance of the wires from the axis.
+_SHEATH_RADIUS, _TIP_RADIUS, _VERTEBRA_RADIUS, _LENS_RADIUS, _BACKBONE_RADIUS = 1.35, 1.3, 1.05, 0.6, 0.45
+_WIRE_THICKNESS = 0.3
+# Of the length of a link.
+_VERTEBRA_BEGINS, _VERTEBRA_ENDS, _TIP_BEGINS = 0.2, 0.8, 0.7
+_SHEATH_SHOWN = 0.5  # of the length of the bending section: the whole sheath would be out of the picture
+_TAPER = 0.94  # of the far end of a vertebra: an edge that tells it from the next one
+
+
+def scene(episode: Episode, nanoseconds: int) -> SceneUpdate | None:
+    """Return one message that draws the endoscope from now on, in whatever pose `/tf` says.
+
+    Args:
+        episode: its metadata holds the preset: `section_length`, `vertebrae`, `wire_offset` and
+            `bending_planes`.
+        nanoseconds: time of the message.
+
+    Returns:
+        An entity for each frame, named as its frame; None without joints, or where the metadata does not
+        tell the geometry.
+
+    Raises:
+        ValueError: the metadata has another number of vertebrae than the joints.
+    """
+    preset = episode.metadata.get("preset")
+    if episode.joint_angle.shape[1] == 0 or not isinstance(preset, Mapping):
+        return None
+    link = link_length(episode)
+    if link is None or not {"wire_offset", "bending_planes"} <= set(preset):
+        return None
+    offset, wires = float(preset["wire_offset"]), WIRES[: 2 * preset["bending_planes"]]
+    message = SceneUpdate()
+    sheath = _entity(message, BASE, nanoseconds)
+    _cylinder(sheath, -_SHEATH_SHOWN * preset["section_length"], 0.0, _SHEATH_RADIUS * offset, _SHEATH)
+    for index in range(preset["vertebrae"]):
+        vertebra = _entity(message, f"vertebra_{index}", nanoseconds)
+        _draw_link(vertebra, link, offset, wires)
+    _draw_tip(vertebra, link, offset)
+    return message
+
+
+def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
+    """One link along x: a slender backbone, the vertebra that guides the wires, and their way past it."""
+    _cylinder(entity, 0.0, link, _BACKBONE_RADIUS * offset, _BACKBONE)
+    start, end = _VERTEBRA_BEGINS * link, _VERTEBRA_ENDS * link
+    _cylinder(entity, start, end, _VERTEBRA_RADIUS * offset, _VERTEBRA, taper=_TAPER)
+    for wire in wires:
+        colour, (y, z) = _LOOKS[wire]
+        line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=_WIRE_THICKNESS * offset)
+        line.pose.orientation.w = 1.0
+        for x in (0.0, link):
+            line.points.add(x=x, y=y * offset, z=z * offset)
+        _paint(line, colour)
+
+
+def _draw_tip(entity: Any, link: float, offset: float) -> None:
+    """The dark end of the last link, over the ends of the wires, and a lens whose centre is the tip."""
+    end = link + _WIRE_THICKNESS / 2 * offset
+    _cylinder(entity, _TIP_BEGINS * link, end, _TIP_RADIUS * offset, _TIP)
+    lens = entity.spheres.add()
+    lens.pose.position.x = link
+    lens.pose.orientation.w = 1.0
+    lens.size.x = lens.size.y = lens.size.z = 2 * _LENS_RADIUS * offset
+    _paint(lens, _LENS)
+
+
+def _entity(message: SceneUpdate, frame: str, nanoseconds: int) -> Any:
+    """Add what is drawn in a frame; it stays (a lifetime of zero) and goes where the frame goes."""
+    entity = message.entities.add(frame_id=frame, id=frame, frame_locked=True)
+    entity.timestamp.FromNanoseconds(nanoseconds)
+    entity.lifetime.SetInParent()
+    return entity
+
+
+def _cylinder(
+    entity: Any, start: float, end: float, radius: float, colour: tuple[float, ...], taper: float = 1.0
+) -> None:
+    """Add a cylinder along x from `start` to `end`, where its radius is `taper` times as large [m]."""
+    cylinder = entity.cylinders.add(bottom_scale=1.0, top_scale=taper)
+    cylinder.pose.position.x = (start + end) / 2
+    # From z to x: a quarter of a turn about y.
+    cylinder.pose.orientation.y = cylinder.pose.orientation.w = math.sqrt(0.5)
+    cylinder.size.x = cylinder.size.y = 2 * radius
+    cylinder.size.z = end - start
+    _paint(cylinder, colour)
+
+
+def _paint(shape: Any, colour: tuple[float, ...]) -> None:
+    shape.color.r, shape.color.g, shape.color.b = colour
+    shape.color.a = 1.0
