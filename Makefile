@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 OUT ?= out/demo
 BENCHMARK ?= out/benchmark.json
 
-.PHONY: install demo test lint types benchmark protobuf clean
+.PHONY: install demo test lint types benchmark endurance protobuf clean
 
 install: $(STAMP)
 
@@ -34,6 +34,9 @@ types: install
 
 benchmark: install
 	$(BIN)/endotwin benchmark --out $(BENCHMARK)
+
+endurance: install
+	$(BIN)/python -m pytest -n 0 -s tests/test_interrupted.py tests/test_mutations.py --kills 100 --mutations 10000
 
 protobuf: install
 	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording twin/recording/endotwin.proto

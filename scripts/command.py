@@ -7,12 +7,13 @@ import itertools
 import json
 import logging
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import tyro
 from tqdm import tqdm
@@ -53,14 +54,17 @@ def run_verb(
     if parsed is None:
         return MISTAKE
     try:
-        if getattr(parsed, "seed", 0) < 0:
-            raise ValueError(f"--seed {getattr(parsed, 'seed', 0)}: must not be negative")
+        seed = getattr(parsed, "seed", None)
+        if seed is not None and seed < 0:
+            raise ValueError(f"--seed {seed}: must not be negative")
         summary = verb(parsed)
     except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
+        Progress.close_all()  # the line about the mistake is the last
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
         return MISTAKE
-    except KeyboardInterrupt:
-        print(f"{name}: stopped", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        Progress.close_all()
+        print(f"{name}: stopped{stop}", file=sys.stderr)
         return 130
     if getattr(parsed, "json", False):
         print(json.dumps(summary.values))
@@ -71,6 +75,9 @@ def run_verb(
 
 def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] | None) -> Arguments | None:
     """Parse the command line; of a mistake, print what tyro says in its box as one line and return None."""
+    if "" in (sys.argv[1:] if argv is None else argv):
+        print(f"{name}: an argument is empty: is a variable not set?", file=sys.stderr)
+        return None
     printed = io.StringIO()
     try:
         with contextlib.redirect_stderr(printed):
@@ -80,6 +87,11 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
             raise
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     message = " ".join(itertools.takewhile(lambda line: not line.startswith("─"), inside))
+    wrong = re.search(
+        r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])", message
+    )
+    if wrong:
+        message = "{0} {2}: must be {1}".format(*wrong.groups())
     print(f"{name}: {message} (`{name} --help` lists the options)", file=sys.stderr)
     return None
 
@@ -116,6 +128,8 @@ def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
 class Progress:
     """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
 
+    _shown: ClassVar[list[tqdm]] = []
+
     def __init__(self, what: str, unit: str = ""):
         self.bar: tqdm | None = None
         self.what = what
@@ -127,11 +141,18 @@ class Progress:
             self.bar = tqdm(
                 total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True
             )
+            self._shown.append(self.bar)
         if note:
             self.bar.set_postfix_str(note, refresh=False)
         self.bar.update(done - self.bar.n)
         if done >= total:
             self.bar.close()
+
+    @classmethod
+    def close_all(cls) -> None:
+        """Leave every bar as it stands, each on a line of its own."""
+        while cls._shown:
+            cls._shown.pop().close()
 
 
 class TrainingProgress(Progress):

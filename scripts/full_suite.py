@@ -3,14 +3,12 @@
 Every stage keeps what it made beside the results; a run that was stopped goes on from there.
 """
 
-import contextlib
 import dataclasses
 import json
-import multiprocessing
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
+from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +19,16 @@ from rl.learned import LEARNED, learned_methods, train_learned
 from rl.training import claim_folder
 from scripts.command import Progress, Summary
 from scripts.records import evaluation_records, read_episodes, true_records, whole_pieces
+from scripts.workers import local_workers
 from twin import __version__
-from twin.dataset import Recipe, write_dataset
+from twin.dataset import write_dataset
 from twin.estimation.active_model import ActiveModel
 from twin.evaluation import SUITES, Protocol, evaluate, filtering
 from twin.evaluation_record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import Preset, load_preset
 from twin.randomization import Ranges, load_ranges
+from twin.recipe import Recipe
 from twin.recording.atomic import write_whole
 from twin.suite.fitting import (
     TUNED_WITH,
@@ -49,7 +49,7 @@ from twin.track import save_tracks
 
 Array = NDArray[np.float64]
 SAMPLE_TIMES = (0.1, 0.02)
-TRAINING_STROKE = (2e-3, 4e-3)  # the paper's [m]
+TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,7 +102,7 @@ def run_full_suite(suite: FullSuite) -> Summary:
     if suite.train:
         true_records([suite.train], max(suite.sample_times))
     _claim(suite, preset, ranges)
-    with _workers(suite.workers or os.cpu_count() or 1) as executor:
+    with local_workers(suite.workers or os.cpu_count() or 1) as executor:
         data = suite.data
         if not data:
             print("test records", file=sys.stderr)
@@ -142,18 +142,6 @@ def run_full_suite(suite: FullSuite) -> Summary:
     return _write(suite, rows, limits, sets, tracks[0], records)
 
 
-@contextlib.contextmanager
-def _workers(count: int) -> Iterator[Executor]:
-    """Processes whose waiting jobs are dropped as soon as one fails."""
-    executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"))
-    try:
-        yield executor
-    except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
-        raise
-    executor.shutdown()
-
-
 def _claim(suite: FullSuite, preset: Preset, ranges: Ranges) -> None:
     """Refuse a folder whose records, fits and networks were made from something else.
 
@@ -180,9 +168,11 @@ def _training_records(suite: FullSuite, preset: Preset, executor: Executor) -> P
     """Simulate five records on the paper's training stroke, one of each kind of signal."""
     folder = suite.folder / "train"
     if not (folder / "dataset.json").is_file():
-        recipe = Recipe(preset, TRAINING_STROKE, seconds=suite.seconds, seed=suite.seed)
+        recipe = Recipe(preset, (TRAINING_STROKE_MM,), seconds=suite.seconds, seeds=(suite.seed,))
         progress = Progress("training records", "ep")
-        write_dataset(recipe, len(recipe.signals), folder, executor, on_episode=progress)
+        write_dataset(
+            recipe, folder, executor, workers=suite.workers or os.cpu_count() or 1, on_progress=progress
+        )
     return folder
 
 

@@ -30,7 +30,7 @@ def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
     """
     episodes = [episode for path in paths for episode in read_dataset(path)]
     return [
-        episode.on_grid(sample_time) if _is_measured(episode) else episode.every(sample_time)
+        episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
         for episode in episodes
     ]
 
@@ -80,7 +80,7 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
 
 
 def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
-    seen = np.isfinite(episode.measured_bend) if _is_measured(episode) else np.ones(len(episode.time), bool)
+    seen = np.isfinite(episode.measured_bend) if episode.is_measured else np.ones(len(episode.time), bool)
     if seen.sum() < 2:
         raise ValueError(
             f"{_name(episode, number)}: the angle is known at {seen.sum()} samples, at least 2 are needed"
@@ -98,15 +98,11 @@ def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
     )
 
 
-def _is_measured(episode: Episode) -> bool:
-    return episode.metadata.get("source") == "measured"
-
-
 def _twin(episode: Episode) -> str:
     facts = episode.metadata
     if "twin" in facts:
         return str(facts["twin"])
-    if _is_measured(episode):
+    if episode.is_measured:
         return "measured"
     preset = facts.get("preset")
     return str(preset.get("name", "simulated") if isinstance(preset, Mapping) else preset or "simulated")

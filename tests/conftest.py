@@ -1,4 +1,6 @@
 import os
+import shutil
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thread each
 
@@ -6,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from hypothesis import settings
+from small_dataset import make
 
 from twin.hysteresis import ColemanHodgdon
 
@@ -31,3 +34,22 @@ def records(model):
         pull = 3 + np.sin(2 * np.pi * time / period)
         made.append((pull, model.response(pull, 60.0) + 2 * np.sin(2 * np.pi * time / 17)))
     return made
+
+
+@pytest.fixture(scope="session")
+def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small dataset with tables, which no test changes."""
+    folder = tmp_path_factory.mktemp("whole")
+    make(folder, csv=True)
+    return folder
+
+
+@pytest.fixture
+def dataset_copy(whole_dataset: Path, tmp_path: Path) -> Path:
+    """A copy of it, to be damaged or changed."""
+    return Path(shutil.copytree(whole_dataset, tmp_path / "data"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--kills", type=int, default=6, help="how often generation is killed")
+    parser.addoption("--mutations", type=int, default=300, help="how many damaged files are read")

@@ -166,3 +166,13 @@ def test_a_folder_without_a_run_is_one_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(FileNotFoundError, match="no folder"):
         write_report(tmp_path / "nowhere", tmp_path / "report.html")
+
+
+def test_recipe_of_a_dataset_is_shown_with_its_strokes(run, tmp_path):
+    facts = {
+        "recipe": {"strokes_mm": [[2.0, 4.0], [-1.0, 1.0]], "seeds": [17]},
+        "statistics": {"bend_deg": {}},
+    }
+    (run / "data" / "train" / "dataset.json").write_text(json.dumps(facts))
+    page = write_report(run, tmp_path / "report.html").read_text()
+    assert "[2, 4], [-1, 1]" in page

@@ -12,7 +12,7 @@ import pytest
 from twin.measured_dataset import write_measured
 from twin.measured_log import read_measured_log
 from twin.preset import load_preset
-from twin.recording import read_dataset
+from twin.recording import read_dataset, read_episode
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -165,7 +165,8 @@ def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path):
     header, *rows = (tmp_path / "out/episode_0000.csv").read_text().splitlines()
     assert header == "time_s,pull_mm,bend_deg,command_deg,tension_a_n,tension_b_n"
     assert len(rows) == 300
-    preset = json.loads((tmp_path / "out/dataset.json").read_text())["preset"]
+    assert json.loads((tmp_path / "out/dataset.json").read_text())["recipe"]["sheath_bends_deg"] == [[90, 90]]
+    preset = read_episode(tmp_path / "out/episode_0000.mcap").metadata["preset"]
     assert preset["sheath_bend"] == pytest.approx(1.5708, abs=1e-4)
 
 
@@ -280,14 +281,17 @@ def _mistakes(folder):
         ("report empty --out x.html", "empty holds no run"),
         ("generat --out x", "did you mean 'generate'?"),
         ("generate --episodes abc --out x", "invalid literal for int() with base 10: 'abc'"),
-        ("generate --stroke 2 --out x", "Expected 2 values"),
+        ("generate --stroke 2 --out x", "--stroke ['2']: must be FLOAT FLOAT"),
         ("generate --out x --bogus", "--bogus"),
         ("generate --preset ureteroscope", "--out"),
         ("generate --stroke 2 400 --out x", "pulled by at most 8.17 mm"),
-        ("generate --sample-time nan --out x", "sample time nan s"),
+        ("generate --sample-time nan --out x", "sample_time_s = nan: input should be a finite number"),
         ("generate --seed -1 --out x", "--seed -1"),
         ("generate --stroke -1 1 --episodes 2 --seconds 12 --seed 1 --out data/train", "of another recipe"),
-        ("generate --episodes 1 --seconds 12 --seed 1 --out data/train", "which is none of 1 episodes"),
+        (
+            "generate --episodes 1 --seconds 12 --seed 1 --out data/train",
+            "which is not among the one episode asked for",
+        ),
         ("identify data/train --population 0 --out x.json", "population 0"),
         ("identify data/train --sample-time inf --out x.json", "sample time inf s"),
         ("train data/train --model coleman_hodgdon.json --clip inf --out x", "clip = inf"),

@@ -1,232 +1,237 @@
-"""Making a dataset: episodes of one recipe, each a pure function of recipe and number, written as MCAP."""
+"""Making a dataset: the episodes of a recipe, spread over workers, and what vouches for them."""
 
 import dataclasses
-import hashlib
 import json
-from collections.abc import Callable
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import yaml
-from numpy.typing import NDArray
+from twin.dataset_card import write_card
+from twin.episode_file import Entry, Made, file_name, make_files
+from twin.features import combine, describe_features
+from twin.recipe import Recipe, to_yaml
+from twin.recipe_file import load_recipe
+from twin.recording import read_episode
+from twin.recording.atomic import claim, remove_partial_files, write_whole
+from twin.versions import VERSIONS
 
-from twin import __version__
-from twin.episode import Episode
-from twin.excitation import SIGNALS, command
-from twin.noise import draw_noise
-from twin.physics import check_sample_time, simulate
-from twin.preset import Preset, parameter_limits
-from twin.randomization import Ranges
-from twin.recording import write_csv, write_episode
-from twin.recording.atomic import write_whole
-from twin.sensor import measure
+AT_ONCE = 8
+"""Episodes that one worker simulates together: more are hardly faster, and late to be whole."""
+AT_ONCE_WITH_PICTURES = 2
+"""The same with a camera: pictures take longer than all else."""
+SAMPLES_AT_ONCE = 200_000
+"""Samples that one worker holds at a time: about 150 MB."""
 
-Array = NDArray[np.float64]
+COUNTS = ("episodes", "seeds")
+"""What of a recipe may grow while the episodes that are there stay the same."""
+
+OnProgress = Callable[[int, int], None]
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe:
-    """Everything that a dataset depends on."""
+class Written:
+    """What became of a dataset."""
 
-    preset: Preset
-    stroke: tuple[float, float]
-    """Lowest and highest pulling distance of wire a [m]."""
-    lateral_stroke: tuple[float, float] | None = None
-    """The same of wire c, for an endoscope with two bending planes; without it, wire c is not pulled."""
-    sheath_bend: tuple[float, float] | None = None
-    """Angle that the sheath is bent by at the start and at the end of each episode, changing evenly [rad]."""
-    ranges: Ranges | None = None
-    """Draw the parameters of each episode's endoscope from these ranges around the preset."""
-    seconds: float = 60.0
-    """Length of each episode."""
-    sample_time: float = 0.02
-    """Time between two samples [s]."""
-    signals: tuple[str, ...] = tuple(SIGNALS)
-    """Kinds of signal, taken in turn."""
-    sensor_variance_deg2: float = 0.1
-    """Variance of the Gaussian noise in `/measurement` [deg^2]."""
-    seed: int = 0
-    given_command: tuple[float, ...] | None = None
-    """A command to follow instead of a drawn one [m]."""
-
-    def check(self) -> None:
-        """Refuse, before any work, what would fail in every episode.
-
-        Raises:
-            ValueError: a signal, the stroke, the times, the noise or the seed cannot be.
-        """
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}: must not be negative")
-        rng = np.random.default_rng(0)
-        draw_noise("gaussian", self.sensor_variance_deg2, (1,), rng)
-        check_sample_time(self.preset, self.sample_time)
-        farthest = 2 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
-        for stroke in filter(None, (self.stroke, self.lateral_stroke)):
-            if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest:
-                low, high = _millimetres(stroke)
-                most = f"this endoscope is pulled by at most {farthest * 1e3:.3g} mm"
-                raise ValueError(f"stroke [{low:g}, {high:g}] mm: {most}")
-            if self.given_command is None or stroke is self.lateral_stroke:
-                for kind in self.signals:
-                    command(kind, stroke, self.seconds, self.sample_time, rng)
-        if self.lateral_stroke is not None and self.preset.bending_planes == 1:
-            raise ValueError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
-        low, high = parameter_limits("sheath_bend")
-        for bend in self.sheath_bend or ():
-            if not low <= bend <= high:
-                raise ValueError(
-                    f"bend of the sheath {np.degrees(bend):g} deg: must be from 0 to {np.degrees(high):g} deg"
-                )
-
-
-def make_episode(recipe: Recipe, number: int) -> Episode:
-    """Simulate one episode of a recipe.
-
-    Raises:
-        ValueError: the recipe asks for a signal that cannot be made.
-        FloatingPointError: the simulation diverged.
-    """
-    # The same stream for the same number, however many episodes and workers there are.
-    streams = np.random.SeedSequence([recipe.seed, number]).spawn(4)
-    signal_rng, sensor_rng, lateral_rng, preset_rng = map(np.random.default_rng, streams)
-    preset = recipe.preset if recipe.ranges is None else recipe.ranges.draw(recipe.preset, preset_rng)
-    kind = recipe.signals[number % len(recipe.signals)] if recipe.given_command is None else "given"
-    if recipe.given_command is not None:
-        pull = np.array(recipe.given_command)
-    else:
-        pull = command(kind, recipe.stroke, recipe.seconds, recipe.sample_time, signal_rng)
-    lateral_pull = None
-    if recipe.lateral_stroke is not None:
-        lateral_kind = recipe.signals[(number + 1) % len(recipe.signals)]
-        seconds = len(pull) * recipe.sample_time
-        lateral_pull = command(lateral_kind, recipe.lateral_stroke, seconds, recipe.sample_time, lateral_rng)
-    sheath_bend = None if recipe.sheath_bend is None else np.linspace(*recipe.sheath_bend, len(pull))
-    episode = simulate(preset, pull, recipe.sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
-    seen = measure(preset, episode.time, episode.bend, sensor_rng)
-    noise = draw_noise("gaussian", recipe.sensor_variance_deg2, pull.shape, sensor_rng)
-    origin = {
-        "seed": recipe.seed,
-        "episode": number,
-        "signal": kind,
-        "stroke_mm": _millimetres(recipe.stroke),
-    }
-    configuration = yaml.safe_dump(describe(recipe), sort_keys=False).encode()
-    return dataclasses.replace(
-        episode,
-        measured_bend=seen + np.radians(noise),
-        metadata=episode.metadata | origin,
-        attachments=episode.attachments | {"recipe.yaml": configuration},
-    )
+    contents: dict[str, Any]
+    """Of `dataset.json`."""
+    kept: int
+    """Episodes that were there already."""
+    damage: tuple[str, ...]
+    """What was wrong with each file that was made anew."""
 
 
 def write_dataset(
     recipe: Recipe,
-    episodes: int,
     folder: Path,
     executor: Executor,
     *,
+    workers: int = 1,
     csv: bool = False,
-    on_episode: Callable[[int, int], None] | None = None,
-) -> dict[str, Any]:
-    """Write episodes and, when all are whole, `dataset.json`.
+    on_progress: OnProgress | None = None,
+) -> Written:
+    """Write the episodes that are missing or damaged and, when all are whole, what describes them.
 
     Args:
         recipe: what to make.
-        episodes: how many.
-        folder: where; it is made if it does not exist.
+        folder: where; it is made if it does not exist. Workers must see it under the same path.
         executor: where the work is done; the bytes do not depend on it.
+        workers: how many tasks it runs at a time.
         csv: also write each episode as a table.
-        on_episode: told how many of how many are done.
+        on_progress: told how many of how many episodes are done.
 
     Returns:
-        The contents of `dataset.json`.
+        What became of it.
 
     Raises:
-        ValueError: there is nothing to write.
+        ValueError: the recipe cannot be made, or the folder holds something else or is being written into.
+        FloatingPointError: a simulation diverged.
+        OSError: the disk is full or fails. Whole episodes stay, and the same call goes on from them.
+        BrokenExecutor: a worker was killed; the same holds.
     """
-    if episodes < 1:
-        raise ValueError(f"episodes = {episodes}: must be at least 1")
+    recipe.check()
+    folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    _refuse_another_dataset(folder, recipe, episodes)
-    (folder / "dataset.json").unlink(missing_ok=True)  # it vouches for files that are about to change
-    futures = [executor.submit(_write, recipe, number, folder, csv) for number in range(episodes)]
-    if on_episode:
-        on_episode(0, episodes)
+    with claim(folder):
+        former = _former(folder)
+        known = {entry["name"]: entry for entry in former["files"]}
+        own_file = _refuse_another_dataset(folder, recipe, former)
+        try:
+            if not own_file:
+                write_whole(folder / "recipe.yaml", to_yaml(recipe))
+            made = _make(recipe, folder, executor, workers, known, csv, on_progress)
+            contents = _contents(recipe, folder, [one.entry for one in made])
+            write_card(folder, recipe, contents)
+            write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")
+        except (OSError, BrokenExecutor) as error:
+            raise _how_to_go_on(error, folder, recipe) from error
+        finally:
+            remove_partial_files(folder)  # of workers that were killed, now or in a former run
+    damage = tuple(one.damage for one in made if one.damage)
+    return Written(contents, sum(one.kept for one in made), damage)
+
+
+def _make(
+    recipe: Recipe,
+    folder: Path,
+    executor: Executor,
+    workers: int,
+    known: Mapping[str, Entry],
+    csv: bool,
+    on_progress: OnProgress | None,
+) -> list[Made]:
+    keys = recipe.keys
+    samples = max(round(recipe.seconds / recipe.sample_time_s), 1)
+    most = AT_ONCE if recipe.camera is None else AT_ONCE_WITH_PICTURES
+    size = max(min(most, -(-len(keys) // workers), SAMPLES_AT_ONCE // samples), 1)
+    batches = [keys[start : start + size] for start in range(0, len(keys), size)]
+    futures = {}
+    for batch in batches:
+        names = [file_name(recipe, key) for key in batch]
+        of_batch = {name: known[name] for name in names if name in known}
+        futures[executor.submit(make_files, recipe, batch, folder, of_batch, csv, VERSIONS)] = len(batch)
+    done = 0
+    if on_progress:
+        on_progress(done, len(keys))
     try:
-        for done, future in enumerate(as_completed(futures), start=1):
+        for future in as_completed(futures):
             future.result()
-            if on_episode:
-                on_episode(done, episodes)
-    except BaseException:
-        for future in futures:
-            future.cancel()
+            done += futures[future]
+            if on_progress:
+                on_progress(done, len(keys))
+    except BaseException as error:
+        running = [future for future in futures if not future.cancel()]
+        if isinstance(error, Exception):
+            wait(running)  # what they have begun they still make whole
         raise
-    contents = describe(recipe) | {"endotwin": __version__, "files": [future.result() for future in futures]}
-    write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")
+    return [one for future in futures for one in future.result()]
+
+
+def _contents(recipe: Recipe, folder: Path, entries: list[Entry]) -> dict[str, Any]:
+    """Return what `dataset.json` holds."""
+    return {
+        **VERSIONS,
+        "recipe": describe(recipe),
+        **totals(entries, recipe.sample_time_s),
+        "features": describe_features(read_episode(folder / entries[0]["name"])),
+        "statistics": combine(entry["statistics"] for entry in entries),
+        "files": entries,
+    }
+
+
+def totals(entries: list[Entry], sample_time_s: float) -> dict[str, Any]:
+    """Return how many episodes, seconds of record and bytes the files of a dataset are in all."""
+    return {
+        "episodes": len(entries),
+        "seconds": round(sum(entry["samples"] for entry in entries) * sample_time_s, 9),
+        "bytes": sum(entry["bytes"] for entry in entries),
+    }
+
+
+def describe(recipe: Recipe) -> dict[str, Any]:
+    """Return a recipe as `dataset.json` holds it: without the samples of a given command."""
+    described = recipe.to_dict()
+    if "given_pull_m" in described:
+        described["given_pull_m"] = f"{len(described['given_pull_m'])} samples: see recipe.yaml"
+    return described
+
+
+def read_contents(folder: Path) -> dict[str, Any]:
+    """Return what the `dataset.json` of a folder holds.
+
+    Raises:
+        FileNotFoundError: there is none: the dataset is not complete, or it is no dataset.
+        ValueError: it is damaged.
+    """
+    path = folder / "dataset.json"
+    if not folder.is_dir():
+        raise FileNotFoundError(f"no folder {folder}")
+    if not path.is_file():
+        raise FileNotFoundError(f"no {path}: the dataset is not complete; generate it again to go on")
+    try:
+        contents = json.loads(path.read_bytes())
+        if not all(Path(entry["name"]).name == entry["name"] for entry in contents["files"]):
+            raise ValueError("a file of another folder")
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is damaged: remove it, and generate the dataset again") from error
     return contents
 
 
-def _refuse_another_dataset(folder: Path, recipe: Recipe, episodes: int) -> None:
+def _former(folder: Path) -> dict[str, Any]:
+    """What a former run says of the folder; nothing if none came to its end."""
+    return read_contents(folder) if (folder / "dataset.json").is_file() else {"files": []}
+
+
+def _refuse_another_dataset(folder: Path, recipe: Recipe, former: Mapping[str, Any]) -> bool:
     """Neither overwrite the episodes of another recipe nor leave them among the new ones.
+
+    Returns:
+        Whether the folder's `recipe.yaml` was written by a user, and must stay as it is.
 
     Raises:
         ValueError: the folder holds such episodes.
     """
-    path = folder / "dataset.json"
+    path, other = folder / "recipe.yaml", "choose another --out or remove it"
+    ours = {file_name(recipe, key) for key in recipe.keys}
+    there = sorted(file.name for file in folder.glob("*.mcap"))
+    said, wanted, seeds = {}, {}, set()
+    own_file = False
     if path.is_file():
-        try:
-            held = json.loads(path.read_bytes())
-        except ValueError as error:
-            raise ValueError(f"{path} is damaged: remove it, or choose another --out") from error
-        wanted = describe(recipe)
-        if not isinstance(held, dict) or {name: held.get(name) for name in wanted} != wanted:
-            raise ValueError(f"{folder} holds a dataset of another recipe: choose another --out or remove it")
-    ours = {_file_name(number) for number in range(episodes)}
-    others = sorted(file.name for file in folder.glob("*.mcap") if file.name not in ours)
-    if others:
+        held = load_recipe(path)
+        own_file = path.read_text() != to_yaml(held)
+        if own_file and held != recipe:
+            raise ValueError(f"{path} is not what `generate` wrote, nor this recipe: choose another --out")
+        said, wanted, seeds = held.to_dict(), recipe.to_dict(), set(held.seeds)
+    elif "recipe" in former:
+        said, wanted = former["recipe"], describe(recipe)
+        seeds = set(said.get("seeds", ()))
+    elif former["files"] or ours & set(there):
+        raise ValueError(f"{folder} holds a dataset without a recipe.yaml: {other}")
+    different = [
+        name for name in {**wanted, **said} if name not in COUNTS and said.get(name) != wanted.get(name)
+    ]
+    if not seeds <= set(recipe.seeds):
+        different.append("seeds")
+    if different:
         raise ValueError(
-            f"{folder} holds {others[0]}, which is none of {episodes} episodes: choose another --out"
+            f"{folder} holds a dataset of another recipe (other {', '.join(different)}): {other}"
         )
+    for name, version in VERSIONS.items():
+        if former.get(name, version) != version:
+            raise ValueError(f"{folder} holds a dataset of {name} {former[name]}, here is {version}: {other}")
+    for name in there:
+        if name not in ours:
+            asked = "the one episode" if len(ours) == 1 else f"the {len(ours)} episodes"
+            raise ValueError(f"{folder} holds {name}, which is not among {asked} asked for: {other}")
+    return own_file
 
 
-def _file_name(number: int) -> str:
-    return f"episode_{number:04d}.mcap"
-
-
-def describe(recipe: Recipe) -> dict[str, Any]:
-    """Return the recipe as plain values, units in the names; a given command by its hash."""
-    given, lateral, bends = recipe.given_command, recipe.lateral_stroke, recipe.sheath_bend
-    return {
-        "preset": recipe.preset.to_dict(),
-        "stroke_mm": _millimetres(recipe.stroke),
-        "lateral_stroke_mm": None if lateral is None else _millimetres(lateral),
-        "sheath_bend_deg": None if bends is None else [round(float(np.degrees(bend)), 9) for bend in bends],
-        "ranges": None if recipe.ranges is None else recipe.ranges.to_dict(),
-        "seconds": recipe.seconds,
-        "sample_time_s": recipe.sample_time,
-        "signals": list(recipe.signals) if given is None else ["given"],
-        "command_sha256": None if given is None else hashlib.sha256(np.array(given).tobytes()).hexdigest(),
-        "sensor_variance_deg2": recipe.sensor_variance_deg2,
-        "seed": recipe.seed,
-    }
-
-
-def _millimetres(stroke: tuple[float, float]) -> list[float]:
-    return [round(end * 1e3, 9) for end in stroke]
-
-
-def _write(recipe: Recipe, number: int, folder: Path, csv: bool) -> dict[str, Any]:
-    """Make and write one episode; runs in a worker, which returns a description and no arrays."""
-    episode = make_episode(recipe, number)
-    path = write_episode(folder / _file_name(number), episode)
-    if csv:
-        write_csv(path.with_suffix(".csv"), episode)
-    return {
-        "name": path.name,
-        "signal": episode.metadata["signal"],
-        "samples": len(episode.time),
-        "bend_deg": [round(float(episode.bend_deg.min()), 3), round(float(episode.bend_deg.max()), 3)],
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-    }
+def _how_to_go_on(error: OSError | BrokenExecutor, folder: Path, recipe: Recipe) -> Exception:
+    """Say what is whole, and that the same command goes on."""
+    there = sum((folder / file_name(recipe, key)).is_file() for key in recipe.keys)
+    rest = f"{there} of {len(recipe.keys)} episodes are whole, the same command goes on from there"
+    if isinstance(error, BrokenExecutor):
+        return BrokenExecutor(f"a worker was killed, perhaps for want of memory: {rest}")
+    if error.errno is None:
+        return OSError(f"{error}: {rest}")
+    return OSError(error.errno, f"{error.strerror}: {rest}", error.filename or str(folder))

@@ -1,13 +1,13 @@
 """A folder of measured logs: one MCAP file each, beside a `dataset.json` that lists them."""
 
 import dataclasses
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
 from twin import __version__
 from twin.episode import Episode
+from twin.file_hash import sha256_of
 from twin.recording import write_episode
 from twin.recording.atomic import write_whole
 
@@ -51,7 +51,7 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
         "bend_deg": [round(float(episode.bend_deg.min()), 3), round(float(episode.bend_deg.max()), 3)],
         "csv": episode.metadata["file"],
         "csv_sha256": episode.metadata["file_sha256"],
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "sha256": sha256_of(path),
     }
     contents = {"source": "measured", "endotwin": __version__, "files": [files[key] for key in sorted(files)]}
     write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")

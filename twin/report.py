@@ -215,8 +215,8 @@ def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     """What was run, as (title, [(name, value)]), from every file of the run that says so."""
     sources: dict[str, tuple[str, Callable[[str], Any]]] = {
         "Run": ("demo.json", json.loads),
-        "Training records": ("data/train/dataset.json", json.loads),
-        "Test records": ("data/test/dataset.json", json.loads),
+        "Training records": ("data/train/dataset.json", _recipe),
+        "Test records": ("data/test/dataset.json", _recipe),
         "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", json.loads),
         "Evaluation protocol": ("results/evaluation.json", lambda text: json.loads(text)["protocol"]),
     }
@@ -232,6 +232,12 @@ def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     return facts
 
 
+def _recipe(text: str) -> Any:
+    """What a simulated dataset was made from; of a measured one, which files it has."""
+    contents = json.loads(text)
+    return contents.get("recipe", contents)
+
+
 def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     """Names and values of nested mappings; a list of mappings, such as that of the files, by its length."""
     entries = []
@@ -239,8 +245,11 @@ def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
         name = f"{prefix}{key}".replace("_", " ")
         if isinstance(value, dict):
             entries += _flat(value, f"{name}, ")
-        elif isinstance(value, list) and any(isinstance(item, (dict, list)) for item in value):
+        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
             entries.append((name, f"{len(value)}"))
+        elif isinstance(value, list) and value and all(isinstance(item, list) for item in value):
+            pairs = (", ".join(_text(part) for part in item) for item in value)
+            entries.append((name, ", ".join(f"[{pair}]" for pair in pairs)))
         elif isinstance(value, list):
             entries.append((name, ", ".join(_text(item) for item in value)))
         else:
