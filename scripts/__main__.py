@@ -9,6 +9,7 @@ from scripts.command import MODULES
 VERBS = {
     "generate": "simulate episodes of an endoscope into a folder of MCAP files",
     "import": "read a measured log, a CSV file, into an MCAP file of the same form",
+    "export": "write episodes anew: as a LeRobot dataset in Parquet, as CSV, as MCAP",
     "calibrate": "fit the physical parameters of a preset to logs",
     "identify": "fit a model of hysteresis to records",
     "train": "train a policy (RAM or direct RL) or the LSTM on records",

@@ -1,0 +1,315 @@
+"""The LeRobot dataset: read back by Arrow alone, and its statistics against NumPy over the whole data."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from recorded import make_episode
+
+from twin.episode import Episode
+from twin.export.even import frames_per_second, whole_pieces_in_time
+from twin.export.statistics import BINS, QUANTILES, Histogram, RunningStatistics, exact_statistics
+
+pq = pytest.importorskip("pyarrow.parquet")
+
+from twin.export.lerobot import write_lerobot  # noqa: E402
+
+PREFIXES = {"observation.state", "action", "truth"}
+ORDERS = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
+
+
+def make_full(samples: int, seed: int, **facts: object) -> Episode:
+    """Everything that can be recorded, in two planes, with a missing measurement."""
+    episode = make_episode(samples, seed=seed, planes=2, drive=True, start=0.5)
+    measured = episode.measured_bend.copy()
+    measured[1] = np.nan
+    slack = np.random.default_rng(seed).normal(size=episode.wire_tension.shape) * 1e-4
+    metadata = episode.metadata | facts
+    return dataclasses.replace(episode, measured_bend=measured, wire_slack=slack, metadata=metadata)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Episode]]:
+    folder = tmp_path_factory.mktemp("lerobot")
+    signals = ("sine", "triangle", "sine")
+    episodes = [make_full(30 + 10 * k, k, signal=signal) for k, signal in enumerate(signals)]
+    write_lerobot(folder, ((f"record_{k}", episode) for k, episode in enumerate(episodes)))
+    return folder, episodes
+
+
+def column(folder: Path, name: str) -> np.ndarray:
+    """(frames, numbers) of all data files, in order."""
+    files = sorted((folder / "data").glob("*/*.parquet"))
+    rows = [row for file in files for row in pq.read_table(file, columns=[name])[name].to_pylist()]
+    return np.array(rows).reshape(len(rows), -1)
+
+
+def info_of(folder: Path) -> dict:
+    return json.loads((folder / "meta" / "info.json").read_text())
+
+
+def rows_of(folder: Path) -> list[dict]:
+    files = sorted((folder / "meta" / "episodes").glob("*/*.parquet"))
+    return [row for file in files for row in pq.read_table(file).to_pylist()]
+
+
+def test_labels_are_the_doubles_of_the_episodes(dataset):
+    folder, episodes = dataset
+    for name, of in {
+        "truth.bend_deg": lambda e: np.degrees(e.bend),
+        "truth.lateral_bend_deg": lambda e: np.degrees(e.lateral_bend),
+        "truth.pulley_mm": lambda e: e.pulley * 1e3,
+        "truth.sheath_bend_deg": lambda e: np.degrees(e.sheath_bend),
+        "truth.wire_tension_n": lambda e: e.wire_tension,
+        "truth.wire_slack_mm": lambda e: e.wire_slack * 1e3,
+        "truth.sheath_friction_n": lambda e: e.sheath_friction,
+        "truth.joint_angle_rad": lambda e: e.joint_angle,
+        "truth.lateral_joint_angle_rad": lambda e: e.lateral_joint_angle,
+    }.items():
+        wanted = np.concatenate([of(episode).reshape(len(episode.time), -1) for episode in episodes])
+        np.testing.assert_array_equal(column(folder, name), wanted, strict=True)
+
+
+def test_what_a_robot_knows_and_does_is_rounded_to_float32_and_a_missing_angle_is_nan(dataset):
+    folder, episodes = dataset
+    seen = [np.column_stack([np.degrees(e.measured_bend), e.wire_tension[:, :, 0]]) for e in episodes]
+    told = [np.column_stack([e.pull, e.lateral_pull]) * 1e3 for e in episodes]
+    np.testing.assert_array_equal(column(folder, "observation.state"), np.concatenate(seen).astype("f4"))
+    np.testing.assert_array_equal(column(folder, "action"), np.concatenate(told).astype("f4"))
+    assert np.isnan(column(folder, "observation.state")[:, 0]).sum() == 3
+    assert pq.read_table(folder / "data")["observation.state"].null_count == 0
+    features = info_of(folder)["features"]
+    tensions = [f"tension_{wire}_n" for wire in "abcd"]
+    assert features["observation.state"]["names"] == ["measured_bend_deg", *tensions]
+    assert features["action"]["names"] == ["pull_mm", "lateral_pull_mm"]
+
+
+def test_info_agrees_with_the_schema_of_every_file(dataset):
+    folder, _ = dataset
+    info = info_of(folder)
+    schema = pq.read_schema(folder / "data" / "chunk-000" / "file-000.parquet")
+    assert schema.names == list(info["features"])
+    for name, feature in info["features"].items():
+        (width,), kind = feature["shape"], schema.field(name).type
+        if width > 1:
+            assert kind.list_size == width
+            kind = kind.value_type
+        assert np.dtype(kind.to_pandas_dtype()) == np.dtype(feature["dtype"])
+        assert feature["names"] is None if name in ORDERS else len(set(feature["names"])) == width
+    assert {name.split(".")[0] if "truth" in name else name for name in schema.names} == PREFIXES | ORDERS
+    assert info["codebase_version"] == "v3.0"
+    assert (info["fps"], info["total_episodes"], info["total_frames"]) == (50, 3, 120)
+    assert (info["total_tasks"], info["splits"], info["robot_type"]) == (2, {"train": "0:3"}, "Öse")
+    assert (folder / info["data_path"].format(chunk_index=0, file_index=0)).is_file()
+
+
+def test_numbers_of_frames_and_episodes_are_those_of_the_rows(dataset):
+    folder, episodes = dataset
+    lengths = [len(episode.time) for episode in episodes]
+    place = np.concatenate([np.arange(length) for length in lengths])
+    np.testing.assert_array_equal(column(folder, "frame_index")[:, 0], place)
+    np.testing.assert_array_equal(column(folder, "index")[:, 0], np.arange(120))
+    np.testing.assert_array_equal(column(folder, "episode_index")[:, 0], np.repeat([0, 1, 2], lengths))
+    np.testing.assert_array_equal(column(folder, "task_index")[:, 0], np.repeat([0, 1, 0], lengths))
+    np.testing.assert_array_equal(column(folder, "timestamp")[:, 0], (place / 50).astype("f4"))
+    rows = rows_of(folder)
+    assert [row["dataset_from_index"] for row in rows] == [0, 30, 70]
+    assert [row["dataset_to_index"] for row in rows] == [30, 70, 120]
+    assert [row["length"] for row in rows] == lengths
+    assert [row["source"] for row in rows] == ["record_0", "record_1", "record_2"]
+    assert [json.loads(row["metadata"]) for row in rows] == [episode.metadata for episode in episodes]
+    tasks = pq.read_table(folder / "meta" / "tasks.parquet").to_pylist()
+    assert [[tasks[k]["task"]] for k in (0, 1, 0)] == [row["tasks"] for row in rows]
+    assert [task["task_index"] for task in tasks] == [0, 1]
+    assert tasks[1]["task"] == "bend the Öse by a triangle command"
+
+
+def test_tasks_are_looked_up_by_their_words_as_pandas_does(dataset):
+    metadata = pq.read_schema(dataset[0] / "meta" / "tasks.parquet").metadata
+    pandas = json.loads(metadata[b"pandas"])
+    assert pandas["index_columns"] == ["task"]
+    assert [entry["field_name"] for entry in pandas["columns"]] == ["task", "task_index"]
+
+
+def numpy_statistics(values: np.ndarray) -> dict[str, np.ndarray]:
+    return {
+        "min": np.nanmin(values, axis=0),
+        "max": np.nanmax(values, axis=0),
+        "mean": np.nanmean(values, axis=0),
+        "std": np.nanstd(values, axis=0),
+        "count": np.array([(~np.isnan(values)).all(axis=1).sum()]),
+    }
+
+
+def test_statistics_are_those_of_numpy_over_the_dataset_and_over_each_episode(dataset):
+    folder, _ = dataset
+    stats = json.loads((folder / "meta" / "stats.json").read_text())
+    rows = rows_of(folder)
+    assert set(stats) == set(info_of(folder)["features"])
+    for name, told in stats.items():
+        values = column(folder, name).astype(float)
+        assert set(told) == {"min", "max", "mean", "std", "count", *QUANTILES}
+        for key, wanted in numpy_statistics(values).items():
+            np.testing.assert_allclose(told[key], wanted, rtol=1e-12, atol=1e-12, strict=True)
+        width_of_bin = 2 * np.ptp(values[~np.isnan(values).any(axis=1)], axis=0) / (BINS - 2) + 1e-12
+        for key, share in QUANTILES.items():
+            assert (np.abs(told[key] - np.nanquantile(values, share, axis=0)) <= width_of_bin).all()
+        for row in rows:
+            part = values[row["dataset_from_index"] : row["dataset_to_index"]]
+            wanted = numpy_statistics(part)
+            wanted |= {key: np.nanquantile(part, share, axis=0) for key, share in QUANTILES.items()}
+            for key in wanted:
+                np.testing.assert_allclose(
+                    row[f"stats/{name}/{key}"], wanted[key], rtol=1e-12, atol=1e-12, strict=True
+                )
+
+
+def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
+    episodes = [make_full(400, seed) for seed in range(6)]
+    write_lerobot(tmp_path, ((str(k), episode) for k, episode in enumerate(episodes)), file_megabytes=0.6)
+    rows, info = rows_of(tmp_path), info_of(tmp_path)
+    files = sorted((tmp_path / "data").glob("*/*.parquet"))
+    assert 2 <= len(files) < 6
+    assert all(file.stat().st_size < 0.6 * 2**20 for file in files)
+    for row in rows:
+        place = {key: row[f"data/{key}"] for key in ("chunk_index", "file_index")}
+        file = tmp_path / info["data_path"].format(**place)
+        assert file in files
+        inside = np.array(pq.read_table(file, columns=["index"])["index"])
+        wanted = np.arange(row["dataset_from_index"], row["dataset_to_index"])
+        assert np.isin(wanted, inside).all()
+    groups = [pq.ParquetFile(file).num_row_groups for file in files]
+    assert sum(groups) == 6
+    np.testing.assert_array_equal(column(tmp_path, "index")[:, 0], np.arange(2400))
+
+
+def test_a_chunk_holds_a_thousand_files(tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.export.parts.CHUNK_FILES", 2)
+    write_lerobot(tmp_path, ((str(seed), make_full(9, seed)) for seed in range(5)), file_megabytes=1e-9)
+    files = sorted(str(file.relative_to(tmp_path / "data")) for file in (tmp_path / "data").glob("*/*"))
+    assert files == [f"chunk-{k // 2:03d}/file-{k % 2:03d}.parquet" for k in range(5)]
+    places = [(row["data/chunk_index"], row["data/file_index"]) for row in rows_of(tmp_path)]
+    assert places == [divmod(k, 2) for k in range(5)]
+
+
+def test_many_episodes_are_described_each_where_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.export.lerobot._ROWS_AT_ONCE", 3)
+    write_lerobot(
+        tmp_path, ((str(seed), make_episode(5, seed=seed)) for seed in range(8)), file_megabytes=0.01
+    )
+    rows = rows_of(tmp_path)
+    assert [row["episode_index"] for row in rows] == list(range(8))
+    assert [row["meta/episodes/file_index"] for row in rows] == [0, 0, 0, 1, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("other", "fault"),
+    [
+        (
+            make_episode(drive=True),
+            "b has 1 columns of truth.pulley_mm, a has no truth.pulley_mm: export them apart",
+        ),
+        (
+            make_episode(elements=3),
+            "b has 8 columns of truth.wire_tension_n, a has 6 columns of truth.wire_tension_n",
+        ),
+        (
+            make_episode(elements=None),
+            "b has 1 columns of observation.state, a has 3 columns of observation.state",
+        ),
+        (make_episode(planes=2), "b has 5 columns of observation.state, a has 3 columns of"),
+        (
+            dataclasses.replace(make_episode(), time=np.arange(12) * 0.01),
+            "b has 100 samples per second, a has 50: give a sample time that suits both",
+        ),
+        (
+            dataclasses.replace(make_episode(), time=np.arange(12) * 0.03),
+            "b: its samples are 0.03 s apart: must be evenly apart, a whole number per second",
+        ),
+    ],
+)
+def test_episodes_that_differ_are_refused_by_name(tmp_path, other, fault):
+    with pytest.raises(ValueError, match=fault.replace(".", r"\.")):
+        write_lerobot(tmp_path, [("a", make_episode()), ("b", other)])
+
+
+def test_an_angle_that_nobody_has_measured_and_no_episode_are_refused(tmp_path):
+    blind = dataclasses.replace(make_episode(), measured_bend=np.full(12, np.nan))
+    with pytest.raises(ValueError, match="measured_bend_deg is missing at every sample of all episodes"):
+        write_lerobot(tmp_path / "a", [("a", blind)])
+    with pytest.raises(ValueError, match="there is no episode"):
+        write_lerobot(tmp_path / "b", [])
+
+
+def test_uneven_samples_are_no_frames_and_a_sample_time_is_named(tmp_path):
+    time = np.arange(12) * 0.02
+    assert frames_per_second(dataclasses.replace(make_episode(), time=time + 3)) == 50
+    time[5] += 0.003
+    with pytest.raises(ValueError, match=r"0\.017 s to 0\.023 s apart: .* such as 0\.02 s"):
+        frames_per_second(dataclasses.replace(make_episode(), time=time))
+    drifting = np.arange(12) * 0.02 * 1.002
+    with pytest.raises(ValueError, match="must be evenly apart, a whole number per second"):
+        frames_per_second(dataclasses.replace(make_episode(), time=drifting))
+
+
+def test_a_record_is_cut_where_samples_are_missing_and_nothing_is_made_up():
+    full = make_full(20, 0)
+    kept = np.r_[0:7, 9:10, 12:20]  # one alone in the middle
+    fields = [field.name for field in dataclasses.fields(full)][:-2]
+    cut = dataclasses.replace(full, **{field: getattr(full, field)[kept] for field in fields})
+    first, second = whole_pieces_in_time(cut)
+    np.testing.assert_array_equal(first.time, full.time[:7])
+    np.testing.assert_array_equal(second.time, full.time[12:])
+    np.testing.assert_array_equal(second.wire_slack, full.wire_slack[12:])
+    assert second.metadata == full.metadata
+    assert whole_pieces_in_time(full) == [full]
+    long_enough = whole_pieces_in_time(cut, 7 * 0.02)  # the first lasts 6 steps, the second 7
+    assert [piece.time[0] for piece in long_enough] == [full.time[12]]
+    assert len(long_enough[0].every(7 * 0.02).time) == 2
+
+
+numbers = st.floats(-1e6, 1e6, width=32) | st.sampled_from([0.0, 1.0, -1e-7, 1e-9, 3e8 + 0.25])
+records = st.lists(arrays(float, st.tuples(st.integers(1, 30), st.just(2)), elements=numbers), max_size=6)
+
+
+@given(records.filter(bool), st.randoms())
+@example([np.zeros((4, 2)), np.full((3, 2), 1e-6)], None)
+@example([np.full((2, 2), 1e9), np.full((2, 2), 1e9 + 1e-6)], None)
+def test_statistics_seen_in_parts_are_those_of_the_whole_in_any_order(parts, order):
+    if order is not None:
+        order.shuffle(parts)
+    running = RunningStatistics(2)
+    for part in parts:
+        running.add(part)
+    told, values = running.result(), np.concatenate(parts)
+    size = np.abs(values).max() + 1e-300
+    for key, wanted in exact_statistics(values).items():
+        of_a_bin = 2.1 * np.ptp(values) / (BINS - 2) if key in QUANTILES else 0
+        np.testing.assert_allclose(told[key], wanted, rtol=0, atol=of_a_bin + 1e-12 * size)
+
+
+def test_deviation_is_right_where_the_mean_is_large_beside_it():
+    values = 1e8 + np.random.default_rng(0).normal(size=(4000, 1))
+    running = RunningStatistics(1)
+    for part in np.split(values, 40):
+        running.add(part)
+    assert running.result()["std"][0] == pytest.approx(values.std(), rel=1e-9)
+
+
+def test_a_histogram_stays_small_and_finds_quantiles_that_numpy_finds():
+    rng = np.random.default_rng(1)
+    parts = [rng.normal(size=500) * 10.0**power for power in range(-6, 5)]
+    histogram = Histogram()
+    for part in parts:
+        histogram.add(part)
+    values = np.concatenate(parts)
+    shares = np.linspace(0, 1, 41)
+    error = np.abs(histogram.quantiles(shares.tolist()) - np.quantile(values, shares))
+    assert error.max() <= 2 * np.ptp(values) / (BINS - 2)
+    assert len(histogram._counts) <= BINS
+    assert histogram._counts.sum() == len(values)

@@ -1,0 +1,235 @@
+"""Writing episodes as a LeRobot dataset, format v3.0 (https://huggingface.co/docs/lerobot).
+
+```
+data/chunk-000/file-000.parquet           frames, one row group per episode (see `frames.frame_columns`)
+meta/info.json                            frames per second, names, types and shapes of the columns, totals
+meta/stats.json                           statistics of each column over the dataset (see `statistics`)
+meta/tasks.parquet                        tasks in words
+meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and its statistics
+```
+
+Two columns of the episodes are ours beside those of LeRobot: `source`, the name of the record, and
+`metadata`, its metadata as JSON. What is one number per frame is stored as such, as LeRobot does, not as a
+list of one.
+
+A measurement that is missing is NaN in `observation.state`, and not counted in the statistics. LeRobot's
+loader hands NaN on as it is; its normalisation keeps it, and so a loss that takes such a frame in is NaN:
+leave those frames out, or fill them. LeRobot's loader makes float32 of the float64 columns; pandas and Arrow
+do not.
+"""
+
+import io
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from twin.episode import Episode
+from twin.export.even import frames_per_second
+from twin.export.frames import Column, frame_columns
+from twin.export.parts import CHUNK_FILES, PartWriter
+from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
+from twin.recording.atomic import write_whole
+
+VERSION = "v3.0"
+FILE_MEGABYTES = 100
+"""Parquet files are about as large as this at most, LeRobot's own size [MiB]."""
+_ROWS_AT_ONCE = 100  # episodes whose description is held until it is written
+_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+
+
+def write_lerobot(
+    folder: Path, episodes: Iterable[tuple[str, Episode]], *, file_megabytes: float = FILE_MEGABYTES
+) -> dict[str, Any]:
+    """Write a dataset; one episode at a time is in memory.
+
+    Args:
+        folder: an empty folder; under an exception, what is in it is not complete.
+        episodes: a name and a record at even samples, each with the same columns and samples per second.
+        file_megabytes: where a Parquet file ends and the next one begins [MiB].
+
+    Returns:
+        The contents of `info.json`.
+
+    Raises:
+        ValueError: there is no episode, or one is not at even samples, or differs from the first one in
+            columns or samples per second, or a column is known nowhere.
+        OSError: the disk is full or fails.
+    """
+    limit = file_megabytes * 2**20
+    with PartWriter(folder / "data", limit) as data, PartWriter(folder / "meta" / "episodes", limit) as meta:
+        dataset = _Dataset(data, meta)
+        for name, episode in episodes:
+            dataset.add(name, episode)
+        dataset.flush()
+    info = dataset.info(file_megabytes)
+    write_whole(folder / "meta" / "info.json", _json(info))
+    write_whole(folder / "meta" / "stats.json", _json(dataset.statistics()))
+    write_whole(folder / "meta" / "tasks.parquet", _tasks(dataset.tasks))
+    return info
+
+
+class _Dataset:
+    """What is known of the episodes written so far."""
+
+    def __init__(self, data: PartWriter, meta: PartWriter) -> None:
+        self.tasks: dict[str, int] = {}
+        self._data, self._meta = data, meta
+        self._robots: set[str] = set()
+        self._features: dict[str, dict[str, Any]] = {}
+        self._running: dict[str, RunningStatistics] = {}
+        self._rows: list[dict[str, Any]] = []
+        self._first = ""
+        self._per_second = self._episodes = self._frames = 0
+
+    def add(self, name: str, episode: Episode) -> None:
+        try:
+            per_second = frames_per_second(episode)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+        robot, task = _robot_and_task(episode)
+        columns = frame_columns(
+            episode,
+            per_second=per_second,
+            episode_index=self._episodes,
+            first_index=self._frames,
+            task_index=self.tasks.setdefault(task, len(self.tasks)),
+        )
+        self._check(name, per_second, {key: column.feature for key, column in columns.items()})
+        self._robots.add(robot)
+        count = len(episode.time)
+        chunk, file = self._data.place(count)
+        self._data.write(pa.table({key: column.array for key, column in columns.items()}))
+        row = {
+            "episode_index": self._episodes,
+            "tasks": [task],
+            "length": count,
+            "data/chunk_index": chunk,
+            "data/file_index": file,
+            "dataset_from_index": self._frames,
+            "dataset_to_index": self._frames + count,
+            "source": name,
+            "metadata": json.dumps(episode.metadata, sort_keys=True, default=lambda value: value.tolist()),
+        }
+        self._rows.append(row | self._statistics_of(columns))
+        self._episodes += 1
+        self._frames += count
+        if len(self._rows) >= _ROWS_AT_ONCE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the descriptions of episodes that are still held."""
+        if not self._rows:
+            return
+        chunk, file = self._meta.place(len(self._rows))
+        place = {"meta/episodes/chunk_index": chunk, "meta/episodes/file_index": file}
+        self._meta.write(pa.Table.from_pylist([row | place for row in self._rows], schema=self._row_schema()))
+        self._rows = []
+
+    def info(self, file_megabytes: float) -> dict[str, Any]:
+        """Return the contents of `info.json`."""
+        if self._episodes == 0:
+            raise ValueError("there is no episode to write")
+        return {
+            "codebase_version": VERSION,
+            "robot_type": self._robots.pop() if len(self._robots) == 1 else "endoscope",
+            "total_episodes": self._episodes,
+            "total_frames": self._frames,
+            "total_tasks": len(self.tasks),
+            "chunks_size": CHUNK_FILES,
+            "data_files_size_in_mb": file_megabytes,
+            "video_files_size_in_mb": 200,
+            "fps": self._per_second,
+            "splits": {"train": f"0:{self._episodes}"},
+            "data_path": f"data/{_PATH}",
+            "video_path": None,
+            "features": self._features,
+        }
+
+    def statistics(self) -> dict[str, Mapping[str, list[float]]]:
+        """Return the contents of `stats.json`."""
+        told = {name: running.result() for name, running in self._running.items()}
+        for name, values in told.items():
+            if np.isnan(values["mean"]).any():
+                missing = int(np.isnan(values["mean"]).argmax())
+                raise ValueError(
+                    f"{self._features[name]['names'][missing]} is missing at every sample of all episodes"
+                )
+        return told
+
+    def _check(self, name: str, per_second: int, features: dict[str, dict[str, Any]]) -> None:
+        """Take the first episode as the measure of the others."""
+        if self._episodes == 0:
+            self._first, self._per_second, self._features = name, per_second, features
+            self._running = {key: RunningStatistics(feature["shape"][0]) for key, feature in features.items()}
+            return
+        if per_second != self._per_second:
+            raise ValueError(
+                f"{name} has {per_second} samples per second, {self._first} has {self._per_second}: "
+                "give a sample time that suits both, or export them apart"
+            )
+        for key in [*self._features, *features]:
+            first, this = (_width(of, key) for of in (self._features, features))
+            if this != first:
+                raise ValueError(f"{name} has {this}, {self._first} has {first}: export them apart")
+
+    def _statistics_of(self, columns: Mapping[str, Column]) -> dict[str, Any]:
+        told: dict[str, Any] = {}
+        for name, column in columns.items():
+            values = column.values.astype(np.float64)
+            self._running[name].add(values)
+            told |= {f"stats/{name}/{key}": numbers for key, numbers in exact_statistics(values).items()}
+        return told
+
+    def _row_schema(self) -> pa.Schema:
+        types = {
+            "episode_index": pa.int64(),
+            "tasks": pa.list_(pa.string()),
+            "length": pa.int64(),
+            "data/chunk_index": pa.int64(),
+            "data/file_index": pa.int64(),
+            "dataset_from_index": pa.int64(),
+            "dataset_to_index": pa.int64(),
+        }
+        for name in self._features:
+            for key in ("min", "max", "mean", "std", "count", *QUANTILES):
+                types[f"stats/{name}/{key}"] = pa.list_(pa.int64() if key == "count" else pa.float64())
+        types |= {"meta/episodes/chunk_index": pa.int64(), "meta/episodes/file_index": pa.int64()}
+        return pa.schema(types | {"source": pa.string(), "metadata": pa.string()})
+
+
+def _robot_and_task(episode: Episode) -> tuple[str, str]:
+    """Return what the robot is called, and what it does in words."""
+    facts = episode.metadata
+    preset = facts.get("preset")
+    robot = str(preset.get("name", "endoscope") if isinstance(preset, Mapping) else preset or "endoscope")
+    if facts.get("source") == "measured":
+        return robot, f"bend the {robot} as in the measured log"
+    signal = facts.get("signal")
+    return robot, f"bend the {robot} by a {signal} command" if signal else f"bend the {robot}"
+
+
+def _width(features: Mapping[str, dict[str, Any]], key: str) -> str:
+    width = features[key]["shape"][0] if key in features else 0
+    return f"{width} columns of {key}" if width else f"no {key}"
+
+
+def _tasks(tasks: Mapping[str, int]) -> bytes:
+    """Return the table of tasks; LeRobot looks them up in the index that pandas makes of the first column."""
+    table = pa.table({"task": list(tasks), "task_index": pa.array(list(tasks.values()), pa.int64())})
+    columns = [
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": stored, "metadata": None}
+        for name, kind, stored in (("task", "unicode", "object"), ("task_index", "int64", "int64"))
+    ]
+    pandas = {"index_columns": ["task"], "column_indexes": [], "columns": columns, "pandas_version": "2.0.0"}
+    file = io.BytesIO()
+    pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(pandas)}), file)
+    return file.getvalue()
+
+
+def _json(contents: Mapping[str, Any]) -> str:
+    return json.dumps(contents, indent=4, allow_nan=False) + "\n"
