@@ -1,4 +1,4 @@
-"""`endotwin benchmark`: measure physics, filters and identification at full size, and their speed."""
+"""`endotwin benchmark`: measure physics, datasets, filters and identification at full size."""
 
 import dataclasses
 import json
@@ -9,7 +9,7 @@ from pathlib import Path
 from tabulate import tabulate
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.benchmark import filters, identification, physics, scaling, speed
+from twin.benchmark import datasets, filters, identification, physics, scaling, speed
 from twin.benchmark.result import Result
 from twin.preset import Preset, load_preset
 from twin.randomization import Ranges, load_ranges
@@ -26,17 +26,18 @@ SHORT: dict[str, Callable[[Preset, float], Result]] = {
     "speed_one_core": speed.one_core,
     "speed_two_threads": speed.two_threads,
     "cost_of_vertebrae": speed.cost_of_vertebrae,
+    "logging": datasets.logging,
     "identification": identification.against_one_at_a_time,
     "identification_plain": identification.against_plain_numbers,
     "cost_of_seeds": scaling.cost_of_seeds,
     "cost_of_samples": scaling.cost_of_samples,
 }
-LONG = ("closed_cycles", "random_draws", "covariances")
+LONG = ("closed_cycles", "random_draws", "covariances", "dataset", "memory")
 
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark:
-    """Measure physics, filters and identification at full size, into a JSON file and a table beside it."""
+    """Measure physics, datasets, filters and identification at full size, into a JSON file and a table."""
 
     out: Path = Path("benchmark.json")
     """File to write; a table of the same name ends in .md."""
@@ -52,6 +53,10 @@ class Benchmark:
     """Endoscopes drawn from the randomisation ranges."""
     steps: int = 1_000_000
     """Samples over which the covariances of the Kalman filters are watched."""
+    episodes: int = 64
+    """Of 60 s, of the dataset that is made, weighed and read."""
+    many_episodes: int = 1000
+    """Of 10 s, while the memory is watched."""
     seed: int = 0
     """Not used: the random measurements are the same every time."""
     json: bool = False
@@ -64,8 +69,9 @@ def benchmark(args: Benchmark) -> Summary:
     for name in args.only:
         if name not in names:
             raise ValueError(f"unknown measurement {name!r}; valid: {', '.join(names)}")
-    if args.cycles < 1 or args.draws < 1 or args.steps < 1 or not args.amplitude > 0:
-        raise ValueError("--cycles, --draws, --steps and --amplitude must be positive")
+    counts = (args.cycles, args.draws, args.steps, args.episodes, args.many_episodes)
+    if min(counts) < 1 or not args.amplitude > 0:
+        raise ValueError("all counts and --amplitude must be positive")
     preset = load_preset(args.preset)
     ranges = load_ranges(args.preset) if "random_draws" in (args.only or names) else Ranges(())
     out = output_file(args.out, (".json",))
@@ -81,6 +87,10 @@ def benchmark(args: Benchmark) -> Summary:
             results[name] = physics.random_draws(preset, ranges, amplitude, args.draws, done)
         elif name == "covariances":
             results[name] = filters.covariances(args.steps, Progress(name, "filter"))
+        elif name == "dataset":
+            results |= datasets.dataset(preset, amplitude, args.episodes, Progress(name, "ep"))
+        elif name == "memory":
+            results[name] = datasets.memory(preset, amplitude, args.many_episodes)
         else:
             results[name] = SHORT[name](preset, amplitude)
     write_whole(

@@ -18,7 +18,7 @@ def one_core(preset: Preset, amplitude: float) -> Result:
     """Simulated seconds per second of one endoscope, and of a plain chain of hinges of the same nv."""
     command = sinusoid(amplitude, PERIOD, 2)
     degrees = Endoscope.from_preset(preset).model.ptr.nv
-    ours, theirs = _in_turn(
+    ours, theirs = in_turn(
         lambda: simulate(preset, command, SAMPLE_TIME),
         lambda: run_plain_chain(degrees, preset.time_step, 2 * PERIOD),
     )
@@ -38,7 +38,7 @@ def two_threads(preset: Preset, amplitude: float) -> Result:
     """Simulated seconds per second of a batch on two threads, against one."""
     count = 32
     commands = [sinusoid(amplitude, PERIOD, 2)] * count
-    two, one = _in_turn(
+    two, one = in_turn(
         lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=2),
         lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=1),
     )
@@ -58,7 +58,7 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     """Time for a simulated second with 64 vertebrae, against 8: it may be 8 times as long."""
     command = sinusoid(amplitude, 4.0, 1)
     few, many = (preset.replace(vertebrae=n) for n in (8, 64))
-    slow, fast = _in_turn(
+    slow, fast = in_turn(
         lambda: simulate(many, command, SAMPLE_TIME), lambda: simulate(few, command, SAMPLE_TIME)
     )
     return Result(
@@ -72,7 +72,7 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     )
 
 
-def _in_turn(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
+def in_turn(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
     """Median times of two jobs that take turns, so that a noisy machine disturbs both alike [s]."""
     times: tuple[list[float], list[float]] = ([], [])
     for repeat in range(REPEATS + 1):

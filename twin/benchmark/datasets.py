@@ -1,0 +1,139 @@
+"""Datasets: rate on one and two cores, cost of logging, memory, size of the files, time to read them."""
+
+import multiprocessing
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from twin.benchmark.result import Result
+from twin.benchmark.speed import in_turn
+from twin.dataset import AT_ONCE, write_dataset
+from twin.episode_file import make_files
+from twin.physics import simulate_batch
+from twin.preset import Preset
+from twin.recipe import Recipe
+from twin.recording import read_episode
+from twin.simulated_episode import make_episodes
+
+OnProgress = Callable[[int, int], None]
+
+
+def logging(preset: Preset, amplitude: float) -> Result:
+    """Time that a worker needs beside the simulation: sensor, statistics, file, hash; in % of simulating.
+
+    One batch of episodes of 60 s, simulated alone and made into files, in turn.
+    """
+    recipe = _recipe(preset, amplitude, AT_ONCE)
+    pulls = [episode.pull for episode in make_episodes(recipe, recipe.keys) if episode is not None]
+    with tempfile.TemporaryDirectory() as scratch:
+        numbers = iter(range(100))
+
+        def make() -> None:
+            folder = Path(scratch) / str(next(numbers))
+            folder.mkdir()
+            make_files(recipe, recipe.keys, folder, {}, False)
+
+        total, alone = in_turn(
+            make,
+            lambda: simulate_batch([preset] * len(pulls), pulls, recipe.sample_time_s, threads=1),
+        )
+    cost = 100 * (total / alone - 1)
+    return Result(
+        "cost of logging",
+        cost,
+        "% of the simulation",
+        "< 15 %",
+        cost < 15,
+        "the simulation alone [s per simulated minute]",
+        alone / len(pulls),
+    )
+
+
+def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProgress) -> dict[str, Result]:
+    """Make episodes of 60 s by two workers, then by one; weigh the files and read them.
+
+    Args:
+        preset: the endoscope.
+        amplitude: of the commands [m].
+        episodes: how many.
+        on_progress: told how many of how many episodes are made.
+
+    Returns:
+        Results by name.
+    """
+    recipe = _recipe(preset, amplitude, episodes)
+    with tempfile.TemporaryDirectory() as scratch:
+        rates = {}
+        for turn, workers in enumerate((2, 1)):
+            folder = Path(scratch) / str(workers)
+
+            def tell(done: int, total: int, turn: int = turn) -> None:
+                on_progress(turn * total + done, 2 * total)
+
+            before = time.perf_counter()
+            made = _write(recipe, folder, workers, tell)
+            rates[workers] = made / (time.perf_counter() - before)
+        paths = sorted(folder.glob("*.mcap"))
+        size = sum(path.stat().st_size for path in paths)
+        before = time.perf_counter()
+        read = sum(len(read_episode(path).time) * recipe.sample_time_s for path in paths)
+        reading = read / (time.perf_counter() - before)
+    return {
+        "dataset_two_cores": Result(
+            f"{episodes} episodes of 60 s by two workers, logging included",
+            rates[2],
+            "times real time",
+            ">= 1.7 times one worker",
+            rates[2] >= 1.7 * rates[1],
+            "one worker",
+            rates[1],
+        ),
+        "dataset_size": Result(
+            "size of the files", size / 1e6 / (read / 60), "MB per simulated minute", "", peer=None
+        ),
+        "dataset_reading": Result(
+            "reading the files into arrays", reading, "times real time", ">= 100", reading >= 100
+        ),
+    }
+
+
+def memory(preset: Preset, amplitude: float, episodes: int = 1000) -> Result:
+    """Peak memory of the parent and of a worker while they make many episodes of 10 s, against 10 of them."""
+    peaks = {}
+    fresh = multiprocessing.get_context("spawn")
+    for count in (10, episodes):
+        with ProcessPoolExecutor(1, fresh) as alone:
+            peaks[count] = alone.submit(_peak_memory, preset, amplitude, count).result()
+    return Result(
+        f"memory of making {episodes} episodes",
+        peaks[episodes],
+        "MB, parent and worker",
+        "< 1.1 times that of 10",
+        peaks[episodes] < 1.1 * peaks[10],
+        "10 episodes",
+        peaks[10],
+    )
+
+
+def _peak_memory(preset: Preset, amplitude: float, episodes: int) -> float:
+    """Peak resident memory of this process and the largest of its workers [MB]."""
+    recipe = _recipe(preset, amplitude, episodes, seconds=10.0)
+    with tempfile.TemporaryDirectory() as scratch:
+        _write(recipe, Path(scratch), 2, lambda done, total: None)
+    usages = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usages) / 1024  # Linux counts in KiB
+
+
+def _write(recipe: Recipe, folder: Path, workers: int, on_progress: OnProgress) -> float:
+    """Make a dataset by processes; returns the seconds of record."""
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+        written = write_dataset(recipe, folder, executor, workers=workers, on_progress=on_progress)
+    return float(written.contents["seconds"])
+
+
+def _recipe(preset: Preset, amplitude: float, episodes: int, seconds: float = 60.0) -> Recipe:
+    stroke = (-1e3 * amplitude, 1e3 * amplitude)
+    return Recipe(preset, (stroke,), seconds=seconds, episodes=episodes)
