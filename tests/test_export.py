@@ -1,67 +1,28 @@
-"""`endotwin export`: the command as a user types it, damaged files, and a folder that is whole or not."""
+"""`endotwin export`: what the files of each format say, and mistakes in one line."""
 
 import csv
 import dataclasses
 import importlib.util
 import json
-import os
-import resource
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
+from exporting import REPOSITORY, make_records, run
 from recorded import assert_equal, make_episode
 
-from scripts import export as verb
-from twin.export import WholeFolder
 from twin.measured_dataset import write_measured
 from twin.measured_log import read_measured_log
 from twin.recording import read_episode, write_episode
 
 pq = pytest.importorskip("pyarrow.parquet")
 
-REPOSITORY = Path(__file__).resolve().parent.parent
-
-
-def run(capsys: pytest.CaptureFixture, *words: object) -> tuple[int, str, str]:
-    """Exit code, stdout, and what stderr says beside the bar of progress."""
-    code = verb.main([str(word) for word in words])
-    printed = capsys.readouterr()
-    lines = [
-        line for line in printed.err.replace("\r", "\n").splitlines() if "ep/s]" not in line and line.strip()
-    ]
-    return code, printed.out, "\n".join(lines)
-
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    folder = tmp_path / "data"
-    folder.mkdir()
-    for k in range(3):
-        write_episode(folder / f"episode_{k:04}.mcap", make_episode(20 + k, seed=k, drive=True))
-    return folder
-
-
-@pytest.fixture
-def damaged(data: Path) -> Path:
-    """The same, and a file of which a chunk in the middle is lost, and one of which nothing is left."""
-    long = make_episode(6000, seed=9, drive=True)
-    path = write_episode(data / "long.mcap", long)
-    content = bytearray(path.read_bytes())
-    with path.open("rb") as file:
-        chunks = make_reader(file).get_summary().chunk_indexes
-    inside = chunks[len(chunks) // 2].chunk_start_offset + 1000
-    content[inside : inside + 64] = bytes(64)
-    path.write_bytes(content)
-    (data / "none.mcap").write_bytes(content[:100])
-    return data
-
-
-def hidden(folder: Path) -> list[str]:
-    return [path.name for path in folder.iterdir() if path.name.startswith(".")]
+    return make_records(tmp_path / "data")
 
 
 def test_summary_and_parquet_agree_with_the_records(data, tmp_path, capsys):
@@ -128,57 +89,6 @@ def test_files_of_one_name_are_told_apart_by_their_folders(data, tmp_path, capsy
     assert [row["source"] for row in rows] == names
 
 
-def test_a_damaged_file_is_refused_and_nothing_is_left_behind(damaged, tmp_path, capsys):
-    for form in ("parquet", "csv", "mcap"):
-        code, out, err = run(capsys, damaged, "--out", tmp_path / "le", "--format", form)
-        assert (code, out) == (2, "")
-        assert err.startswith(f"endotwin export: {damaged / 'long.mcap'} is damaged")
-        assert len(err.splitlines()) == 1
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]
-
-
-def test_what_is_whole_of_damaged_files_is_exported_without_making_anything_up(damaged, tmp_path, capsys):
-    code, out, err = run(capsys, damaged, "--out", tmp_path / "le", "--recover", "--json")
-    assert code == 0
-    summary = json.loads(out)
-    (recovered,) = summary["recovered"]
-    assert (recovered["file"], recovered["samples_expected"]) == (str(damaged / "long.mcap"), 6000)
-    assert 0 < recovered["samples"] < 6000
-    assert [Path(lost["file"]).name for lost in summary["lost"]] == ["none.mcap"]
-    first, second = err.splitlines()
-    assert first.startswith(f"endotwin export: {damaged / 'long.mcap'}: {recovered['samples']:,} of 6,000")
-    assert str(damaged / "none.mcap") in second
-    rows = pq.read_table(tmp_path / "le" / "meta" / "episodes").to_pylist()
-    assert [row["source"] for row in rows[3:]] == ["long_part_1", "long_part_2"]
-    # the labels of what is left are those of the undamaged record, and nothing lies between the pieces
-    full = make_episode(6000, seed=9, drive=True)
-    bend = pq.read_table(tmp_path / "le" / "data")["truth.bend_deg"].to_numpy()
-    first, second = rows[3], rows[4]
-    pieces = [bend[row["dataset_from_index"] : row["dataset_to_index"]] for row in (first, second)]
-    np.testing.assert_allclose(pieces[0], np.degrees(full.bend[: len(pieces[0])]), rtol=1e-12)
-    np.testing.assert_allclose(pieces[1], np.degrees(full.bend[-len(pieces[1]) :]), rtol=1e-12)
-    assert len(pieces[0]) + len(pieces[1]) == recovered["samples"]
-
-
-def test_the_summary_says_how_much_is_missing_in_all(damaged, tmp_path, capsys):
-    words = (damaged, "--out", tmp_path / "m", "--format", "mcap", "--recover")
-    code, out, _ = run(capsys, *words)
-    assert code == 0
-    kept = len(read_episode(tmp_path / "m" / "long.mcap").time)
-    share = 100 * (6000 - kept) / 6000
-    wanted = f"; damaged files: 1, {6000 - kept} of 6000 samples ({share:.1f} %) are missing"
-    assert out.endswith(f"{wanted}; files of which nothing is left: 1\n")
-    assert not (tmp_path / "m" / "none.mcap").exists()
-
-
-def test_only_files_of_which_nothing_is_left_are_refused(tmp_path, capsys):
-    (tmp_path / "none.mcap").write_bytes(b"\x89MCAP0\r\n")
-    code, _, err = run(capsys, tmp_path / "none.mcap", "--out", tmp_path / "le", "--recover")
-    assert code == 2
-    assert err.splitlines()[-1] == "endotwin export: nothing is left of any file"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["none.mcap"]
-
-
 def test_an_uneven_log_becomes_frames_on_a_grid_with_nan_where_nothing_was_measured(tmp_path, capsys):
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.uniform(0.015, 0.025, 400))
@@ -237,6 +147,13 @@ def test_mistakes_are_one_line_and_leave_nothing(data, tmp_path, capsys, monkeyp
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "empty"]
 
 
+def test_records_of_two_kinds_are_refused_by_name(data, tmp_path, capsys):
+    write_episode(data / "odd.mcap", dataclasses.replace(make_episode(), time=np.arange(12) * 0.01))
+    code, _, err = run(capsys, data, "--out", tmp_path / "le")
+    assert (code, err.count("\n")) == (2, 0)
+    assert err.startswith("endotwin export: odd has 100 samples per second, episode_0000 has 50")
+
+
 def test_without_pyarrow_one_line_tells_what_to_install_before_any_work(data, tmp_path, capsys, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyarrow" else find(name))
@@ -251,73 +168,3 @@ def test_without_pyarrow_one_line_tells_what_to_install_before_any_work(data, tm
     )
     done = subprocess.run([sys.executable, "-c", imported], cwd=REPOSITORY, capture_output=True, text=True)
     assert done.stdout == "[]\n"
-
-
-@pytest.mark.parametrize("form", ["parquet", "csv"])
-def test_a_disk_that_fills_up_leaves_nothing_and_one_line(tmp_path, form):
-    write_episode(tmp_path / "long.mcap", make_episode(3000, vertebrae=16, elements=10))
-
-    def little_room() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-
-    words = [sys.executable, "-m", "scripts", "export", "long.mcap", "--out", "le", "--format", form]
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        words, cwd=tmp_path, capture_output=True, text=True, env=environment, preexec_fn=little_room
-    )
-    assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == f"endotwin export: {tmp_path / 'le'}: File too large"
-    assert "Traceback" not in done.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["long.mcap"]
-
-
-def test_a_stopped_export_leaves_nothing(data, tmp_path, capsys, monkeypatch):
-    def stop(path: Path, episode: object, everything: bool) -> None:
-        Path(path).write_text("half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(verb, "write_csv", stop)
-    code, _, err = run(capsys, data, "--out", tmp_path / "le", "--format", "csv")
-    assert (code, err) == (130, "endotwin export: stopped")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]
-
-
-def test_a_folder_is_there_when_whole_and_what_a_killed_one_left_is_removed(tmp_path):
-    left = tmp_path / ".le.partial" / "data"
-    left.mkdir(parents=True)
-    (left / "half.parquet").write_text("half")
-    (tmp_path / "le").mkdir()  # an empty one may be there
-    with WholeFolder(tmp_path / "le") as folder:
-        assert list(folder.iterdir()) == []
-        (folder / "a").write_text("whole")
-        assert list((tmp_path / "le").iterdir()) == []
-        with pytest.raises(ValueError, match="another run is writing"), WholeFolder(tmp_path / "le"):
-            pass
-    assert [path.name for path in (tmp_path / "le").iterdir()] == ["a"]
-    assert hidden(tmp_path) == []
-
-
-def test_a_folder_that_another_made_meanwhile_is_not_overwritten(tmp_path):
-    whole = WholeFolder(tmp_path / "le")
-    (whole.__enter__() / "a").write_text("ours")
-    (tmp_path / "le").mkdir()
-    (tmp_path / "le" / "b").write_text("theirs")
-    with pytest.raises(OSError, match="not empty") as caught:
-        whole.__exit__(None, None, None)
-    assert caught.value.filename == str(tmp_path / "le")
-    assert [path.name for path in tmp_path.rglob("*")] == ["le", "b"]
-
-
-def test_recovering_whole_files_changes_nothing(data, tmp_path, capsys):
-    assert (
-        run(capsys, data, "--out", tmp_path / "a", "--format", "mcap", "--recover")[1].count("recovered") == 0
-    )
-    for path in data.iterdir():
-        assert (tmp_path / "a" / path.name).read_bytes() == path.read_bytes()
-
-
-def test_records_of_two_kinds_are_refused_by_name(data, tmp_path, capsys):
-    write_episode(data / "odd.mcap", dataclasses.replace(make_episode(), time=np.arange(12) * 0.01))
-    code, _, err = run(capsys, data, "--out", tmp_path / "le")
-    assert (code, err.count("\n")) == (2, 0)
-    assert err.startswith("endotwin export: odd has 100 samples per second, episode_0000 has 50")

@@ -6,14 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from exporting import make_full
 from recorded import make_episode
 
 from twin.episode import Episode
-from twin.export.even import frames_per_second, whole_pieces_in_time
-from twin.export.statistics import BINS, QUANTILES, Histogram, RunningStatistics, exact_statistics
+from twin.export.statistics import BINS, QUANTILES
 
 pq = pytest.importorskip("pyarrow.parquet")
 
@@ -21,16 +18,6 @@ from twin.export.lerobot import write_lerobot  # noqa: E402
 
 PREFIXES = {"observation.state", "action", "truth"}
 ORDERS = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
-
-
-def make_full(samples: int, seed: int, **facts: object) -> Episode:
-    """Everything that can be recorded, in two planes, with a missing measurement."""
-    episode = make_episode(samples, seed=seed, planes=2, drive=True, start=0.5)
-    measured = episode.measured_bend.copy()
-    measured[1] = np.nan
-    slack = np.random.default_rng(seed).normal(size=episode.wire_tension.shape) * 1e-4
-    metadata = episode.metadata | facts
-    return dataclasses.replace(episode, measured_bend=measured, wire_slack=slack, metadata=metadata)
 
 
 @pytest.fixture(scope="module")
@@ -244,72 +231,3 @@ def test_an_angle_that_nobody_has_measured_and_no_episode_are_refused(tmp_path):
         write_lerobot(tmp_path / "a", [("a", blind)])
     with pytest.raises(ValueError, match="there is no episode"):
         write_lerobot(tmp_path / "b", [])
-
-
-def test_uneven_samples_are_no_frames_and_a_sample_time_is_named(tmp_path):
-    time = np.arange(12) * 0.02
-    assert frames_per_second(dataclasses.replace(make_episode(), time=time + 3)) == 50
-    time[5] += 0.003
-    with pytest.raises(ValueError, match=r"0\.017 s to 0\.023 s apart: .* such as 0\.02 s"):
-        frames_per_second(dataclasses.replace(make_episode(), time=time))
-    drifting = np.arange(12) * 0.02 * 1.002
-    with pytest.raises(ValueError, match="must be evenly apart, a whole number per second"):
-        frames_per_second(dataclasses.replace(make_episode(), time=drifting))
-
-
-def test_a_record_is_cut_where_samples_are_missing_and_nothing_is_made_up():
-    full = make_full(20, 0)
-    kept = np.r_[0:7, 9:10, 12:20]  # one alone in the middle
-    fields = [field.name for field in dataclasses.fields(full)][:-2]
-    cut = dataclasses.replace(full, **{field: getattr(full, field)[kept] for field in fields})
-    first, second = whole_pieces_in_time(cut)
-    np.testing.assert_array_equal(first.time, full.time[:7])
-    np.testing.assert_array_equal(second.time, full.time[12:])
-    np.testing.assert_array_equal(second.wire_slack, full.wire_slack[12:])
-    assert second.metadata == full.metadata
-    assert whole_pieces_in_time(full) == [full]
-    long_enough = whole_pieces_in_time(cut, 7 * 0.02)  # the first lasts 6 steps, the second 7
-    assert [piece.time[0] for piece in long_enough] == [full.time[12]]
-    assert len(long_enough[0].every(7 * 0.02).time) == 2
-
-
-numbers = st.floats(-1e6, 1e6, width=32) | st.sampled_from([0.0, 1.0, -1e-7, 1e-9, 3e8 + 0.25])
-records = st.lists(arrays(float, st.tuples(st.integers(1, 30), st.just(2)), elements=numbers), max_size=6)
-
-
-@given(records.filter(bool), st.randoms())
-@example([np.zeros((4, 2)), np.full((3, 2), 1e-6)], None)
-@example([np.full((2, 2), 1e9), np.full((2, 2), 1e9 + 1e-6)], None)
-def test_statistics_seen_in_parts_are_those_of_the_whole_in_any_order(parts, order):
-    if order is not None:
-        order.shuffle(parts)
-    running = RunningStatistics(2)
-    for part in parts:
-        running.add(part)
-    told, values = running.result(), np.concatenate(parts)
-    size = np.abs(values).max() + 1e-300
-    for key, wanted in exact_statistics(values).items():
-        of_a_bin = 2.1 * np.ptp(values) / (BINS - 2) if key in QUANTILES else 0
-        np.testing.assert_allclose(told[key], wanted, rtol=0, atol=of_a_bin + 1e-12 * size)
-
-
-def test_deviation_is_right_where_the_mean_is_large_beside_it():
-    values = 1e8 + np.random.default_rng(0).normal(size=(4000, 1))
-    running = RunningStatistics(1)
-    for part in np.split(values, 40):
-        running.add(part)
-    assert running.result()["std"][0] == pytest.approx(values.std(), rel=1e-9)
-
-
-def test_a_histogram_stays_small_and_finds_quantiles_that_numpy_finds():
-    rng = np.random.default_rng(1)
-    parts = [rng.normal(size=500) * 10.0**power for power in range(-6, 5)]
-    histogram = Histogram()
-    for part in parts:
-        histogram.add(part)
-    values = np.concatenate(parts)
-    shares = np.linspace(0, 1, 41)
-    error = np.abs(histogram.quantiles(shares.tolist()) - np.quantile(values, shares))
-    assert error.max() <= 2 * np.ptp(values) / (BINS - 2)
-    assert len(histogram._counts) <= BINS
-    assert histogram._counts.sum() == len(values)

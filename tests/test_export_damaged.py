@@ -1,0 +1,93 @@
+"""Exporting damaged files: refused, or what is whole of them is taken and the rest is told."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exporting import make_records, run
+from mcap.reader import make_reader
+from recorded import make_episode
+
+from twin.recording import read_episode, write_episode
+
+pq = pytest.importorskip("pyarrow.parquet")
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return make_records(tmp_path / "data")
+
+
+@pytest.fixture
+def damaged(data: Path) -> Path:
+    """The same, and a file of which a chunk in the middle is lost, and one of which nothing is left."""
+    long = make_episode(6000, seed=9, drive=True)
+    path = write_episode(data / "long.mcap", long)
+    content = bytearray(path.read_bytes())
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    inside = chunks[len(chunks) // 2].chunk_start_offset + 1000
+    content[inside : inside + 64] = bytes(64)
+    path.write_bytes(content)
+    (data / "none.mcap").write_bytes(content[:100])
+    return data
+
+
+def test_a_damaged_file_is_refused_and_nothing_is_left_behind(damaged, tmp_path, capsys):
+    for form in ("parquet", "csv", "mcap"):
+        code, out, err = run(capsys, damaged, "--out", tmp_path / "le", "--format", form)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"endotwin export: {damaged / 'long.mcap'} is damaged")
+        assert len(err.splitlines()) == 1
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]
+
+
+def test_what_is_whole_of_damaged_files_is_exported_without_making_anything_up(damaged, tmp_path, capsys):
+    code, out, err = run(capsys, damaged, "--out", tmp_path / "le", "--recover", "--json")
+    assert code == 0
+    summary = json.loads(out)
+    (recovered,) = summary["recovered"]
+    assert (recovered["file"], recovered["samples_expected"]) == (str(damaged / "long.mcap"), 6000)
+    assert 0 < recovered["samples"] < 6000
+    assert [Path(lost["file"]).name for lost in summary["lost"]] == ["none.mcap"]
+    first, second = err.splitlines()
+    assert first.startswith(f"endotwin export: {damaged / 'long.mcap'}: {recovered['samples']:,} of 6,000")
+    assert str(damaged / "none.mcap") in second
+    rows = pq.read_table(tmp_path / "le" / "meta" / "episodes").to_pylist()
+    assert [row["source"] for row in rows[3:]] == ["long_part_1", "long_part_2"]
+    # the labels of what is left are those of the undamaged record, and nothing lies between the pieces
+    full = make_episode(6000, seed=9, drive=True)
+    bend = pq.read_table(tmp_path / "le" / "data")["truth.bend_deg"].to_numpy()
+    first, second = rows[3], rows[4]
+    pieces = [bend[row["dataset_from_index"] : row["dataset_to_index"]] for row in (first, second)]
+    np.testing.assert_allclose(pieces[0], np.degrees(full.bend[: len(pieces[0])]), rtol=1e-12)
+    np.testing.assert_allclose(pieces[1], np.degrees(full.bend[-len(pieces[1]) :]), rtol=1e-12)
+    assert len(pieces[0]) + len(pieces[1]) == recovered["samples"]
+
+
+def test_the_summary_says_how_much_is_missing_in_all(damaged, tmp_path, capsys):
+    words = (damaged, "--out", tmp_path / "m", "--format", "mcap", "--recover")
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    kept = len(read_episode(tmp_path / "m" / "long.mcap").time)
+    share = 100 * (6000 - kept) / 6000
+    wanted = f"; damaged files: 1, {6000 - kept} of 6000 samples ({share:.1f} %) are missing"
+    assert out.endswith(f"{wanted}; files of which nothing is left: 1\n")
+    assert not (tmp_path / "m" / "none.mcap").exists()
+
+
+def test_only_files_of_which_nothing_is_left_are_refused(tmp_path, capsys):
+    (tmp_path / "none.mcap").write_bytes(b"\x89MCAP0\r\n")
+    code, _, err = run(capsys, tmp_path / "none.mcap", "--out", tmp_path / "le", "--recover")
+    assert code == 2
+    assert err.splitlines()[-1] == "endotwin export: nothing is left of any file"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["none.mcap"]
+
+
+def test_recovering_whole_files_changes_nothing(data, tmp_path, capsys):
+    assert (
+        run(capsys, data, "--out", tmp_path / "a", "--format", "mcap", "--recover")[1].count("recovered") == 0
+    )
+    for path in data.iterdir():
+        assert (tmp_path / "a" / path.name).read_bytes() == path.read_bytes()
