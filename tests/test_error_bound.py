@@ -1,0 +1,76 @@
+"""Bounds of the error of a model: recovered from records that exhaust them, and none smaller holds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from bounded_system import COLEMAN_HODGDON, MODELS, T, pulls, simulate
+
+from twin.estimation.error_bound import ErrorBound, bound_model_error
+
+
+def training_records(bound: ErrorBound, style: str = "even"):
+    rng = np.random.default_rng(6)
+    pull = pulls(rng, 5, 400)
+    pull[:, 1] = pull[:, 0]  # a record may begin at rest
+    return list(zip(pull, simulate(COLEMAN_HODGDON, bound, pull, rng, style)[0], strict=True))
+
+
+@pytest.mark.parametrize("bound", [ErrorBound(8.0, 0.05), ErrorBound(0.0, 0.3), ErrorBound(4.0, 0.0)])
+def test_bounds_are_recovered_from_records_that_exhaust_them(bound):
+    found = bound_model_error(COLEMAN_HODGDON, training_records(bound, "ends"), T, factor=1.0)
+    assert found.slope_deg_per_mm == pytest.approx(bound.slope_deg_per_mm, rel=1e-6, abs=1e-6)
+    assert found.floor_deg == pytest.approx(bound.floor_deg, rel=1e-6, abs=1e-6)
+    assert (found.error_deg_per_s, found.increment_deg_per_s) == (0.0, 0.0)
+
+
+def test_bounds_hold_on_their_records_and_no_smaller_mean_does():
+    records = training_records(ErrorBound(8.0, 0.05))
+    found = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
+    move = np.concatenate([np.abs(np.diff(pull)) for pull, _ in records])
+    error = np.concatenate(
+        [
+            np.abs(bend[1:] - COLEMAN_HODGDON.step(bend[:-1], np.empty((0, 1)), pull[1:], pull[:-1])[0])
+            for pull, bend in records
+        ]
+    )
+    assert (error <= found.slope_deg_per_mm * move + found.floor_deg).all()
+    mean = found.slope_deg_per_mm * move.mean() + found.floor_deg
+    for slope in np.linspace(0, 20, 400):
+        floor = max((error - slope * move).max(), 0)
+        assert slope * move.mean() + floor >= mean - 1e-9
+
+
+def test_a_slow_error_of_the_model_is_told_from_the_rest():
+    """With f allowed to change, what is left to bound is small; without it, all of f is left."""
+    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))
+    without = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
+    with_f = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
+    assert with_f.slope_deg_per_mm * 0.05 + with_f.floor_deg < 1.0 * 0.05 + 0.02 + 1e-3
+    assert without.floor_deg + without.slope_deg_per_mm * 0.05 > 0.2
+    assert 2.0 < with_f.error_deg_per_s < 7.0
+    assert with_f.increment_deg_per_s == 0.1
+
+
+def test_factor_scales_all_bounds():
+    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))[:2]
+    once = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
+    twice = bound_model_error(COLEMAN_HODGDON, records, T, increment_deg_per_s=0.1)
+    np.testing.assert_allclose(dataclasses.astuple(twice), 2 * np.array(dataclasses.astuple(once)))
+
+
+def test_memory_of_the_model_is_carried_along_the_records():
+    model = MODELS[2]
+    pull = pulls(np.random.default_rng(7), 2)
+    records = [(row, model.response(row, 20.0)) for row in pull]
+    found = bound_model_error(model, records, T)
+    assert found.floor_deg + found.slope_deg_per_mm < 1e-9
+
+
+def test_wrong_bounds_are_refused():
+    with pytest.raises(ValueError, match="none negative"):
+        ErrorBound(-1.0, 0.1)
+    with pytest.raises(ValueError, match=r"factor 0\.5"):
+        bound_model_error(COLEMAN_HODGDON, training_records(ErrorBound(1.0, 0.1)), T, factor=0.5)
+    with pytest.raises(ValueError, match="two samples"):
+        bound_model_error(COLEMAN_HODGDON, [(np.ones(1), np.ones(1))], T)
