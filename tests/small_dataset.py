@@ -25,7 +25,11 @@ SMALL = Preset(
     time_step=2.5e-3,
     control_period=1e-2,
 )
+TWO_PLANES = SMALL.replace(bending_planes=2)
 RECIPE = Recipe(SMALL, ((-1.0, 1.0),), seconds=1.0, episodes=3, seeds=(11,))
+NAMES = [f"episode_000{number}.mcap" for number in range(3)]
+"""The recordings of its episodes."""
+SECOND = NAMES[1]
 FALLING = SMALL.replace(section_mass=10.0, gravity_z=100.0, section_stiffness=1e-6, wire_stiffness=10.0)
 """Its simulation diverges."""
 

@@ -4,9 +4,31 @@ import shutil
 
 import mujoco
 import pytest
-from small_dataset import changed, contents, make
+from small_dataset import SECOND, SMALL, changed, contents, identities, make
 
-SECOND = "episode_0001.mcap"
+from twin.randomization import Ranges
+
+
+@pytest.mark.parametrize(
+    ("change", "other"),
+    [
+        ({"strokes_mm": ((-1.0, 1.5),)}, "strokes_mm"),
+        ({"seconds": 2.0, "sensor_variance_deg2": 0.2}, "seconds, sensor"),
+        ({"preset": SMALL.replace(pretension=3.1)}, "preset"),
+        ({"ranges": Ranges((("pretension", 1.0, 6.0),))}, "ranges"),
+        ({"sheath_bends_deg": ((0.0, 90.0),)}, "sheath_bends_deg"),
+    ],
+)
+def test_another_recipe_is_refused_before_anything_is_touched(dataset_copy, whole_dataset, change, other):
+    before = identities(dataset_copy)
+    with pytest.raises(
+        ValueError, match=rf"holds a dataset of another recipe \(other {other}\): "
+    ) as refused:
+        make(dataset_copy, changed(**change), csv=True)
+    assert "choose another --out or remove it" in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert identities(dataset_copy) == before
+    assert contents(dataset_copy) == contents(whole_dataset)
 
 
 def test_fewer_episodes_and_foreign_files_are_refused_before_anything_is_touched(dataset_copy, whole_dataset):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_dataset import FALLING, RECIPE, SMALL, changed, contents, make
+from small_dataset import FALLING, RECIPE, SMALL, TWO_PLANES, changed, contents, make
 
 from twin.camera import Camera
 from twin.dataset import write_dataset
@@ -19,7 +19,6 @@ from twin.recording import read_dataset, read_episode, read_metadata
 from twin.sensor import measure
 from twin.simulated_episode import make_episode, make_episodes
 
-TWO_PLANES = SMALL.replace(bending_planes=2)
 RANGES = Ranges(
     (("pretension", 1.0, 6.0), ("section_stiffness", 0.03, 0.05), ("sensor_resolution", 1e-3, 1e-2))
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from PIL import Image
-from small_dataset import RECIPE, SMALL, changed, contents, make
+from small_dataset import RECIPE, SMALL, TWO_PLANES, changed, contents, make
 
 from twin import dataset_card
 from twin.camera import Camera
@@ -85,7 +85,7 @@ def card_for(recipe: Recipe, folder: Path) -> str:
 def test_card_says_what_varies(tmp_path):
     recipe = changed(
         TINY,
-        preset=SMALL.replace(bending_planes=2),
+        preset=TWO_PLANES,
         signals=("sine", "triangle"),
         strokes_mm=((-1.0, 1.0), (0.0, 2.5)),
         lateral_stroke_mm=(0.2, 0.8),

@@ -4,13 +4,10 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from small_dataset import RECIPE, changed, contents, make
+from small_dataset import NAMES, RECIPE, SECOND, changed, contents, make
 
 from twin.episode_file import make_files
 from twin.recording import read_episode, write_episode
-
-NAMES = [f"episode_000{number}.mcap" for number in range(3)]
-SECOND = NAMES[1]
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from twin.recipe import EpisodeKey, Recipe, of_each_episode, to_yaml
 from twin.recipe_file import parse_recipe, resolve
 
 HERE = Path()
-TWO_PLANES = SMALL.replace(bending_planes=2)
 
 
 def test_signals_change_fastest_then_strokes_then_bends_and_all_begin_again():

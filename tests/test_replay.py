@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from recorded import make_episode as random_episode
-from small_dataset import RECIPE, SMALL, flip, make, measured_log
+from small_dataset import RECIPE, SECOND, SMALL, flip, make, measured_log
 
 from twin import __version__
 from twin.episode import Episode
@@ -20,8 +20,6 @@ from twin.recipe_file import resolve
 from twin.recording import write_episode
 from twin.simulated_episode import make_episode
 from twin.verification import replay
-
-SECOND = "episode_0001.mcap"
 
 
 @pytest.fixture(scope="module")

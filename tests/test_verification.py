@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_dataset import SMALL, changed, flip, make, measured_log
+from small_dataset import SECOND, TWO_PLANES, changed, flip, make, measured_log
 
 from twin.episode_file import sha256_of
 from twin.measured_dataset import write_measured
@@ -17,7 +17,6 @@ from twin.randomization import Ranges
 from twin.recording import read_episode, write_episode
 from twin.verification import verify
 
-SECOND = "episode_0001.mcap"
 OTHER_HASH = f"{SECOND} has another SHA-256 than dataset.json says"
 
 
@@ -52,7 +51,7 @@ def test_whole_dataset_has_no_fault_and_progress_is_told(whole_dataset):
 
 def test_dataset_of_drawn_endoscopes_with_two_planes_has_no_fault(tmp_path):
     recipe = changed(
-        preset=SMALL.replace(bending_planes=2, sensor_period=0.04),
+        preset=TWO_PLANES.replace(sensor_period=0.04),
         lateral_stroke_mm=(0.2, 0.8),
         sheath_bends_deg=((30.0, 170.0), (0.0, 0.0)),
         ranges=Ranges((("pretension", 1.0, 6.0),)),
