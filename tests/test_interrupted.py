@@ -96,17 +96,21 @@ def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(pytestconfig, u
     kills = pytestconfig.getoption("--kills")
     for kill in itertools.takewhile(lambda _: hit.total() < kills, itertools.count()):
         run = Run(folder)
-        if not hit.total() % 3:  # as it begins, writes its recipe, looks at what is there
+        begins = hit.total() % 3 == 0
+        if begins:  # writes its recipe, looks at what is there
             time.sleep(rng.uniform(0, 3))
-        else:  # while episodes are being written
+        else:  # writes episodes
             wait_for_new_file(run, folder)
             time.sleep(rng.exponential(0.05))
         family = run.family()
-        if family:  # it may have come to its end already
-            victim = family[0] if kill % 2 else family[int(rng.integers(len(family)))]
+        parent, children = family[:1], family[1:]
+        # In turn, so that both are hit; one that has come to its end already is not, and the next run is.
+        victims = family if begins else children if hit.total() % 2 else parent
+        if victims:
+            victim = victims[int(rng.integers(len(victims)))]
             with contextlib.suppress(ProcessLookupError):
                 os.kill(victim.pid, signal.SIGKILL)
-                hit["parent" if victim is family[0] else "child"] += 1
+                hit["parent" if victim in parent else "child"] += 1
         code, said = run.finish()
         _, alive = psutil.wait_procs(family, timeout=ORPHANS_END_SECONDS)
         assert not alive, f"orphans of kill {kill}: {alive}"
