@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scripts.__main__ import main
 from twin.measured_dataset import write_measured
 from twin.measured_log import read_measured_log
 from twin.preset import load_preset
@@ -202,6 +203,15 @@ def test_what_is_odd_in_a_measured_log_is_one_line_of_warning(tmp_path):
     assert done.stdout.startswith("out/other.mcap: 10 samples, 50 s, bent from 0.0 to 50.0 deg")
 
 
+def test_a_mistake_is_the_exit_code_of_the_process_too(tmp_path):
+    done = endotwin("generate", "--preset", "ureterscope", "--out", "x", cwd=tmp_path)
+    said = "endotwin generate: unknown preset 'ureterscope' (did you mean 'ureteroscope'?)"
+    assert done.returncode == 2
+    assert done.stderr.startswith(said)
+    assert len(done.stderr.splitlines()) == 1
+    assert not any(tmp_path.iterdir())
+
+
 def _mistakes(folder):
     whole = next((folder / "data/train").glob("*.mcap")).read_bytes()
     (folder / "cut").mkdir(exist_ok=True)
@@ -324,14 +334,18 @@ def _mistakes(folder):
         ("demo --records 0 --out x", "--records 0"),
     ],
 )
-def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(workspace, line, fault):
+def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(
+    workspace, line, fault, monkeypatch, capsys
+):
     folder, _ = workspace
     _mistakes(folder)
-    done = endotwin(*line.split(), cwd=folder)
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert fault in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert "Traceback" not in done.stderr
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["endotwin", *line.split()])
+    assert main() == 2
+    said = capsys.readouterr().err
+    assert fault in said
+    assert len(said.strip().splitlines()) == 1
+    assert "Traceback" not in said
     left = [
         folder / "x",
         folder / "x.json",
