@@ -49,6 +49,7 @@ def test_record_inside_the_stroke_starts_at_the_end_of_a_real_path():
     record = simulate(PRESET, 3e-3 + 1e-3 * np.sin(np.arange(10) * 0.05), SAMPLE_TIME)
     assert record.bend[0] == by_hand.bend()
     assert np.array_equal(record.wire_tension[0], by_hand.wire_tension())
+    assert np.array_equal(record.wire_slack[0], by_hand.wire_slack())
 
 
 def test_unusable_commands_are_refused_in_one_line():

@@ -73,8 +73,8 @@ def simulate_batch(
         if done > 0:
             endoscopes.advance(inputs[done - 1], start < done)
         if (longest - done) % periods == 0:
-            tension, friction = endoscopes.wire_tension(), endoscopes.sheath_friction()
-            slack = endoscopes.wire_slack()
+            tension, slack = endoscopes.wire_tension_and_slack()
+            friction = endoscopes.sheath_friction()
             for index in np.flatnonzero(first_sample <= done).tolist():
                 sample = int(done - first_sample[index]) // periods
                 record, qpos = records[index], endoscopes.qpos[index]
@@ -128,13 +128,9 @@ class EndoscopeBatch:
         self._warning = self._batch.warning.reshape(len(presets), -1)
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
 
-    def wire_tension(self) -> Array:
-        """(B, wires, elements + 1) tension in each length of wire, pulley to tip [N]."""
-        return self._loads.tension(self._loads.stretch(self.qpos))
-
-    def wire_slack(self) -> Array:
-        """(B, wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
-        return self._loads.slack(self._loads.stretch(self.qpos))
+    def wire_tension_and_slack(self) -> tuple[Array, Array]:
+        """(B, wires, elements + 1) tension of each length of wire, pulley to tip [N]; slack likewise [m]."""
+        return self._loads.tension_and_slack(self.qpos)
 
     def sheath_friction(self) -> Array:
         """(B, wires, elements) force at which each element of the sheath begins to slide [N]."""
@@ -153,9 +149,9 @@ class EndoscopeBatch:
         for plane in range(len(self.layout.pulley)):
             target = inputs[:, plane]
             if not self._rigid:
-                target = self._act[:, plane].copy()
+                target, commands = self._act[:, plane].copy(), inputs[:, plane].tolist()
                 for index in moving.tolist():
-                    target[index] = self._drives[index][plane].advance(float(inputs[index, plane]))
+                    target[index] = self._drives[index][plane].advance(commands[index])
             step = np.where(active & ~self.failed, target - self._act[:, plane], 0.0)
             self._ctrl[:, 2 * plane : 2 * plane + 2] = step[:, None] / self.presets[0].control_period
             self._travel += np.abs(step)

@@ -113,6 +113,11 @@ class Endoscope(dm_mujoco.Physics):
         """(wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
         return self._loads.slack(self._loads.stretch(self._qpos))[0]
 
+    def wire_tension_and_slack(self) -> tuple[Array, Array]:
+        """`wire_tension` and `wire_slack`, at little more than the cost of one."""
+        tension, slack = self._loads.tension_and_slack(self._qpos)
+        return tension[0], slack[0]
+
     def sheath_friction(self) -> Array:
         """(wires, elements) friction force at which each element of the sheath begins to slide [N]."""
         return self.model.ptr.dof_frictionloss[self.layout.element]

@@ -67,6 +67,11 @@ class Loads:
         """(B, wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
         return np.maximum(-stretch, 0.0)
 
+    def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
+        """Return `tension` and `slack` at (B, nq) positions."""
+        stretch = self.stretch(qpos)
+        return self.tension(stretch), self.slack(stretch)
+
     def drift(self, time: Array, travel: Array) -> Array:
         """Return by what the friction of the sheath has changed since new and warm.
 

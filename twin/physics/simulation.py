@@ -65,13 +65,8 @@ def simulate(
     for k, periods in enumerate(command.between.tolist()):
         for inputs in periods if k > 0 else ():
             endoscope.advance(*inputs)
-        record.add(
-            k,
-            endoscope.data.ptr.qpos,
-            endoscope.wire_tension(),
-            endoscope.sheath_friction(),
-            endoscope.wire_slack(),
-        )
+        tension, slack = endoscope.wire_tension_and_slack()
+        record.add(k, endoscope.data.ptr.qpos, tension, endoscope.sheath_friction(), slack)
         if on_sample is not None:
             on_sample(endoscope)
     return record.episode(endoscope.xml)
