@@ -4,25 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from plain_endoscope import PLAIN
 
 from twin.episode import Episode
 from twin.physics import EndoscopeBatch, simulate, simulate_batch
 from twin.preset import Preset
 
 SAMPLE_TIME = 0.02  # [s]
-PLAIN = Preset(
-    "plain",
-    vertebrae=5,
-    section_stiffness=0.05,
-    joint_friction=1e-3,
-    wire_stiffness=8e3,
-    pretension=3.0,
-    sheath_elements=3,
-    sheath_friction=0.3,
-    sheath_bend=3.0,
-    time_step=2.5e-3,
-    control_period=5e-3,
-)
 SOFT = PLAIN.replace(
     name="soft",
     section_length=0.05,
