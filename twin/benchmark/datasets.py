@@ -22,7 +22,7 @@ OnProgress = Callable[[int, int], None]
 
 
 def logging(preset: Preset, amplitude: float) -> Result:
-    """Time that a worker needs beside the simulation: sensor, statistics, file, hash; beside that of simulating.
+    """Time that a worker needs for sensor, statistics, file and hash, against that of the simulation alone.
 
     One batch of episodes of 60 s, simulated alone and made into files, in turn.
     """

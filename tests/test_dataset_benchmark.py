@@ -1,0 +1,33 @@
+"""The measurements of datasets, on a small endoscope: what they compare, not how fast this machine is."""
+
+import pytest
+from small_dataset import SMALL
+
+from twin.benchmark import datasets
+
+STROKE = 1e-3  # [m]
+
+
+def test_logging_is_compared_with_the_simulation_in_the_same_unit(monkeypatch):
+    def clock(make, simulate):
+        make()
+        simulate()
+        return 1.1, 1.0  # seconds, as if it had measured them
+
+    monkeypatch.setattr(datasets, "in_turn", clock)
+    result = datasets.logging(SMALL, STROKE)
+    assert result.unit == "s per simulated minute"
+    assert (result.value, result.peer_value) == pytest.approx((0.1 / 8, 1 / 8))
+    assert result.ratio == pytest.approx(0.1)
+    assert result.holds
+
+
+def test_dataset_is_made_twice_weighed_and_read():
+    told = []
+    results = datasets.dataset(SMALL, STROKE, 2, lambda *progress: told.append(progress))
+    assert told[-1] == (4, 4)
+    rate = results["dataset_two_cores"]
+    assert rate.holds == (rate.ratio >= 1.7)
+    # 2 x 60 s at 50 Hz: some numbers of eight bytes, compressed, in each sample
+    assert 0.05 < results["dataset_size"].value < 3
+    assert results["dataset_reading"].value > 0
