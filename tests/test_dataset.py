@@ -54,6 +54,22 @@ def test_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(folder, t
     assert contents(tmp_path) == contents(folder)
 
 
+@pytest.mark.parametrize(
+    ("episodes", "workers", "shares"),
+    [(18, 2, [5, 5, 5, 3]), (18, 1, [6, 6, 6]), (3, 2, [2, 1]), (2, 4, [1, 1]), (16, 2, [8, 8])],
+)
+def test_batches_are_even_so_that_no_worker_waits_for_the_last(tmp_path, episodes, workers, shares):
+    class Counting(ThreadPoolExecutor):
+        def submit(self, function, recipe, batch, *rest):
+            seen.append(len(batch))
+            return super().submit(function, recipe, batch, *rest)
+
+    seen: list[int] = []
+    with Counting(1) as executor:
+        write_dataset(changed(seconds=0.1, episodes=episodes), tmp_path, executor, workers=workers)
+    assert seen == shares
+
+
 @pytest.mark.parametrize("recipe", [PLAIN, RICH], ids=["plain", "rich"])
 def test_an_episode_is_the_same_alone_and_in_any_company(recipe):
     keys = [EpisodeKey(11, 2), EpisodeKey(4, 0), EpisodeKey(11, 1)]

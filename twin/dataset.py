@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
 from pathlib import Path
@@ -103,7 +104,9 @@ def _make(
     keys = recipe.keys
     samples = max(round(recipe.seconds / recipe.sample_time_s), 1)
     most = AT_ONCE if recipe.camera is None else AT_ONCE_WITH_PICTURES
-    size = max(min(most, -(-len(keys) // workers), SAMPLES_AT_ONCE // samples), 1)
+    most = max(min(most, SAMPLES_AT_ONCE // samples), 1)
+    rounds = math.ceil(len(keys) / (workers * most))
+    size = math.ceil(len(keys) / (workers * rounds))  # even, so that no worker waits for another's last batch
     batches = [keys[start : start + size] for start in range(0, len(keys), size)]
     futures = {}
     for batch in batches:
