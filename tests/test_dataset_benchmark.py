@@ -22,7 +22,8 @@ def test_logging_is_compared_with_the_simulation_in_the_same_unit(monkeypatch):
     assert result.holds
 
 
-def test_dataset_is_made_twice_weighed_and_read():
+def test_dataset_is_made_by_two_and_by_one_weighed_and_read(monkeypatch):
+    monkeypatch.setattr(datasets, "TURNS", 1)
     told = []
     results = datasets.dataset(SMALL, STROKE, 2, lambda *progress: told.append(progress))
     assert told[-1] == (4, 4)

@@ -72,13 +72,15 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     )
 
 
-def in_turn(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
+def in_turn(
+    first: Callable[[], object], second: Callable[[], object], repeats: int = REPEATS, warm_up: bool = True
+) -> tuple[float, float]:
     """Median times of two jobs that take turns, so that a noisy machine disturbs both alike [s]."""
     times: tuple[list[float], list[float]] = ([], [])
-    for repeat in range(REPEATS + 1):
+    for repeat in range(repeats + warm_up):
         for job, taken in zip((first, second), times, strict=True):
             start = time.perf_counter()
             job()
-            if repeat > 0:  # the first warms up
+            if repeat >= warm_up:
                 taken.append(time.perf_counter() - start)
     return statistics.median(times[0]), statistics.median(times[1])
