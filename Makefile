@@ -36,7 +36,7 @@ benchmark: install
 	$(BIN)/endotwin benchmark --out $(BENCHMARK)
 
 endurance: install
-	$(BIN)/python -m pytest -n 0 -s tests/test_interrupted.py tests/test_mutations.py --kills 100 --mutations 10000
+	$(BIN)/python -m pytest -n 0 -s tests/dataset/test_interrupted.py tests/recording/test_mutations.py --kills 100 --mutations 10000
 
 protobuf: install
 	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording twin/recording/endotwin.proto

@@ -10,8 +10,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from rl.agents import Agent, make_agent
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
-from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 ENVIRONMENT_ID = "EndoTwin/Estimation-v0"
@@ -36,7 +36,7 @@ class BatchEnvironment(VecEnv):
     """
 
     def __init__(
-        self, task: Task, agent: Agent, count: int, seed: int | None = None, reward_scale: float = 1.0
+        self, task: TrainingTask, agent: Agent, count: int, seed: int | None = None, reward_scale: float = 1.0
     ):
         self.render_mode = None  # asked for by the next line
         super().__init__(count, _observation_space(agent), _action_space(agent))
@@ -131,7 +131,7 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         model = model or PAPER_MODEL
         pull, bend = stack_records(records or [_model_record(model, sample_time)])
         self.batch = BatchEnvironment(
-            Task(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1
+            TrainingTask(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1
         )
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space

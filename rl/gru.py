@@ -38,8 +38,8 @@ from rl.supervised import (
 from rl.training import run_configuration
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import HysteresisModel
-from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 GRU_FILE = "gru.pt"
@@ -88,7 +88,7 @@ class Gru(Estimator[GruState]):
     measurement_variance: ArrayLike = 0.1
     """R [deg^2], one for all or (B,)."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
         return dataclasses.replace(self, measurement_variance=sensor.variance)
 
@@ -169,7 +169,7 @@ def train_gru(
     def train() -> tuple[dict[str, Any], list[tuple[int, float]]]:
         rng = np.random.default_rng(training.seed)
         pull, bend = stack_records(records)
-        task = Task(pull, bend, training.noise, training.noise_level)
+        task = TrainingTask(pull, bend, training.noise, training.noise_level)
         model, scale = active_model.model, float(deviation(active_model.measurement_variance))
         network = GruNetwork(training.hidden)
         network.pull_scale.fill_(float(np.diff(pull, axis=1).std()))
@@ -206,7 +206,7 @@ def load_gru(path: Path) -> Gru:
 
 
 def _draw(
-    task: Task, model: HysteresisModel, count: int, window: int, rng: np.random.Generator
+    task: TrainingTask, model: HysteresisModel, count: int, window: int, rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
     """Draw (window, count) surprises and noise [deg] and increments of the pull [mm] from random records."""
     record, measurement, _ = task.draw(count, rng)

@@ -40,8 +40,8 @@ from rl.supervised import (
 from rl.training import run_configuration
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import HysteresisModel
-from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 KALMAN_NET_FILE = "kalman_net.pt"
@@ -135,7 +135,7 @@ class KalmanNet(Estimator[KalmanNetState]):
         """
         check_affine(self.model)
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
         return dataclasses.replace(self, measurement_variance=sensor.variance)
 
@@ -233,7 +233,9 @@ def train_kalman_net(
 
     def train() -> tuple[dict[str, Any], list[tuple[int, float]]]:
         network = GainNetwork(training.hidden)
-        task = Task(*stack_records(records), training.noise, training.noise_level, training.initial_error_deg)
+        task = TrainingTask(
+            *stack_records(records), training.noise, training.noise_level, training.initial_error_deg
+        )
         episode = min(training.episode, task.pull_mm.shape[1] - 1)
         cut = dataclasses.replace(training, episode=episode, window=min(training.window, episode))
         windows = _windows(network, task, active_model, cut)
@@ -264,7 +266,7 @@ def load_kalman_net(path: Path) -> KalmanNet:
 
 
 def _windows(
-    network: GainNetwork, task: Task, active_model: ActiveModel, training: KalmanNetTraining
+    network: GainNetwork, task: TrainingTask, active_model: ActiveModel, training: KalmanNetTraining
 ) -> Iterator[torch.Tensor]:
     """Yield the mean square error, in units of R, of one window after another, with its gradient."""
     rng = np.random.default_rng(training.seed)

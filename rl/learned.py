@@ -16,7 +16,7 @@ from rl.policy import load_policy
 from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from twin.estimation.active_model import ActiveModel
-from twin.evaluation import Method, filtering
+from twin.evaluation.method import Method, as_method
 
 Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -58,9 +58,9 @@ def learned_methods(active_model: ActiveModel, folder: Path) -> list[Method]:
     """Return what `train_learned` has left in a folder, all of `LEARNED`, and RAM's oracle."""
     ram, direct = (load_policy(folder / agent / "policy.onnx") for agent in ("ram", "direct"))
     return [
-        filtering("LSTM", LstmEstimator(load_lstm(folder / "lstm" / LSTM_FILE))),
-        filtering("GRU", load_gru(folder / "gru" / GRU_FILE)),
-        filtering("KalmanNet", load_kalman_net(folder / "kalman-net" / KALMAN_NET_FILE)),
+        as_method("LSTM", LstmEstimator(load_lstm(folder / "lstm" / LSTM_FILE))),
+        as_method("GRU", load_gru(folder / "gru" / GRU_FILE)),
+        as_method("KalmanNet", load_kalman_net(folder / "kalman-net" / KALMAN_NET_FILE)),
         policy_method(direct, active_model),
         policy_method(ram, active_model),
         oracle_method(ram, active_model),

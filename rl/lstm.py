@@ -22,7 +22,7 @@ from rl.supervised import Network, OnProgress, SequenceTraining, chunks, descend
 from rl.training import run_configuration
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, time_first
-from twin.task import Task, stack_records
+from twin.estimation.task import TrainingTask, stack_records
 
 Array = NDArray[np.float64]
 Memory = tuple[torch.Tensor, torch.Tensor]
@@ -144,7 +144,7 @@ def train_lstm(
 
     def train() -> tuple[dict[str, Any], list[tuple[int, float]]]:
         rng = np.random.default_rng(training.seed)
-        task = Task(*stack_records(records), training.noise, training.noise_level)
+        task = TrainingTask(*stack_records(records), training.noise, training.noise_level)
         network = Lstm(training.hidden, active_model.sample_time)
         _normalise(network, task, rng)
         window = min(training.window, task.pull_mm.shape[1])
@@ -192,7 +192,9 @@ def load_lstm(path: Path, hidden: int = SequenceTraining.hidden) -> Lstm:
     return network
 
 
-def _draw(task: Task, count: int, window: int, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+def _draw(
+    task: TrainingTask, count: int, window: int, rng: np.random.Generator
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Draw (count, window, 2) increments and the (count, window) noise that is in the measurement."""
     record, measurement, _ = task.draw(count, rng)
     start = rng.integers(task.pull_mm.shape[1] - window + 1, size=count)
@@ -211,7 +213,7 @@ def _increments(pull_mm: Array, measurement_deg: Array) -> Array:
     return np.diff(both, axis=1, prepend=both[:, :1])
 
 
-def _normalise(network: Lstm, task: Task, rng: np.random.Generator) -> None:
+def _normalise(network: Lstm, task: TrainingTask, rng: np.random.Generator) -> None:
     """Set the scales to the spread of the training data."""
     _, measurement, _ = task.draw(256, rng)
     network.input_scale[0] = float(np.diff(task.pull_mm, axis=1).std())

@@ -11,7 +11,8 @@ from rl.agents import Agent
 from rl.policy import Policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor, time_first
-from twin.evaluation import Case, Method, filtering
+from twin.evaluation.case import Case
+from twin.evaluation.method import Method, as_method
 
 Array = NDArray[np.float64]
 METHOD_NAMES = {"ram": "RAM", "direct": "Direct RL"}
@@ -24,9 +25,9 @@ class PolicyEstimator(Estimator[Agent]):
     policy: Policy
     active_model: ActiveModel
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the estimator whose filter takes the sensor's variance as R."""
-        return dataclasses.replace(self, active_model=self.active_model.told(sensor))
+        return dataclasses.replace(self, active_model=self.active_model.with_sensor(sensor))
 
     def start(self, pull_mm: Array, bend_deg: Array) -> Agent:
         """Return an agent at the initial estimates."""
@@ -60,7 +61,7 @@ class _Oracle:
     def __call__(self, case: Case) -> Array:
         if case.truth_deg is None:
             raise ValueError("an oracle needs the truth")
-        told = self.estimator.told(case.sensor)
+        told = self.estimator.with_sensor(case.sensor)
         pull, measurement, initial = time_first(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
         estimate = np.empty_like(measurement)
         estimate[0] = initial
@@ -73,7 +74,7 @@ class _Oracle:
 
 def policy_method(policy: Policy, active_model: ActiveModel) -> Method:
     """RAM or direct RL under its name in the tables."""
-    return filtering(METHOD_NAMES[policy.agent_name], PolicyEstimator(policy, active_model))
+    return as_method(METHOD_NAMES[policy.agent_name], PolicyEstimator(policy, active_model))
 
 
 def oracle_method(policy: Policy, active_model: ActiveModel) -> Method:

@@ -17,7 +17,7 @@ from stable_baselines3 import PPO
 
 from rl.agents import Agent, check_agent_name, make_agent
 from twin.estimation.active_model import ActiveModel
-from twin.hysteresis import described_model
+from twin.hysteresis import model_from_dict
 
 Array = NDArray[np.float64]
 _METADATA_KEY = "endotwin"
@@ -49,7 +49,7 @@ class Policy:
     def active_model(self) -> ActiveModel:
         """The filter that the policy was trained beside."""
         values = dict(self.configuration["active_model"])
-        model = described_model(values.pop("model"))
+        model = model_from_dict(values.pop("model"))
         for name in ("process_variance", "initial_variance"):
             values[name] = tuple(values[name])
         return ActiveModel(model, **values)

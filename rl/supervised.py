@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from rl.training import claim_folder
 from twin.estimation.active_model import ActiveModel
-from twin.hysteresis import HysteresisModel, describe_model, described_model
-from twin.recording.atomic import WholeFile
+from twin.files.atomic import WholeFile
+from twin.files.run_folder import claim_folder
+from twin.hysteresis import HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
 Trained = TypeVar("Trained")
@@ -153,7 +153,7 @@ def contents_of(
         "agent": agent,
         "hidden": network.hidden,
         "weights": network.state_dict(),
-        "model": describe_model(active_model.model),
+        "model": model_to_dict(active_model.model),
         "sample_time": active_model.sample_time,
         "configuration": configuration,
     }
@@ -174,7 +174,7 @@ def read_file(path: Path, agent: str, kind: type[Kind]) -> tuple[Kind, Hysteresi
             raise ValueError(f"it holds the agent {contents['agent']!r}")
         network = kind(contents["hidden"])
         network.load_state_dict(contents["weights"])
-        return network, described_model(contents["model"]), float(contents["sample_time"])
+        return network, model_from_dict(contents["model"]), float(contents["sample_time"])
     except Exception as error:  # torch raises many classes for a file that it cannot read
         raise ValueError(f"{path} is no network written by `endotwin train --agent {agent}`") from error
 

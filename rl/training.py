@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import torch
-import yaml
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
@@ -20,10 +19,11 @@ from rl.agents import check_agent_name, make_agent
 from rl.environment import BatchEnvironment
 from rl.policy import export_policy
 from twin.estimation.active_model import ActiveModel
-from twin.hysteresis import describe_model
-from twin.noise import draw_noise
-from twin.recording.atomic import write_whole
-from twin.task import Task, stack_records
+from twin.estimation.task import TrainingTask, stack_records
+from twin.files.atomic import write_whole
+from twin.files.run_folder import claim_folder
+from twin.hysteresis import model_to_dict
+from twin.signals.noise import draw_noise
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
@@ -131,7 +131,7 @@ def train_policy(
         return policy_path
 
     pull, bend = stack_records(records)
-    task = Task(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
+    task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
     agent = make_agent(training.agent, active_model)
     total = training.episodes * (pull.shape[1] - 1)
     environment = BatchEnvironment(task, agent, training.environments, training.seed, training.reward_scale)
@@ -150,7 +150,7 @@ def run_configuration(
     return {
         "training": dataclasses.asdict(training),
         "active_model": {
-            "model": describe_model(active_model.model),
+            "model": model_to_dict(active_model.model),
             "sample_time": active_model.sample_time,
             "process_variance": list(active_model.process_variance),
             "measurement_variance": float(np.asarray(active_model.measurement_variance)),
@@ -162,23 +162,6 @@ def run_configuration(
             "mean_bend_deg": float(np.mean([bend.mean() for _, bend in records])),
         },
     }
-
-
-def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
-    """Write `config.yaml`, or check that the run already there has the same configuration.
-
-    Raises:
-        ValueError: it has another one.
-    """
-    path = folder / "config.yaml"
-    text = yaml.safe_dump(configuration, sort_keys=False)
-    if path.is_file():
-        if path.read_text() != text:
-            raise ValueError(
-                f"{folder} holds a run of another configuration: choose another --out or remove it"
-            )
-        return
-    write_whole(path, text)
 
 
 def _new_ppo(environment: BatchEnvironment, training: Training) -> PPO:

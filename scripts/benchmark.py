@@ -11,9 +11,10 @@ from tabulate import tabulate
 from scripts.command import Progress, Summary, output_file, run_verb
 from twin.benchmark import datasets, filters, identification, physics, scaling, speed
 from twin.benchmark.result import Result
-from twin.preset import Preset, load_preset
-from twin.randomization import Ranges, load_ranges
-from twin.recording.atomic import write_whole
+from twin.files.atomic import write_whole
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges, load_ranges
 
 SHORT: dict[str, Callable[[Preset, float], Result]] = {
     "rate_independence": physics.rate_independence,

@@ -15,11 +15,12 @@ from scripts.command import Progress, Summary, output_file, run_verb
 from twin.calibration import calibrate, free_parameters, likely_ranges, measured_loop, uncertainty
 from twin.calibration.report import fit_figure, fit_report
 from twin.episode import Episode
-from twin.figures import to_png_bytes
-from twin.preset import Preset, load_preset, parse_changes
-from twin.randomization import Ranges
+from twin.files.atomic import write_whole
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset, parse_changes
+from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
-from twin.recording.atomic import write_whole
+from twin.report.figures import to_png_bytes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,7 +115,9 @@ def _to_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
     """Return the preset's file; its ranges for domain randomisation are the uncertainty of the fit."""
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
     rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
-    head = f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset.py.\n"
+    head = (
+        f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset/preset.py.\n"
+    )
     return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
 
 

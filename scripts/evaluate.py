@@ -18,19 +18,20 @@ from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
 from scripts.full_suite import SAMPLE_TIMES, FullSuite, run_full_suite
-from scripts.records import evaluation_records, true_records
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.open_loop import OpenLoop
+from twin.estimation.task import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes, tune_active_model, tune_constant_gain
-from twin.evaluation import Method, Protocol, filtering
-from twin.evaluation import evaluate as compare
-from twin.figures import rmse_figure, to_png_bytes
+from twin.evaluation.compare import evaluate as compare
+from twin.evaluation.method import Method, as_method
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.reading import evaluation_records, true_records
+from twin.evaluation.track import save_tracks
+from twin.files.atomic import write_whole
 from twin.hysteresis import ColemanHodgdon, load_model
-from twin.paper_figures import paper_figures
-from twin.recording.atomic import write_whole
-from twin.tables import paper_tables
-from twin.task import Task, stack_records
-from twin.track import save_tracks
+from twin.report.figures import rmse_figure, to_png_bytes
+from twin.report.paper_figures import paper_figures
+from twin.report.tables import paper_tables
 
 Array = NDArray[np.float64]
 
@@ -159,18 +160,18 @@ def _methods(
     training: list[tuple[Array, Array]] | None,
     seed: int,
 ) -> list[Method]:
-    methods = [filtering("C-H", OpenLoop(active_model.model)), filtering("AM", active_model)]
+    methods = [as_method("C-H", OpenLoop(active_model.model)), as_method("AM", active_model)]
     if network is not None:
-        methods.append(filtering("LSTM", LstmEstimator(network)))
+        methods.append(as_method("LSTM", LstmEstimator(network)))
     methods += [policy_method(policies[name], active_model) for name in ("direct", "ram") if name in policies]
     if training:
-        task = Task(*stack_records(training))
+        task = TrainingTask(*stack_records(training))
         episodes = draw_training_episodes(task, seed)
         tuned = tune_active_model(
             active_model, episodes.pull_mm, episodes.measurement_deg, episodes.initial_bend_deg
         )
-        methods.append(filtering("AM-tuned", tuned))
-        methods.append(filtering("Constant gain", tune_constant_gain(active_model, task, seed)))
+        methods.append(as_method("AM-tuned", tuned))
+        methods.append(as_method("Constant gain", tune_constant_gain(active_model, task, seed)))
     if "ram" in policies:
         methods.append(oracle_method(policies["ram"], active_model))
     return methods

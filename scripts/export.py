@@ -15,8 +15,8 @@ from scripts.command import Progress, Summary, output_folder, run_verb
 from twin.episode import Episode
 from twin.export import WholeFolder
 from twin.export.even import whole_pieces_in_time
+from twin.files.atomic import write_whole
 from twin.recording import episode_files, read_episode, recover_episode, write_csv, write_episode
-from twin.recording.atomic import write_whole
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,20 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rl.learned import LEARNED, learned_methods, train_learned
-from rl.training import claim_folder
 from scripts.command import Progress, Summary
-from scripts.records import evaluation_records, read_episodes, true_records, whole_pieces
-from scripts.workers import local_workers
 from twin import __version__
-from twin.dataset import write_dataset
+from twin.dataset.recipe import Recipe
+from twin.dataset.write import write_dataset
 from twin.estimation.active_model import ActiveModel
-from twin.evaluation import SUITES, Protocol, evaluate, filtering
-from twin.evaluation_record import EvaluationRecord
+from twin.evaluation.compare import evaluate
+from twin.evaluation.method import as_method
+from twin.evaluation.protocol import SUITES, Protocol
+from twin.evaluation.reading import evaluation_records, read_episodes, true_records, whole_pieces
+from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.track import save_tracks
+from twin.files.atomic import write_whole
+from twin.files.run_folder import claim_folder
 from twin.hysteresis import ColemanHodgdon
-from twin.preset import Preset, load_preset
-from twin.randomization import Ranges, load_ranges
-from twin.recipe import Recipe
-from twin.recording.atomic import write_whole
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges, load_ranges
+from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.fitting import (
     TUNED_WITH,
     Fits,
@@ -44,8 +48,7 @@ from twin.suite.intervals import containment
 from twin.suite.limit import bounds, limit_methods, make_ensembles
 from twin.suite.methods import active_methods, set_filters, static_methods, tuned_methods
 from twin.suite.scenarios import SAMPLE_TIME, write_scenarios
-from twin.suite.summary import benchmark_figures, benchmark_tables
-from twin.track import save_tracks
+from twin.workers.processes import local_workers
 
 Array = NDArray[np.float64]
 SAMPLE_TIMES = (0.1, 0.02)
@@ -128,7 +131,7 @@ def run_full_suite(suite: FullSuite) -> Summary:
             methods = [
                 *static_methods(fits[T]),
                 *active_methods(fits[T], T),
-                *(filtering(name, filter_) for name, filter_ in bounded.items()),
+                *(as_method(name, filter_) for name, filter_ in bounded.items()),
                 *tuned_methods(fits[T], training[T], T),
                 *learned_methods(_active_model(fits[T], T), _folder(suite, T)),
                 *limit_methods(ensembles, T),

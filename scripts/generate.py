@@ -12,13 +12,14 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from scripts.command import Progress, Summary, output_folder, run_verb
-from scripts.workers import dask_workers, local_workers
-from twin.dataset import Written, write_dataset
-from twin.excitation import SIGNALS
-from twin.preset import parse_changes
-from twin.recipe import Recipe
-from twin.recipe_file import read_recipe_file, resolve
-from twin.verification import replay, verify
+from twin.dataset.recipe import Recipe
+from twin.dataset.recipe_file import read_recipe_file, resolve
+from twin.dataset.verify import replay, verify
+from twin.dataset.write import Written, write_dataset
+from twin.preset.preset import parse_changes
+from twin.signals.excitation import SIGNALS
+from twin.workers.dask_cluster import dask_workers
+from twin.workers.processes import local_workers
 
 
 @dataclasses.dataclass(frozen=True)

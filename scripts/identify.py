@@ -10,11 +10,11 @@ from typing import Any
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from scripts.records import read_episodes, whole_pieces
+from twin.evaluation.reading import read_episodes, whole_pieces
+from twin.files.atomic import write_whole
 from twin.hysteresis import IdentifiedModel
 from twin.identification import OPTIMIZERS, check_options
 from twin.identification import identify as fit
-from twin.recording.atomic import write_whole
 
 
 @dataclasses.dataclass(frozen=True)

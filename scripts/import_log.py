@@ -10,9 +10,9 @@ import numpy as np
 import tyro
 
 from scripts.command import Summary, output_folder, run_verb
-from twin.command_file import SECONDS_PER_CYCLE
-from twin.measured_dataset import check_name, write_measured
-from twin.measured_log import LogFormat, read_measured_log
+from twin.measured.command import SECONDS_PER_CYCLE
+from twin.measured.folder import check_name, write_measured
+from twin.measured.log import LogFormat, read_measured_log
 
 
 @dataclasses.dataclass(frozen=True)

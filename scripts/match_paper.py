@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scripts.command import Summary, run_verb
 from twin.calibration.matching import match, training_commands
 from twin.calibration.parameters import FreeParameters
-from twin.preset import load_preset
+from twin.preset.file import load_preset
 
 FITTED = (
     "section_stiffness",

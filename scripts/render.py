@@ -8,8 +8,8 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.physics.render import render_mp4, render_png
 from twin.recording import read_dataset
+from twin.rendering.render import render_mp4, render_png
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Summary, output_file, run_verb
-from twin.report import write_report
+from twin.report.page import write_report
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,8 +15,8 @@ from rl.lstm import LSTM_FILE, train_lstm
 from rl.supervised import SequenceTraining
 from rl.training import Training, train_policy
 from scripts.command import Summary, TrainingProgress, output_folder, run_verb
-from scripts.records import true_records
 from twin.estimation.active_model import ActiveModel
+from twin.evaluation.reading import true_records
 from twin.hysteresis import load_model
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}

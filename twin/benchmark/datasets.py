@@ -12,13 +12,13 @@ from pathlib import Path
 
 from twin.benchmark.result import Result
 from twin.benchmark.speed import in_turn
-from twin.dataset import AT_ONCE, write_dataset
-from twin.episode_file import make_files
+from twin.dataset.episodes import make_episodes
+from twin.dataset.files import make_files
+from twin.dataset.recipe import Recipe
+from twin.dataset.write import AT_ONCE, write_dataset
 from twin.physics import simulate_batch
-from twin.preset import Preset
-from twin.recipe import Recipe
+from twin.preset.preset import Preset
 from twin.recording import read_episode
-from twin.simulated_episode import make_episodes
 
 TURNS = 3  # of two workers and of one
 

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.benchmark.result import Result
-from twin.excitation import command
 from twin.hysteresis import ColemanHodgdon
 from twin.identification.coleman_hodgdon import LOWER, identify_coleman_hodgdon, model_at
 from twin.identification.genetic import search
 from twin.physics import simulate
-from twin.preset import Preset
+from twin.preset.preset import Preset
+from twin.signals.excitation import command
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, random_cycles, sinusoid
 from twin.episode import Episode
 from twin.physics import simulate_batch
-from twin.preset import Preset
-from twin.randomization import Ranges
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int], None]

@@ -9,10 +9,12 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.open_loop import OpenLoop
 from twin.estimation.robust import RobustActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
-from twin.evaluation import Protocol, evaluate, filtering
-from twin.evaluation_record import EvaluationRecord
+from twin.evaluation.compare import evaluate
+from twin.evaluation.method import as_method
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
 SAMPLE_TIME, SAMPLES, SEEDS, RECORDS = 0.1, 600, 10, 5
@@ -50,8 +52,8 @@ def _seconds(amplitude: float, seeds: int, samples: int) -> float:
         pull, truth, np.ones(samples, bool), (-1e3 * amplitude, 1e3 * amplitude), "model", "m"
     )
     kinds: tuple[type[ActiveModel], ...] = (ActiveModel, RobustActiveModel, UnscentedActiveModel)
-    methods = [filtering(kind.__name__, kind(MODEL, SAMPLE_TIME)) for kind in kinds]
-    methods.append(filtering("static", OpenLoop(MODEL)))
+    methods = [as_method(kind.__name__, kind(MODEL, SAMPLE_TIME)) for kind in kinds]
+    methods.append(as_method("static", OpenLoop(MODEL)))
     begin = time.process_time()
     evaluate([record] * RECORDS, methods, Protocol("full", seeds, SAMPLE_TIME))
     return time.process_time() - begin

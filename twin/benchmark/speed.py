@@ -8,7 +8,7 @@ from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.physics import Endoscope, simulate, simulate_batch
 from twin.physics.plain_chain import run_plain_chain
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 REPEATS = 5
 PERIOD = 8.0

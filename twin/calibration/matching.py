@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from twin.calibration.parameters import FreeParameters
-from twin.excitation import SIGNALS, command
 from twin.hysteresis import ColemanHodgdon
 from twin.physics import simulate_batch
-from twin.preset import Preset
+from twin.preset.preset import Preset
+from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.calibration.measured import MeasuredLoop
 from twin.episode import Episode
 from twin.physics import simulate_batch
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.measured import MeasuredLoop
-from twin.preset import Preset, parameter_limits
+from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
 

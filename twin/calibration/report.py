@@ -13,8 +13,8 @@ from twin.calibration.parameters import FreeParameters
 from twin.calibration.search import Fit
 from twin.calibration.uncertainty import Uncertainty
 from twin.episode import Episode
-from twin.figures import INK, MUTED, clean_axes
 from twin.identification import identify
+from twin.report.figures import INK, MUTED, clean_axes
 
 Array = NDArray[np.float64]
 

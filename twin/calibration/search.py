@@ -15,8 +15,8 @@ from twin import __version__
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import residuals
 from twin.calibration.parameters import FreeParameters
-from twin.preset import Preset, parameter_limits
-from twin.recording.atomic import write_whole
+from twin.files.atomic import write_whole
+from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
 

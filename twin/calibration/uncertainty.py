@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from twin.calibration.parameters import SIGNED, FreeParameters
 from twin.calibration.search import Fit
-from twin.preset import parameter_limits
-from twin.randomization import Ranges
+from twin.preset.preset import parameter_limits
+from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
 

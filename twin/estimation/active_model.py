@@ -33,7 +33,7 @@ class ActiveModel(Estimator[Belief]):
     initial_variance: tuple[float, float] = (1e-2, 1e-2)
     """Diagonal of P at the first sample; not published, so small as Q: the first estimate is trusted."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
         return dataclasses.replace(self, measurement_variance=sensor.variance)
 

@@ -57,9 +57,9 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
         if not self.first_shape > 0:
             raise ValueError(f"first_shape = {self.first_shape}: must be positive")
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that begins at the sensor's variance."""
-        return dataclasses.replace(self, active_model=self.active_model.told(sensor))
+        return dataclasses.replace(self, active_model=self.active_model.with_sensor(sensor))
 
     def start(self, pull_mm: Array, bend_deg: Array) -> AdaptiveBelief:
         """Return the belief at the first sample."""

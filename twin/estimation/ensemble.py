@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator, Sensor
-from twin.noise_density import NoiseDensity
+from twin.signals.noise_density import NoiseDensity
 
 Array = NDArray[np.float64]
 NARROW = 0.5  # of the noise's standard deviation: narrower beliefs are moved by the score
@@ -46,7 +46,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
     density: NoiseDensity | None = None
     """What else is known of the noise; without it, it is taken as normal, of mean zero and variance R."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R.
 
         Raises:

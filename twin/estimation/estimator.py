@@ -28,7 +28,7 @@ class Sensor:
 class Estimator(abc.ABC, Generic[State]):
     """Parameters of an estimator, frozen; what moves is in its state."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
         return self
 

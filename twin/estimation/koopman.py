@@ -57,7 +57,7 @@ class KoopmanFilter(Estimator[Belief]):
         """Whether what bends one way bends the other."""
         return len(self.gates) == 2
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
         return dataclasses.replace(self, measurement_variance=sensor.variance)
 

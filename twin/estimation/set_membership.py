@@ -50,7 +50,7 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
     initial_bound_deg: float = 20.0
     """Largest error of the first estimate [deg]."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the noise's largest magnitude; if it has none, 3 deviations."""
         bound = np.asarray(sensor.bound, dtype=float)
         bound = np.where(np.isfinite(bound), bound, 3 * np.sqrt(np.asarray(sensor.variance)))

@@ -16,7 +16,7 @@ from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor, time_first
 from twin.estimation.gaussian import innovation_of
 from twin.estimation.koopman import KoopmanFilter
-from twin.task import Task
+from twin.estimation.task import TrainingTask
 
 Array = NDArray[np.float64]
 TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is tuned on
@@ -36,12 +36,12 @@ class TrainingEpisodes(NamedTuple):
 class UntoldActiveModel(ActiveModel):
     """The active model that keeps its own R, whatever the sensor is said to be."""
 
-    def told(self, sensor: Sensor) -> Self:
+    def with_sensor(self, sensor: Sensor) -> Self:
         """Return itself."""
         return self
 
 
-def draw_training_episodes(task: Task, seed: int, count: int = TUNING_DRAWS) -> TrainingEpisodes:
+def draw_training_episodes(task: TrainingTask, seed: int, count: int = TUNING_DRAWS) -> TrainingEpisodes:
     """Draw the episodes that all filters of one seed are tuned on."""
     record, measurement, initial = task.draw(count, np.random.default_rng([seed, 1]))
     return TrainingEpisodes(task.pull_mm[record], measurement, initial, task.bend_deg[record])
@@ -125,7 +125,7 @@ def innovation_log_likelihood(
     return total
 
 
-def tune_constant_gain(active_model: ActiveModel, task: Task, seed: int) -> ConstantGain:
+def tune_constant_gain(active_model: ActiveModel, task: TrainingTask, seed: int) -> ConstantGain:
     """Return the filter with the constant gain of least RMSE on noisy training records.
 
     It sees what RAM sees in training, the truth of the training records included. Both gains are searched

@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.features import FEATURES, recorded
+from twin.recording.features import FEATURES, recorded
 from twin.recording.table import column_names
 
 OBSERVED = ("/measurement", "/tension")

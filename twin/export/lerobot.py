@@ -33,7 +33,7 @@ from twin.export.even import frames_per_second
 from twin.export.frames import Column, frame_columns
 from twin.export.parts import CHUNK_FILES, PartWriter
 from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
-from twin.recording.atomic import write_whole
+from twin.files.atomic import write_whole
 
 VERSION = "v3.0"
 FILE_MEGABYTES = 100

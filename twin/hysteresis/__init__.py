@@ -6,9 +6,9 @@ from twin.hysteresis.model import (
     MODELS,
     HysteresisModel,
     IdentifiedModel,
-    describe_model,
-    described_model,
     load_model,
+    model_from_dict,
+    model_to_dict,
 )
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
@@ -19,7 +19,7 @@ __all__ = [
     "HysteresisModel",
     "IdentifiedModel",
     "PrandtlIshlinskii",
-    "describe_model",
-    "described_model",
     "load_model",
+    "model_from_dict",
+    "model_to_dict",
 ]

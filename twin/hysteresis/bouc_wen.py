@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.hysteresis.parameters import numbers
+from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
 

@@ -58,13 +58,13 @@ MODELS: dict[str, Callable[[dict[str, Any]], HysteresisModel]] = {
 """How a model is read, by the name on the command line and in its file."""
 
 
-def describe_model(model: HysteresisModel) -> dict[str, Any]:
+def model_to_dict(model: HysteresisModel) -> dict[str, Any]:
     """Return the name and the parameters of a model, as every file holds them."""
     return {"model": model.name, **model.to_dict()}
 
 
-def described_model(values: dict[str, Any]) -> HysteresisModel:
-    """Return the model that `describe_model` has described.
+def model_from_dict(values: dict[str, Any]) -> HysteresisModel:
+    """Return the model that `model_to_dict` has described.
 
     Raises:
         KeyError: there is no name, or no model of that name.
@@ -86,7 +86,7 @@ class IdentifiedModel:
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of the file."""
         return {
-            **describe_model(self.model),
+            **model_to_dict(self.model),
             "rmse_deg": self.rmse_deg,
             "optimizer": self.optimizer,
             "seed": self.seed,

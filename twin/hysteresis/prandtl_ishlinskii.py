@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.hysteresis.parameters import series
+from twin.hysteresis.reading import series
 
 Array = NDArray[np.float64]
 

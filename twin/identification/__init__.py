@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
 from twin.identification.bouc_wen import identify_bouc_wen
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.error import NEVER_REVERSES, Records, mean_square_error
 from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
-from twin.identification.records import NEVER_REVERSES, Records, mean_square_error
 
 __all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.hysteresis import BoucWen
+from twin.identification.error import Records, Stack, check
 from twin.identification.genetic import search
-from twin.identification.records import Records, Stack, check
 
 Array = NDArray[np.float64]
 

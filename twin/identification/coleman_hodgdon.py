@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.hysteresis import ColemanHodgdon
+from twin.identification.error import Records, Stack, check
 from twin.identification.genetic import search
-from twin.identification.records import Records, Stack, check
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from twin.hysteresis import PrandtlIshlinskii
 from twin.hysteresis.prandtl_ishlinskii import plays_along
-from twin.identification.records import Records, check, mean_square_error
+from twin.identification.error import Records, check, mean_square_error
 
 Array = NDArray[np.float64]
 

@@ -4,14 +4,13 @@ from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_con
 from twin.physics.batch import EndoscopeBatch, simulate_batch
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.model import model_xml
-from twin.physics.simulation import MUJOCO, check_sample_time, simulate
+from twin.physics.simulation import MUJOCO, simulate
 
 __all__ = [
     "MUJOCO",
     "Endoscope",
     "EndoscopeBatch",
     "State",
-    "check_sample_time",
     "model_xml",
     "simulate",
     "simulate_batch",

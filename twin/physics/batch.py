@@ -11,13 +11,13 @@ import numpy as np
 from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
-from twin.drive import Drive
 from twin.episode import Episode
+from twin.physics.drive import Drive
 from twin.physics.layout import Layout
 from twin.physics.load import Loads
 from twin.physics.model import model_xml
-from twin.physics.simulation import Command, Record
-from twin.preset import Preset
+from twin.physics.simulation import Command, Recorder
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 _REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping")
@@ -58,7 +58,7 @@ def simulate_batch(
         for of_one in zip(presets, pulls, [sample_time] * count, laterals, bends, strict=True)
     ]
     endoscopes = EndoscopeBatch(presets, threads)
-    records = [Record(command, endoscopes.layout) for command in commands]
+    records = [Recorder(command, endoscopes.layout) for command in commands]
 
     # Commands of different lengths end together, so that the samples of all are due at the same periods.
     periods = commands[0].between.shape[1]

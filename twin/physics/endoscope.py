@@ -9,11 +9,11 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
-from twin.drive import Drive, DriveState
+from twin.physics.drive import Drive, DriveState
 from twin.physics.layout import Layout
 from twin.physics.load import Loads, joint_friction
 from twin.physics.model import model_xml
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION

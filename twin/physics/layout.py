@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 Index = NDArray[np.intp]
 PLANES = ("", "lateral_")

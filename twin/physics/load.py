@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.physics.friction import element_friction, friction_per_tension, hinge_friction
 from twin.physics.layout import Layout, hinge_groups
 from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 LEAST_FRICTION = 1e-9

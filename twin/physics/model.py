@@ -9,12 +9,12 @@ vertebra has a second, crossed hinge, and there is a second pulley for the wires
 
 import mujoco
 
-from twin.assets import assets_folder
 from twin.episode import WIRES
+from twin.files.assets import assets_folder
 from twin.physics.layout import PLANES, hinge_groups
 from twin.physics.load import LEAST_FRICTION, joint_friction
 from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 _PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
@@ -59,7 +59,7 @@ def section_inertia(preset: Preset) -> float:
 
 
 def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
-    """Drive a pulley where it is told to be; servo and backlash come before it (`twin/drive.py`).
+    """Drive a pulley where it is told to be; servo and backlash come before it (`twin/physics/drive.py`).
 
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
-from twin.excitation import approach, check_finite
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.layout import Layout
-from twin.preset import Preset
+from twin.preset.preset import Preset
+from twin.preset.sample_time import check_sample_time
+from twin.signals.excitation import approach, check_finite
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def simulate(
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
     Returns:
-        The record; `measured_bend` equals `bend`: the sensor comes after the physics (`twin/sensor.py`).
+        The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
 
     Raises:
         ValueError: a command is not finite or of another length, the sheath's bend is negative, or the
@@ -61,7 +62,7 @@ def simulate(
     else:
         for inputs in command.before.tolist():
             endoscope.advance(*inputs)
-    record = Record(command, endoscope.layout)
+    record = Recorder(command, endoscope.layout)
     for k, periods in enumerate(command.between.tolist()):
         for inputs in periods if k > 0 else ():
             endoscope.advance(*inputs)
@@ -136,7 +137,7 @@ def _approach(first: Array, preset: Preset) -> Array:
     return inputs
 
 
-class Record:
+class Recorder:
     """Collects what an endoscope does at each sample of a command."""
 
     def __init__(self, command: Command, layout: Layout) -> None:
@@ -189,18 +190,3 @@ class Record:
             },
             attachments={"endoscope.xml": xml.encode()},
         )
-
-
-def check_sample_time(preset: Preset, sample_time: float) -> int:
-    """Return how many control periods there are between two samples.
-
-    Raises:
-        ValueError: not a whole number.
-    """
-    periods = round(sample_time / preset.control_period) if np.isfinite(sample_time) else 0
-    if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
-        raise ValueError(
-            f"sample time {sample_time:g} s: must be a whole multiple of the control period, "
-            f"{preset.control_period:g} s"
-        )
-    return periods

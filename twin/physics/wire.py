@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.physics.friction import friction_per_tension
-from twin.preset import Preset
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 from mcap.opcode import Opcode
 
 from twin.episode import Episode
+from twin.recording.mcap_file.records import HEAD, Budget, FileRecord, parse, unpack
 from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
-from twin.recording.records import HEAD, Budget, Record, parse, unpack
 from twin.recording.writer import METADATA_RECORD
 
 PASSED_OVER = ("/scene", "/camera/")
@@ -50,7 +50,7 @@ class Contents:
         self._kept = kept
         self._budget = Budget(file_size)
 
-    def add(self, data: bytes, record: Record) -> Found:
+    def add(self, data: bytes, record: FileRecord) -> Found:
         """Take in one record of a file, with all that is inside a chunk; some kinds are passed over.
 
         Returns:
@@ -109,7 +109,7 @@ class Contents:
             else:
                 others += 1
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._describe(raw, Record(opcode, offset, offset + head_size, stop))
+                    self._describe(raw, FileRecord(opcode, offset, offset + head_size, stop))
             offset = stop
         self.counts["message"] += count - others
         self._budget.records -= count
@@ -125,7 +125,7 @@ class Contents:
         topic = self.topics[channel]
         return found.setdefault(topic, ([], [])) if topic in self._kept else None
 
-    def _describe(self, raw: bytes, record: Record) -> None:
+    def _describe(self, raw: bytes, record: FileRecord) -> None:
         """Take in a schema or a channel; writers repeat them, in the same words."""
         fields = parse(raw, record)
         if record.opcode == Opcode.SCHEMA:

@@ -14,7 +14,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.recording.layout import SECOND
+from twin.recording.mcap_file.layout import SECOND
 
 Array = NDArray[np.float64]
 

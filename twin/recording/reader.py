@@ -9,7 +9,7 @@ from mcap.opcode import Opcode
 
 from twin.episode import Episode
 from twin.recording.contents import TOPICS, Contents
-from twin.recording.records import MAGIC, Record, mcap_bytes, parse, record_at, summary_fault
+from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
 
 HINT = "; `endotwin export FILE --recover` saves what is whole"
 """What is said after the fault of a file that is cut off or damaged."""
@@ -139,7 +139,7 @@ def _read(path: Path, kept: Collection[str]) -> Contents:
         raise ValueError(f"{path} {error}{HINT}") from error
 
 
-def _records(data: bytes) -> Iterator[Record]:
+def _records(data: bytes) -> Iterator[FileRecord]:
     """Yield the records of a file up to its footer, checked against the CRCs of data section and summary."""
     offset, end = len(MAGIC), len(data) - len(MAGIC)
     data_ended = False

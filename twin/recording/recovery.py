@@ -7,9 +7,9 @@ from typing import Any
 
 from twin.episode import Episode
 from twin.recording.contents import TOPICS, Contents, from_json
+from twin.recording.mcap_file.records import mcap_bytes
 from twin.recording.messages import LARGEST_TIME, REQUIRED_TOPICS
 from twin.recording.reader import one_line, whole_contents, whole_episode
-from twin.recording.records import mcap_bytes
 from twin.recording.salvage import Salvage
 
 _CLOCK = "/command"  # every sample has a message on it, in whole files

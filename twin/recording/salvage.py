@@ -11,8 +11,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from twin.recording.contents import Contents, Found
+from twin.recording.mcap_file.records import HEAD, MAGIC, FileRecord, parse, record_at, summary_fault
 from twin.recording.reader import one_line
-from twin.recording.records import HEAD, MAGIC, Record, parse, record_at, summary_fault
 
 # What stands in a chunk of zstd after its opcode, length, two times, size and CRC.
 _ZSTD_MARK = b"\x04\x00\x00\x00zstd"
@@ -183,7 +183,7 @@ class Salvage:
         else:
             self._faults.append(f"cut off after chunk {self._chunks_seen}")
 
-    def _take(self, record: Record) -> None:
+    def _take(self, record: FileRecord) -> None:
         """Take in one record, or say why its contents are lost.
 
         Raises:
@@ -228,7 +228,7 @@ class Salvage:
                         self._faults.append(
                             f"{_name(kind)} at byte {offset}: it was taken for another record"
                         )
-                    self._take(Record(kind, offset, offset + HEAD.size, offset + length))
+                    self._take(FileRecord(kind, offset, offset + HEAD.size, offset + length))
                 except Exception as error:
                     if offset not in self._pieces:
                         self._faults.append(f"{_name(kind)} at byte {offset}: {one_line(error)}")
@@ -254,7 +254,7 @@ def _find_chunk(data: bytes, offset: int) -> int | None:
     return None
 
 
-def _check_attachment(data: bytes, record: Record) -> None:
+def _check_attachment(data: bytes, record: FileRecord) -> None:
     """Raise if the CRC at the end of an attachment, where it has one, is not that of the rest of it."""
     expected = int.from_bytes(data[record.end - _CRC_SIZE : record.end], "little")
     if expected not in (0, zlib.crc32(memoryview(data)[record.body : record.end - _CRC_SIZE])):

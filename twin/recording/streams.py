@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.episode import OPTIONAL, Episode
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
-from twin.recording.layout import Stream
+from twin.recording.mcap_file.layout import Stream
 from twin.recording.messages import SCENE_TOPIC, wire_names
 from twin.recording.poses import hinge_angles, joint_states, link_length, rotations, transforms
 from twin.recording.scene import scene

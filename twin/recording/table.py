@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES, Episode
-from twin.features import FEATURES, Feature, recorded
-from twin.recording.atomic import write_whole
+from twin.files.atomic import write_whole
+from twin.recording.features import FEATURES, Feature, recorded
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from twin.episode import Episode
-from twin.recording.atomic import WholeFile
-from twin.recording.chunks import message_chunks, sample_chunks
-from twin.recording.container import Container
+from twin.files.atomic import WholeFile
+from twin.recording.mcap_file.chunks import message_chunks, sample_chunks
+from twin.recording.mcap_file.container import Container
 from twin.recording.messages import LARGEST_TIME, SCHEMAS, to_nanoseconds
 from twin.recording.streams import streams_of
 

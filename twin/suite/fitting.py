@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.koopman import KoopmanFilter, fit_koopman
+from twin.estimation.task import TrainingTask, stack_records
 from twin.estimation.tuning import (
     draw_training_episodes,
     tune_active_model,
@@ -18,6 +19,7 @@ from twin.estimation.tuning import (
     tune_koopman,
 )
 from twin.estimation.unscented import UnscentedActiveModel
+from twin.files.atomic import write_whole
 from twin.hysteresis import (
     BoucWen,
     ColemanHodgdon,
@@ -27,8 +29,6 @@ from twin.hysteresis import (
     load_model,
 )
 from twin.identification import OPTIMIZERS, identify
-from twin.recording.atomic import write_whole
-from twin.task import Task, stack_records
 
 Array = NDArray[np.float64]
 Records = Sequence[tuple[Array, Array]]
@@ -181,5 +181,5 @@ def load_fits(path: Path, models: dict[str, HysteresisModel]) -> Fits:
     return Fits(models, tuned, gain, koopman)
 
 
-def _task(records: Records) -> Task:
-    return Task(*stack_records(records))
+def _task(records: Records) -> TrainingTask:
+    return TrainingTask(*stack_records(records))

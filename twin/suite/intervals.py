@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from twin.estimation.set_membership import SetMembershipFilter
-from twin.evaluation import STEADY_SECONDS, SUITES, Protocol, group_records, make_case
-from twin.evaluation_record import EvaluationRecord
-from twin.noise import noise_bound
+from twin.evaluation.case import group_records, make_case
+from twin.evaluation.protocol import STEADY_SECONDS, SUITES, Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.signals.noise import noise_bound
 
 
 def containment(
@@ -35,7 +36,7 @@ def containment(
         known = ~np.isnan(case.measurement_deg)
         begin = late if known[:, late:].any() else 0  # a short record has no time after the start
         for name, filter_ in filters.items():
-            told = filter_.told(case.sensor)
+            told = filter_.with_sensor(case.sensor)
             low, high = told.intervals(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
             inside = ((low <= case.truth_deg) & (case.truth_deg <= high)) | ~known
             rows.append(

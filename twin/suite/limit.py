@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.estimation.ensemble import EnsembleFilter, posterior_bound
-from twin.evaluation import Case, Method
-from twin.evaluation_record import EvaluationRecord
-from twin.noise import fisher_information, noise_variance
-from twin.noise_density import noise_density
-from twin.preset import Preset
-from twin.randomization import Ranges
-from twin.recording.atomic import write_whole
+from twin.evaluation.case import Case
+from twin.evaluation.method import Method
+from twin.evaluation.record import EvaluationRecord
+from twin.files.atomic import write_whole
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.signals.noise import fisher_information, noise_variance
+from twin.signals.noise_density import noise_density
 from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
 
 Array = NDArray[np.float64]

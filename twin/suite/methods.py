@@ -16,7 +16,7 @@ from twin.estimation.robust import RobustActiveModel
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.estimation.tuning import UntoldActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
-from twin.evaluation import Method, filtering
+from twin.evaluation.method import Method, as_method
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.suite.fitting import MONOTONE, TUNED_WITH, Fits, tuned_koopman
 
@@ -31,16 +31,16 @@ def static_methods(fits: Fits) -> list[Method]:
         "Bouc-Wen": BoucWen.name,
         "P-I": PrandtlIshlinskii.name,
     }
-    return [filtering(name, OpenLoop(fits.models[model])) for name, model in names.items()]
+    return [as_method(name, OpenLoop(fits.models[model])) for name, model in names.items()]
 
 
 def active_methods(fits: Fits, sample_time: float) -> list[Method]:
     """Active models with the paper's Q, which agree on this model."""
     model = fits.models[ColemanHodgdon.name]
     return [
-        filtering("AM", ActiveModel(model, sample_time)),
-        filtering("KF", KalmanActiveModel(model, sample_time)),
-        filtering("UKF", UnscentedActiveModel(model, sample_time)),
+        as_method("AM", ActiveModel(model, sample_time)),
+        as_method("KF", KalmanActiveModel(model, sample_time)),
+        as_method("UKF", UnscentedActiveModel(model, sample_time)),
     ]
 
 
@@ -72,16 +72,16 @@ def tuned_methods(fits: Fits, records: Sequence[tuple[Array, Array]], sample_tim
         return kind(**vars(filter_))
 
     return [
-        filtering("AM-tuned", tuned("AM")),
-        filtering("AM-tuned (Q, R)", tuned("AM (Q, R)", UntoldActiveModel)),
-        filtering("AM-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)")),
-        filtering("UKF-tuned (Bouc-Wen)", tuned("UKF (Bouc-Wen)", UnscentedActiveModel)),
-        filtering("AM-tuned (P-I)", tuned("AM (P-I)")),
-        filtering("Huber", tuned("AM", RobustActiveModel)),
-        filtering("VB", AdaptiveActiveModel(tuned("AM"))),
-        filtering("AM with bias", tuned("AM", BiasedActiveModel)),
-        filtering("Koopman", tuned_koopman(fits, records)),
-        filtering(
+        as_method("AM-tuned", tuned("AM")),
+        as_method("AM-tuned (Q, R)", tuned("AM (Q, R)", UntoldActiveModel)),
+        as_method("AM-tuned (Bouc-Wen)", tuned("AM (Bouc-Wen)")),
+        as_method("UKF-tuned (Bouc-Wen)", tuned("UKF (Bouc-Wen)", UnscentedActiveModel)),
+        as_method("AM-tuned (P-I)", tuned("AM (P-I)")),
+        as_method("Huber", tuned("AM", RobustActiveModel)),
+        as_method("VB", AdaptiveActiveModel(tuned("AM"))),
+        as_method("AM with bias", tuned("AM", BiasedActiveModel)),
+        as_method("Koopman", tuned_koopman(fits, records)),
+        as_method(
             "Constant gain", ConstantGain(fits.models[ColemanHodgdon.name], sample_time, gain=fits.gain)
         ),
     ]

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
-from twin.excitation import SIGNALS, command
+from twin.files.atomic import write_whole
 from twin.physics import simulate_batch
-from twin.preset import Preset
-from twin.randomization import Ranges
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
 from twin.recording import write_episode
-from twin.recording.atomic import write_whole
+from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ _COMMANDS, _TWINS, _MEMBERS = range(3)
 
 
 @dataclasses.dataclass(frozen=True)
-class Drive:
+class Scenario:
     """What one endoscope is and does in one record."""
 
     twin: str
@@ -47,7 +47,7 @@ class Drive:
     """(N,) where the sheath is bent during the record [rad]."""
 
 
-def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Drive]:
+def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
     """Return the drives of the test records, stroke by stroke.
 
     Args:
@@ -63,9 +63,9 @@ def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list
             bend = np.linspace(*BENDING, len(pull))
             mine = twins[place :: len(SIGNALS)]
             drives += [
-                Drive("nominal", preset, signal, stroke, pull),
-                Drive("bending sheath", preset, signal, stroke, pull, bend),
-                *(Drive("randomized", twin, signal, stroke, pull) for twin in mine),
+                Scenario("nominal", preset, signal, stroke, pull),
+                Scenario("bending sheath", preset, signal, stroke, pull, bend),
+                *(Scenario("randomized", twin, signal, stroke, pull) for twin in mine),
             ]
     return drives
 
@@ -89,7 +89,7 @@ def members(
     count: int,
     seed: int,
     stroke_mm: tuple[float, float] = (0, 0),
-) -> list[Drive]:
+) -> list[Scenario]:
     """Return the drives of an ensemble along one command: other draws from the ranges of the test's twins.
 
     Every second one has its sheath bent on during the record, from one drawn angle to another.
@@ -107,12 +107,12 @@ def members(
         rng = np.random.default_rng([seed, _MEMBERS, number])
         drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
         bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
-        drives.append(Drive("member", drawn, "given", stroke_mm, pull, bend))
+        drives.append(Scenario("member", drawn, "given", stroke_mm, pull, bend))
     return drives
 
 
 def simulate_drives(
-    drives: Sequence[Drive], on_sample: Callable[[int, int], None] | None = None
+    drives: Sequence[Scenario], on_sample: Callable[[int, int], None] | None = None
 ) -> list[Episode | None]:
     """Simulate all drives side by side; None where a simulation diverged."""
     return simulate_batch(

@@ -1,0 +1,52 @@
+"""What is vouched for, and what a worker refuses to do."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from small_dataset import NAMES, RECIPE, SECOND, changed, contents, make
+
+from twin.dataset.files import make_files
+from twin.recording import read_episode, write_episode
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    make(tmp_path / "data", csv=True)
+    return tmp_path / "data"
+
+
+def test_file_whose_numbers_are_not_those_of_its_metadata_is_made_anew(folder):
+    """As if it were thinned or recovered, under the name of the whole one."""
+    whole = contents(folder)
+    (folder / "dataset.json").unlink()
+    episode = read_episode(folder / SECOND)
+    write_episode(folder / SECOND, episode.every(0.04))
+    third = read_episode(folder / NAMES[2])
+    write_episode(folder / NAMES[2], dataclasses.replace(third, bend=third.bend + 0.01))
+    written = make(folder, csv=True)
+    assert written.damage[0] == f"{folder / SECOND} has 25 samples, its metadata says 50"
+    assert written.damage[1].startswith(f"{folder / NAMES[2]}: max of bend_deg is")
+    assert contents(folder) == whole
+
+
+def test_late_task_of_a_run_that_is_over_does_not_write_into_the_next_dataset(folder):
+    whole = contents(folder)
+    other = changed(seconds=0.5)
+    with pytest.raises(ValueError, match="is the folder of another dataset by now"):
+        make_files(other, other.keys[:1], folder, {}, False)
+    assert contents(folder) == whole
+
+
+def test_worker_of_another_version_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a worker has endotwin .*, here is endotwin 9: they must agree"):
+        make_files(RECIPE, RECIPE.keys, tmp_path, {}, False, {"endotwin": "9"})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_that_is_being_exported_beside_the_episodes_is_left_alone(folder):
+    exported = folder / ".lerobot.partial"
+    exported.mkdir()
+    (folder / ".episode_0001.mcap.01234567.partial").write_bytes(b"half")
+    assert make(folder, csv=True).kept == 3
+    assert [path.name for path in folder.glob(".*")] == [exported.name]

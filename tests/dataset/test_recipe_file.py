@@ -1,0 +1,237 @@
+"""A recipe's file: what each key becomes, and what is refused, in one line with what may be."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.dataset.recipe import Recipe
+from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
+from twin.measured.command import read_command
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges, load_ranges
+from twin.rendering.camera import Camera
+from twin.signals.excitation import SIGNALS
+
+HERE = Path()
+EVERY_KEY = """
+preset: parts/mine.yaml
+set: {wire_damping: 2.5, vertebrae: 7}
+ranges: {pretension: [1, 6]}
+episodes: 7
+seeds: [4, 2]
+seconds: 1.5
+sample_time_s: 0.04
+signals: [triangle, sine]
+strokes_mm: [[-1, 1], [0, 2.5]]
+lateral_stroke_mm: [-0.5, 0.5]
+sheath_bends_deg: [45, [null, 180], [90, 0]]
+sensor: {variance_deg2: 0.3, noise_deg: 2, resolution_deg: 0.5, period_s: 0.04, latency_s: 0.02}
+camera: {pictures_per_second: 5, width: 160, height: 120}
+"""
+
+
+def resolved(text: str) -> Recipe:
+    return resolve(parse_recipe(text), HERE)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "mine.yaml").write_text(
+        "vertebrae: 5\nbending_planes: 2\nsheath_bend: 1.5707963267948966\nwire_stiffness: 1e4\n"
+        "ranges: {pretension: [1, 2], sheath_friction: [0.1, 0.3]}\n"
+    )
+    (tmp_path / "parts" / "command.csv").write_text("time_s,pull_mm\n0,0\n1,1.5\n2,-0.5\n")
+    return tmp_path
+
+
+def test_every_key_of_the_file_is_in_the_recipe(folder):
+    (folder / "recipe.yaml").write_text(EVERY_KEY)
+    recipe = load_recipe(folder / "recipe.yaml")
+    preset = load_preset(folder / "parts" / "mine.yaml").replace(
+        wire_damping=2.5,
+        vertebrae=7,
+        sensor_noise=float(np.radians(2)),
+        sensor_resolution=float(np.radians(0.5)),
+        sensor_period=0.04,
+        sensor_latency=0.02,
+    )
+    assert recipe == Recipe(
+        preset=preset,
+        strokes_mm=((-1.0, 1.0), (0.0, 2.5)),
+        lateral_stroke_mm=(-0.5, 0.5),
+        sheath_bends_deg=((45.0, 45.0), (90.0, 180.0), (90.0, 0.0)),
+        ranges=Ranges((("pretension", 1.0, 6.0),)),
+        seconds=1.5,
+        sample_time_s=0.04,
+        signals=("triangle", "sine"),
+        sensor_variance_deg2=0.3,
+        camera=Camera(5.0, 160, 120),
+        episodes=7,
+        seeds=(4, 2),
+    )
+
+
+def test_recipe_of_no_keys_is_that_of_the_defaults():
+    for text in ("{}", "", "# nothing but a comment"):
+        assert resolved(text) == Recipe(load_preset("ureteroscope"))
+
+
+def test_preset_and_command_are_looked_for_beside_the_recipe(folder):
+    (folder / "recipe.yaml").write_text("preset: parts/mine.yaml\ncommand_csv: parts/command.csv\n")
+    recipe = load_recipe(folder / "recipe.yaml")
+    pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02)
+    assert recipe.given_pull_m == tuple(pull.tolist())
+    assert recipe.seconds == pytest.approx(2.0)
+    assert recipe.strokes_mm == (
+        (pytest.approx(1e3 * pull.min(), abs=1e-8), pytest.approx(1e3 * pull.max(), abs=1e-8)),
+    )
+    assert {recipe.conditions(number).signal for number in range(3)} == {"given"}
+
+
+def test_preset_can_be_given_by_its_parameters():
+    given = resolved("preset: {name: mine, vertebrae: 5, pretension: 2.5}").preset
+    assert given == Preset("mine", vertebrae=5, pretension=2.5)
+
+
+def test_randomize_draws_from_the_ranges_of_the_preset(folder):
+    assert resolved("preset: ureteroscope\nrandomize: true").ranges == load_ranges("ureteroscope")
+    (folder / "recipe.yaml").write_text(
+        "preset: parts/mine.yaml\nrandomize: true\nset: {pretension: 3}\nsheath_bends_deg: [10]\n"
+    )
+    assert load_recipe(folder / "recipe.yaml").ranges == Ranges((("sheath_friction", 0.1, 0.3),))
+
+
+@pytest.mark.parametrize(
+    ("text", "episodes"),
+    [
+        ("{}", len(SIGNALS)),
+        ("signals: [sine]", 5),
+        ("signals: [sine, triangle]\nstrokes_mm: [[-1, 1], [0, 1]]", 5),
+        ("strokes_mm: [[-1, 1], [0, 1]]\nsheath_bends_deg: [0, 90, 180]", 30),
+        ("strokes_mm: [[-1, 1], [0, 1]]\nsheath_bends_deg: [0, 90, 180]\nepisodes: 2", 2),
+        ("given_pull_m: [0, 0.001]", 1),
+        ("given_pull_m: [0, 0.001]\nsheath_bends_deg: [0, 90, 180]", 3),
+        ("given_pull_m: [0, 0.001]\nranges: {pretension: [1, 2]}", 5),
+    ],
+)
+def test_without_a_number_of_episodes_there_is_one_of_each_combination_but_five_or_more(text, episodes):
+    recipe = resolved(text)
+    assert recipe.episodes == episodes
+    assert len(recipe.keys) == episodes
+
+
+SIGNAL_NAMES = "sine, decaying-sine, triangle, multi-sine, random-steps"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("seed: 4", r"unknown key 'seed' \(did you mean 'seeds'\?\); valid: preset, set, randomize, ranges"),
+        (
+            "sensor: {noise: 1}",
+            r"unknown key 'noise' \(did you mean 'noise_deg'\?\); valid: variance_deg2, n",
+        ),
+        ("camera: {fps: 3}", "unknown key 'fps'; valid: pictures_per_second, width, height"),
+        ("1: 2", "unknown key '1'; valid: preset, set"),
+        ("camera: {width: 320.5}", "camera.width = 320.5: input should be a valid integer"),
+        ("camera: {height: 100}", "camera: 320 x 100 pixels: must be even, 80 to 1280 and 120 to 1280"),
+        ("sensor: {noise_deg: abc}", "sensor.noise_deg = 'abc': input should be a valid number"),
+        ("sensor: {latency_s: -1}", "sensor_latency = -1.0: must not be negative"),
+        ("sensor: {variance_deg2: -1}", "variance of the sensor -1 deg.2: must be finite and not negative"),
+        ("seeds: 4", r"seeds = 4: must be whole numbers, as in \[1, 2\]"),
+        ("seeds: [1, 1.5]", r"seeds\[1\] = 1.5: must be whole numbers, as in \[1, 2\]"),
+        ("seeds: [-1]", "seed = -1: must not be negative"),
+        ("seeds: []", "seeds: none is given, at least one is needed"),
+        ("episodes: 0", "episodes = 0: must be from 1 to 10000"),
+        ("episodes: many", "episodes = 'many': input should be a valid integer"),
+        ("seconds: .inf", "seconds = inf: input should be a finite number"),
+        ("seconds: -1", "-1 s at a sample time of 0.02 s: needs at least two samples"),
+        ("seconds: 1e9", "an episode has at most 10000000 samples"),
+        (
+            "sample_time_s: 0.015",
+            "sample time 0.015 s: must be a whole multiple of the control period, 0.01 s",
+        ),
+        ("signals: sine", f"signals = 'sine': must be a list of {SIGNAL_NAMES}"),
+        ("signals: [sinus]", f"unknown signal 'sinus'; valid: {SIGNAL_NAMES}"),
+        ("strokes_mm: [2, 4]", r"strokes_mm\[0\] = 2: must be pairs of numbers, as in \[\[2, 4\]"),
+        ("strokes_mm: [[1, 2], [2]]", r"strokes_mm\[1\] = \[2\]: must be pairs of numbers"),
+        ("strokes_mm: [[1, a]]", r"strokes_mm\[0\]\[1\] = 'a': must be pairs of numbers"),
+        ("strokes_mm: [[4, 2]]", r"stroke \[4, 2\] mm: the first must be below the second"),
+        ("strokes_mm: [[0, 900]]", "this endoscope is pulled by at most 8.17 mm"),
+        ("lateral_stroke_mm: 5", r"lateral_stroke_mm = 5: must be two numbers, as in \[-1, 1\]"),
+        ("lateral_stroke_mm: [1, 2]", "'ureteroscope' has one bending plane, it needs two"),
+        ("sheath_bends_deg: 90", r"sheath_bends_deg = 90: must be angles, or pairs of a start and an end"),
+        ("sheath_bends_deg: [[1, 2, 3]]", r"sheath_bends_deg\[0\] = \[1, 2, 3\]: must be angles, or pairs"),
+        (
+            "sheath_bends_deg: [0, [5, null]]",
+            r"sheath_bends_deg\[1\] = \[5, None\]: must be angles, or pairs",
+        ),
+        ("sheath_bends_deg: [[0, 5000]]", "bend of the sheath 5000 deg: must be from 0 to 1440 deg"),
+        (
+            "preset: ureter",
+            r"unknown preset 'ureter' \(did you mean 'ureteroscope'\?\); valid: ureteroscope, vi",
+        ),
+        ("preset: 5", "preset = 5: must be a name, the path of a .yaml file, or parameters"),
+        ("preset: {vertebrae: 8}", "preset: parameters need a `name` among them"),
+        (
+            "preset: {name: x, vertebra: 8}",
+            r"unknown preset parameter 'vertebra' \(did you mean 'vertebrae'\?\)",
+        ),
+        (
+            "set: {vertebra: 8}",
+            r"unknown preset parameter 'vertebra' \(did you mean 'vertebrae'\?\); valid: name",
+        ),
+        ("set: {vertebrae: 8.5}", "vertebrae = 8.5: must be a whole number from 1 to 128"),
+        ("set: {pretension: abc}", r"set.pretension = 'abc': must be parameters and their numbers"),
+        ("set: [pretension]", r"set = \['pretension'\]: must be parameters and their numbers"),
+        ("randomize: true\npreset: {name: x}", "given by its parameters states no ranges; give `ranges`"),
+        ("randomize: true\nranges: {pretension: [1, 2]}", "randomize and ranges: choose one"),
+        ("ranges: {pretension: 1}", "ranges.pretension = 1: must be parameters, each with two numbers"),
+        ("ranges: {pretension: [2, 1]}", r"range of pretension = \[2, 1\]: must rise, within \[0, 500\]"),
+        ("ranges: {vertebrae: [1, 2]}", "range of vertebrae: it is not drawn; choose it in the preset"),
+        ("given_pull_m: []", r"given_pull_m = \[\]: list should have at least 2 items"),
+        ("given_pull_m: [0.001]", "given_pull_m = .* at least 2 items"),
+        ("given_pull_m: [0, .nan]", r"given_pull_m\[1\] = nan: input should be a finite number"),
+        ("given_pull_m: [0, 1]", "this endoscope is pulled by at most 8.17 mm"),
+        ("given_pull_m: [0, 1]\ncommand_csv: a.csv", "command_csv and given_pull_m: choose one"),
+        ("[1, 2]", "no recipe: expected `key: value` lines"),
+        ("word", "no recipe: expected `key: value` lines"),
+        (
+            "{set: {pretension: 3}, ranges: {pretension: [1, 6]}}",
+            "ranges: pretension is set, or bent by sheath_bends_deg: choose one",
+        ),
+        ("{command_csv: parts/command.csv, seconds: 3}", "command_csv and seconds: choose one"),
+        ("a: b: c", "not a YAML file: mapping values are not allowed"),
+    ],
+)
+def test_wrong_recipe_is_refused_in_one_line_with_what_may_be(text, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        resolved(text)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("preset: none.yaml", "no preset file .*none.yaml"),
+        ("command_csv: none.csv", "no command file .*none"),
+    ],
+)
+def test_file_that_a_recipe_names_and_is_not_there_is_said(text, message):
+    with pytest.raises(FileNotFoundError, match=message):
+        resolved(text)
+
+
+def test_recipe_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no recipe .*nothing\.yaml"):
+        load_recipe(tmp_path / "nothing.yaml")
+    contents = {"yaml": b"a: [1", "utf": b"a: \xff\xfe", "list": b"- 1"}
+    for name, data in contents.items():
+        path = tmp_path / f"{name}.yaml"
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=f"{name}.yaml: ") as refused:
+            load_recipe(path)
+        assert "\n" not in str(refused.value)

@@ -1,0 +1,295 @@
+"""Datasets: the same bytes whoever makes them, episodes that follow their recipe, errors before any work."""
+
+import hashlib
+import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_dataset import FALLING, RECIPE, SMALL, TWO_PLANES, changed, contents, make
+
+from twin.dataset.episodes import make_episode, make_episodes
+from twin.dataset.recipe import EpisodeKey, Recipe, in_metres
+from twin.dataset.write import write_dataset
+from twin.episode import Episode
+from twin.preset.randomization import Ranges
+from twin.recording import read_dataset, read_episode, read_metadata
+from twin.rendering.camera import Camera
+from twin.signals.sensor import measure
+
+RANGES = Ranges(
+    (("pretension", 1.0, 6.0), ("section_stiffness", 0.03, 0.05), ("sensor_resolution", 1e-3, 1e-2))
+)
+PLAIN = changed(seconds=2.0)
+RICH = changed(
+    preset=TWO_PLANES,
+    lateral_stroke_mm=(0.2, 0.8),
+    sheath_bends_deg=((30.0, 170.0),),
+    ranges=RANGES,
+    sensor_variance_deg2=0.0,
+)
+"""Two planes, a sheath that is being bent, and an endoscope of its own for each episode."""
+
+
+def episode_of(recipe: Recipe, number: int, seed: int = 11) -> Episode:
+    return make_episode(recipe, EpisodeKey(seed, number))
+
+
+def processes(count: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    make(folder, PLAIN, csv=True)
+    return folder
+
+
+def test_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(folder, tmp_path):
+    with processes(2) as executor:
+        write_dataset(PLAIN, tmp_path, executor, workers=2, csv=True)
+    assert contents(tmp_path) == contents(folder)
+
+
+@pytest.mark.parametrize(
+    ("episodes", "workers", "shares"),
+    [(18, 2, [5, 5, 5, 3]), (18, 1, [6, 6, 6]), (3, 2, [2, 1]), (2, 4, [1, 1]), (16, 2, [8, 8])],
+)
+def test_batches_are_even_so_that_no_worker_waits_for_the_last(tmp_path, episodes, workers, shares):
+    class Counting(ThreadPoolExecutor):
+        def submit(self, function, recipe, batch, *rest):
+            seen.append(len(batch))
+            return super().submit(function, recipe, batch, *rest)
+
+    seen: list[int] = []
+    with Counting(1) as executor:
+        write_dataset(changed(seconds=0.1, episodes=episodes), tmp_path, executor, workers=workers)
+    assert seen == shares
+
+
+@pytest.mark.parametrize("recipe", [PLAIN, RICH], ids=["plain", "rich"])
+def test_an_episode_is_the_same_alone_and_in_any_company(recipe):
+    keys = [EpisodeKey(11, 2), EpisodeKey(4, 0), EpisodeKey(11, 1)]
+    for key, together in zip(keys, make_episodes(recipe, keys), strict=True):
+        alone = make_episode(recipe, key)
+        assert together is not None
+        for field in ("pull", "bend", "measured_bend", "wire_tension", "sheath_friction", "wire_slack"):
+            np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
+        assert together.metadata == alone.metadata
+        assert together.attachments == alone.attachments
+
+
+def test_file_holds_the_episode_that_the_recipe_makes(folder):
+    episode, read = episode_of(PLAIN, 2), read_episode(folder / "episode_0002.mcap")
+    np.testing.assert_allclose(episode.bend, read.bend, rtol=1e-12)
+    assert read.metadata == episode.metadata
+
+
+def test_another_seed_gives_another_signal_and_noise():
+    one, other = episode_of(PLAIN, 0), episode_of(PLAIN, 0, seed=12)
+    assert not np.array_equal(one.pull, other.pull)
+    assert not np.array_equal(one.measured_bend - one.bend, other.measured_bend - other.bend)
+
+
+def test_several_seeds_give_files_of_their_own_that_are_those_of_each_seed(tmp_path):
+    make(tmp_path / "both", changed(episodes=2, seeds=(11, 12)))
+    names = [f"seed_{seed}_episode_000{number}.mcap" for seed in (11, 12) for number in range(2)]
+    assert [path.name for path in sorted((tmp_path / "both").glob("*.mcap"))] == names
+    make(tmp_path / "one", changed(episodes=2, seeds=(12,)))
+    for number in range(2):
+        of_both = tmp_path / "both" / f"seed_12_episode_000{number}.mcap"
+        assert of_both.read_bytes() == (tmp_path / "one" / f"episode_000{number}.mcap").read_bytes()
+
+
+def test_dataset_file_vouches_for_every_episode(folder):
+    described = json.loads((folder / "dataset.json").read_text())
+    assert described["recipe"]["strokes_mm"] == [[-1, 1]]
+    assert described["recipe"]["preset"]["vertebrae"] == 6
+    assert described["episodes"] == len(described["files"]) == 3
+    assert described["seconds"] == pytest.approx(3 * 2.0)
+    assert described["bytes"] == sum(path.stat().st_size for path in folder.glob("*.mcap"))
+    for number, entry in enumerate(described["files"]):
+        data = (folder / entry["name"]).read_bytes()
+        assert entry["sha256"] == hashlib.sha256(data).hexdigest()
+        assert entry["table_sha256"] == hashlib.sha256(table_of(folder, number).read_bytes()).hexdigest()
+        assert entry["name"] == f"episode_{number:04d}.mcap"
+        assert (entry["seed"], entry["episode"], entry["signal"]) == (11, number, PLAIN.signals[number])
+        assert entry["samples"] == 100
+        assert entry["bytes"] == len(data)
+
+
+def table_of(folder: Path, number: int) -> Path:
+    return folder / f"episode_{number:04d}.csv"
+
+
+def test_measurement_is_the_truth_with_the_noise_of_the_sensor():
+    episode = episode_of(changed(sensor_variance_deg2=0.0), 0)
+    np.testing.assert_array_equal(episode.measured_bend, episode.bend)
+    episode = episode_of(changed(sensor_variance_deg2=4.0, seconds=20.0), 0)
+    assert (episode.measured_bend_deg - episode.bend_deg).var() == pytest.approx(4.0, rel=0.2)
+
+
+def test_table_beside_the_recording_holds_the_same_numbers(folder):
+    episode = read_dataset(folder)[1]
+    table = np.genfromtxt(table_of(folder, 1), delimiter=",", names=True)
+    np.testing.assert_allclose(table["pull_mm"], episode.pull_mm, rtol=1e-12)
+    np.testing.assert_allclose(table["bend_deg"], episode.bend_deg, rtol=1e-12)
+    np.testing.assert_allclose(table["tension_b_n"], episode.tension[:, 1], rtol=1e-12)
+
+
+def test_a_given_command_is_followed_by_every_episode():
+    pull = np.linspace(0, 5e-4, 40)
+    for number in range(2):
+        episode = episode_of(changed(given_pull_m=tuple(pull.tolist()), seconds=0.8), number)
+        np.testing.assert_array_equal(episode.pull, pull)
+        assert episode.metadata["signal"] == "given"
+
+
+def test_simulation_that_diverges_is_named_and_leaves_no_dataset_file_but_the_whole_episodes(tmp_path):
+    recipe = changed(preset=FALLING, ranges=Ranges((("section_mass", 1e-4, 10.0),)))
+    diverged = [episode is None for episode in make_episodes(recipe, recipe.keys)]
+    first = diverged.index(True)
+    line = f"episode {first} of seed 11: the simulation of 'small' diverged: narrow the ranges"
+    with pytest.raises(FloatingPointError, match=line) as refused:
+        make(tmp_path, recipe)
+    assert "\n" not in str(refused.value)
+    there = {path.name for path in tmp_path.iterdir()}
+    whole = {f"episode_000{number}.mcap" for number in range(3) if not diverged[number]}
+    assert len(whole) > 0
+    assert there == {*whole, "recipe.yaml"}
+    for name in whole:
+        read_episode(tmp_path / name)
+    with pytest.raises(FloatingPointError, match="diverged: lower time_step or the stiffness"):
+        episode_of(changed(preset=FALLING), 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"strokes_mm": ((1.0, 1.0),)}, r"stroke \[1, 1\] mm: the first must be below the second"),
+        ({"strokes_mm": ((0.0, 1.0), (2.0, 1.0))}, r"stroke \[2, 1\] mm"),
+        ({"strokes_mm": ()}, "strokes_mm: none is given"),
+        ({"seconds": 0.0}, "at least two samples"),
+        ({"seconds": 1e12}, "an episode has at most 10000000 samples"),
+        ({"sample_time_s": 0.015}, "whole multiple of the control period"),
+        ({"sample_time_s": 0.0}, "whole multiple of the control period"),
+        ({"sensor_variance_deg2": -1.0}, "not negative"),
+        ({"signals": ("sinus",)}, "unknown signal 'sinus'; valid: sine"),
+        ({"signals": ()}, "signals: none is given"),
+        ({"episodes": 0}, "episodes = 0: must be from 1 to 10000"),
+        ({"seeds": (-1,)}, "seed = -1: must not be negative"),
+        ({"seeds": (1, 2, 1)}, r"seeds = \[1, 2, 1\]: one is given twice"),
+        ({"seeds": ()}, "seeds: none is given"),
+        ({"strokes_mm": ((0.0, np.nan),)}, r"stroke \[0, nan\] mm: this endoscope is pulled by at most"),
+        ({"strokes_mm": ((0.0, 50.0),)}, r"stroke \[0, 50\] mm: this endoscope is pulled by at most 8\.17"),
+        ({"lateral_stroke_mm": (0.0, 1.0)}, "'small' has one bending plane, it needs two"),
+        ({"preset": TWO_PLANES, "lateral_stroke_mm": (1.0, 0.0)}, r"stroke \[1, 0\] mm: the first must be"),
+        ({"preset": TWO_PLANES, "lateral_stroke_mm": (-50.0, 0.0)}, r"stroke \[-50, 0\] mm: this endoscope"),
+        ({"sheath_bends_deg": ((0.0, -6.0),)}, r"bend of the sheath -6 deg: must be from 0 to 1440 deg"),
+        (
+            {"sheath_bends_deg": ((0.0, 90.0), (1719.0, 0.0))},
+            "bend of the sheath 1719 deg: must be from 0 to",
+        ),
+        ({"sheath_bends_deg": ((0.0, np.nan),)}, "bend of the sheath nan deg: must be from 0"),
+        ({"camera": Camera(width=81)}, "81 x 240 pixels: must be even"),
+    ],
+)
+def test_recipe_that_cannot_be_made_is_refused_before_any_work_in_one_line(tmp_path, change, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        make(tmp_path / "data", changed(**change))
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "data").exists()
+
+
+def test_recipe_that_can_be_made_is_not_refused():
+    PLAIN.check()
+    RICH.check()
+
+
+def test_episodes_of_a_rich_recipe_do_not_depend_on_how_many_there_are(tmp_path):
+    few = make(tmp_path / "few", changed(RICH, episodes=2)).contents
+    many = make(tmp_path / "many", changed(RICH, episodes=3)).contents
+    assert many["files"][:2] == few["files"]
+    assert len({entry["sha256"] for entry in many["files"]}) == 3
+
+
+def test_dataset_file_describes_a_rich_recipe(tmp_path):
+    make(tmp_path, changed(RICH, episodes=1))
+    described = json.loads((tmp_path / "dataset.json").read_text())
+    assert described["recipe"]["lateral_stroke_mm"] == [0.2, 0.8]
+    assert described["recipe"]["sheath_bends_deg"] == [[30, 170]]
+    assert described["recipe"]["ranges"] == RANGES.to_dict()
+    assert described["recipe"]["preset"] == RICH.preset.to_dict()
+    assert described["files"][0]["sheath_bend_deg"] == [30, 170]
+    drawn = read_metadata(tmp_path / "episode_0000.mcap")["preset"]
+    assert drawn == episode_of(RICH, 0).metadata["preset"]
+
+
+def test_every_episode_has_an_endoscope_of_its_own_within_the_ranges():
+    drawn = [episode_of(RICH, number).metadata["preset"] for number in range(3)]
+    for name, low, high in RANGES.limits:
+        values = [preset[name] for preset in drawn]
+        assert len(set(values)) == 3
+        assert low <= min(values) <= max(values) <= high
+        for preset in drawn:
+            preset[name] = getattr(RICH.preset, name)
+    wound = RICH.preset.replace(sheath_bend=float(np.radians(30.0)))  # where the wires are wound up
+    assert drawn == [wound.to_dict()] * 3
+
+
+def test_both_planes_are_pulled_within_their_strokes_while_the_sheath_is_bent_evenly():
+    strokes = in_metres(RICH.strokes_mm[0]), in_metres(RICH.lateral_stroke_mm)
+    for number in range(3):
+        episode = episode_of(RICH, number)
+        pulls = episode.pull, episode.lateral_pull
+        for pull, (low, high) in zip(pulls, strokes, strict=True):
+            assert low <= pull.min() < pull.max() <= high
+        of_stroke = [np.interp(pull, stroke, (0, 1)) for pull, stroke in zip(pulls, strokes, strict=True)]
+        assert np.abs(of_stroke[0] - of_stroke[1]).max() > 0.05  # two signals, not one on two scales
+        evenly = np.radians(np.linspace(30, 170, len(episode.time)))
+        np.testing.assert_allclose(episode.sheath_bend, evenly, rtol=1e-12)
+        assert np.ptp(episode.lateral_bend) > 0
+
+
+def test_what_is_added_to_a_recipe_leaves_the_signal_and_the_noise_as_they_were():
+    plain = changed(PLAIN, seconds=RICH.seconds, sensor_variance_deg2=0.1)
+    added = changed(RICH, ranges=Ranges(RANGES.limits[:2]), sensor_variance_deg2=0.1)
+    one, other = episode_of(plain, 1), episode_of(added, 1)
+    np.testing.assert_array_equal(other.pull, one.pull)
+    assert np.abs(other.bend - one.bend).max() > 1e-4
+    np.testing.assert_allclose(other.measured_bend - other.bend, one.measured_bend - one.bend, atol=1e-15)
+
+
+def test_sensor_of_the_preset_measures():
+    sensor = SMALL.replace(sensor_period=0.04, sensor_latency=0.06, sensor_resolution=1e-3)
+    episode = episode_of(changed(preset=sensor, sensor_variance_deg2=0.0), 0)
+    last = np.maximum((np.arange(len(episode.time)) - 3) // 2, 0)  # reading three samples old or older
+    late = episode.bend[2 * last]
+    np.testing.assert_allclose(episode.measured_bend, 1e-3 * np.round(late / 1e-3), atol=1e-12)
+    np.testing.assert_array_equal(
+        episode.measured_bend, measure(sensor, episode.time, episode.bend, np.random.default_rng(0))
+    )
+
+
+def test_noise_of_the_preset_and_of_the_recipe_add_up():
+    noisy = SMALL.replace(sensor_noise=float(np.radians(2.0)))
+    for variance, expected in ((0.0, 4.0), (5.0, 9.0)):
+        episode = episode_of(changed(preset=noisy, sensor_variance_deg2=variance, seconds=20.0), 0)
+        assert (episode.measured_bend_deg - episode.bend_deg).var() == pytest.approx(expected, rel=0.2)
+
+
+def test_sensor_is_the_one_that_was_drawn():
+    for number in range(2):
+        episode = episode_of(RICH, number)
+        counts = episode.measured_bend / episode.metadata["preset"]["sensor_resolution"]
+        np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
+
+
+def test_progress_is_told_from_nothing_to_all(tmp_path):
+    told: list[tuple[int, int]] = []
+    with ThreadPoolExecutor(1) as executor:
+        write_dataset(RECIPE, tmp_path, executor, workers=3, on_progress=lambda *counts: told.append(counts))
+    assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]

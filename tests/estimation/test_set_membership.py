@@ -1,0 +1,237 @@
+"""The set-membership filter: the truth never leaves its interval, and the interval is worth having."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from bounded_system import BATCH, BOUC_WEN, COLEMAN_HODGDON, MODELS, SAMPLES, T, bounded, pulls, simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.estimation.ellipsoid import Ellipsoid
+from twin.estimation.error_bound import ErrorBound
+from twin.estimation.estimator import Sensor
+from twin.estimation.set_membership import SetMembershipFilter
+from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
+
+NAMES = [model.name for model in MODELS]
+
+
+def states(tuned: SetMembershipFilter, pull: np.ndarray, measurement: np.ndarray, initial: np.ndarray):
+    state = tuned.start(pull[:, 0], initial)
+    yield state
+    for k in range(1, pull.shape[1]):
+        state = tuned.step(state, pull[:, k], pull[:, k - 1], measurement[:, k])
+        yield state
+
+
+def inside(ellipsoid: Ellipsoid, theta: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """(x - c)^T P^-1 (x - c) - 1 of points (B, ...); at most 0 inside."""
+    x = theta - ellipsoid.centre[0][:, None], f - ellipsoid.centre[1][:, None]
+    P = ellipsoid.shape[..., None]
+    determinant = P[0, 0] * P[1, 1] - P[0, 1] ** 2
+    return (P[1, 1] * x[0] ** 2 - 2 * P[0, 1] * x[0] * x[1] + P[0, 0] * x[1] ** 2) / determinant - 1
+
+
+@pytest.mark.parametrize("style", ["even", "ends", "one sided"])
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
+@settings(max_examples=8)
+@given(
+    slope=st.floats(0, 20),
+    floor=st.sampled_from([0.0, 0.01, 0.5]),
+    f_bound=st.sampled_from([(0.0, 0.0), (3.0, 0.0), (3.0, 0.1), (5.0, 2.0)]),
+    noise=st.floats(0.01, 5),
+    seed=st.integers(0, 10_000),
+)
+def test_truth_is_in_the_set_in_all_runs_at_all_samples(model, style, slope, floor, f_bound, noise, seed):
+    """40 runs of 120 samples in each of 72 settings, f and gaps in the measurements included."""
+    rng = np.random.default_rng(seed)
+    bound = ErrorBound(slope, floor, *f_bound)
+    pull = pulls(rng)
+    bend, f = simulate(model, bound, pull, rng, style)
+    measurement = bend + noise * bounded(rng, bend.shape, style)
+    measurement[rng.random(bend.shape) < 0.1] = np.nan
+    initial = bend[:, 0] + 20 * bounded(rng, (BATCH,), style)
+    tuned = SetMembershipFilter(model, T, bound).with_sensor(Sensor(noise**2 / 3, noise))
+    low, high = tuned.intervals(pull, measurement, initial)
+    assert ((low <= bend) & (bend <= high)).all()
+    for k, state in enumerate(states(tuned, pull, measurement, initial)):
+        assert (state.low[1] <= f[:, k]).all()
+        assert (f[:, k] <= state.high[1]).all()
+        assert inside(state.ellipsoid, bend[:, k : k + 1], f[:, k : k + 1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("model", MODELS, ids=NAMES)
+def test_every_point_that_the_measurements_allow_stays_in_the_set(model):
+    """A fine grid of [theta, f] carried exactly, with errors at the corners of their bounds."""
+    rng = np.random.default_rng(1)
+    bound = ErrorBound(3.0, 0.05, 4.0, 0.3)
+    pull = pulls(rng, 1, 40)
+    bend, _ = simulate(model, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-2, 2, bend.shape)
+    tuned = SetMembershipFilter(model, T, bound, 2.0)
+    initial = bend[:, 0] + 5
+    theta, f = np.meshgrid(np.linspace(initial[0] - 20, initial[0] + 20, 401), np.linspace(-4, 4, 81))
+    theta, f = theta.ravel(), f.ravel()
+    memory = model.start(pull[:, 0])
+    for k, state in enumerate(states(tuned, pull, measurement, initial)):
+        if k > 0:
+            carried = [np.full(theta.size, pull[0, i]) for i in (k, k - 1)]
+            stepped, moved = model.step(theta, np.repeat(memory, theta.size, axis=1), *carried)
+            memory = moved[:, :1]
+            reach = bound.of_step(*carried)
+            theta = stepped + T * f + rng.choice([-1, 1], theta.size) * reach
+            f = np.clip(f + rng.choice([-0.3, 0.3], f.size), -4, 4)
+            allowed = np.abs(measurement[0, k] - theta) <= 2
+            assert allowed.any()
+            survivors = rng.choice(np.flatnonzero(allowed), 30_000)  # each goes on with errors of its own
+            theta, f = theta[survivors], f[survivors]
+        assert state.low[0, 0] <= theta.min()
+        assert theta.max() <= state.high[0, 0]
+        assert state.low[1, 0] <= f.min()
+        assert f.max() <= state.high[1, 0]
+        assert inside(state.ellipsoid, theta[None], f[None]).max() < 1e-6
+
+
+@given(slope=st.floats(0, 20), floor=st.floats(0, 1), noise=st.floats(0.01, 5), seed=st.integers(0, 10_000))
+def test_without_f_the_interval_is_the_exact_one(slope, floor, noise, seed):
+    """One number is the state: its interval shrinks by the model, grows by the bound, meets the strip."""
+    rng = np.random.default_rng(seed)
+    bound = ErrorBound(slope, floor)
+    pull = pulls(rng, 5, 60)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-noise, noise, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, noise)
+    low, high = tuned.intervals(pull, measurement, bend[:, 0])
+    exact_low, exact_high = bend[:, 0] - 20, bend[:, 0] + 20
+    a, b, c = dataclasses.astuple(COLEMAN_HODGDON)
+    for k in range(1, 60):
+        move = pull[:, k] - pull[:, k - 1]
+        reach = slope * np.abs(move) + floor
+        keep, drive = 1 - a * np.abs(move), a * np.abs(move) * b * pull[:, k] + c * move
+        ends = np.sort([keep * exact_low + drive, keep * exact_high + drive], axis=0)
+        exact_low = np.maximum(ends[0] - reach, measurement[:, k] - noise)
+        exact_high = np.minimum(ends[1] + reach, measurement[:, k] + noise)
+        np.testing.assert_allclose(low[:, k], exact_low, atol=1e-4)
+        np.testing.assert_allclose(high[:, k], exact_high, atol=1e-4)
+
+
+def test_a_constant_error_of_the_model_is_learned():
+    """What the ellipsoid is for: a box alone never narrows f."""
+    bound = ErrorBound(0.0, 0.0, 10.0, 0.0)
+    rng = np.random.default_rng(0)
+    pull = pulls(rng, 30, 300)
+    bend, f = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-1, 1, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
+    *_, state = states(tuned, pull, measurement, bend[:, 0])
+    assert (state.high[1] - state.low[1]).max() < 1.0
+    assert ((state.low[1] <= f[:, -1]) & (f[:, -1] <= state.high[1])).all()
+
+
+def test_noise_that_keeps_to_its_bound_leaves_less_than_the_strip_of_one_measurement():
+    rng = np.random.default_rng(0)
+    bound = ErrorBound(3.0, 0.02)
+    pull = pulls(rng)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    measurement = bend + rng.uniform(-2, 2, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 2.0)
+    low, high = tuned.intervals(pull, measurement, bend[:, 0])
+    assert (high - low)[:, 20:].mean() < 0.5 * 4
+    assert np.sqrt(np.mean((tuned.estimate(pull, measurement, bend[:, 0]) - bend)[:, 20:] ** 2)) < 0.5
+
+
+def test_estimate_is_the_middle_of_the_interval_and_starts_where_it_is_told():
+    rng = np.random.default_rng(2)
+    pull = pulls(rng, 3)
+    measurement = 60 + rng.uniform(-2, 2, pull.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(30.0, 0.2), 2.0)
+    low, high = tuned.intervals(pull, measurement, 60.0)
+    np.testing.assert_allclose(tuned.estimate(pull, measurement, 60.0), (low + high) / 2)
+    np.testing.assert_allclose([low[:, 0], high[:, 0]], [[40.0] * 3, [80.0] * 3])
+    for row in range(3):
+        alone = tuned.intervals(pull[row], measurement[row], 60.0)
+        np.testing.assert_allclose(alone[0][0], low[row])
+        np.testing.assert_allclose(alone[1][0], high[row])
+
+
+def test_without_measurements_the_interval_is_that_of_the_model_and_its_bound():
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(2.0, 0.1), 1.0, 0.5)
+    pull = pulls(np.random.default_rng(3), 1)[0]
+    low, high = tuned.intervals(pull, np.full(SAMPLES, np.nan), 60.0)
+    response = COLEMAN_HODGDON.response(pull, 60.0)
+    half = [0.5]
+    for move in np.abs(np.diff(pull)):
+        half.append((1 - 1.15 * move) * half[-1] + 2 * move + 0.1)
+    np.testing.assert_allclose((low + high)[0] / 2, response, atol=1e-6)
+    np.testing.assert_allclose((high - low)[0] / 2, half, rtol=1e-5)
+
+
+@pytest.mark.parametrize("jump", [15.0, -400.0])
+def test_a_measurement_that_breaks_its_bound_does_not_lose_the_truth(jump):
+    """The set then holds what model and measurement say, and the next measurements narrow it."""
+    rng = np.random.default_rng(4)
+    bound = ErrorBound(1.0, 0.05)
+    pull = pulls(rng)
+    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    clean = bend + rng.uniform(-1, 1, bend.shape)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
+    outlier = clean.copy()
+    outlier[::2, 60] += jump
+    low, high = tuned.intervals(pull, outlier, bend[:, 0])
+    assert ((low <= bend) & (bend <= high)).all()
+    assert ((low <= outlier - 1) & (outlier + 1 <= high))[::2, 60].all()
+    assert (high - low)[:, -1].max() < 2
+    untouched = tuned.intervals(pull, clean, bend[:, 0])
+    np.testing.assert_array_equal(low[1::2], untouched[0][1::2])
+    np.testing.assert_array_equal(high[1::2], untouched[1][1::2])
+
+
+@pytest.mark.parametrize("jump", [15.0, -400.0])
+def test_a_model_that_breaks_its_bound_does_not_lose_the_truth(jump):
+    """The angle is pushed at sample 60, and stays there."""
+    rng = np.random.default_rng(5)
+    plays = PrandtlIshlinskii([5.0], [0.0])
+    tuned = SetMembershipFilter(plays, T, ErrorBound(0.0, 0.05), 1.0)
+    truth = np.where(np.arange(SAMPLES) < 60, 60.0, 60.0 + jump)
+    measurement = truth + rng.uniform(-1, 1, (20, SAMPLES))
+    low, high = tuned.intervals(np.full(SAMPLES, 3.0), measurement, 60.0)
+    assert ((low <= truth) & (truth <= high)).all()
+    assert (high - low)[:, 62:].max() <= 2.001
+
+
+def test_bound_of_the_noise_is_the_sensor_s_or_three_deviations():
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(1.0, 0.1))
+    assert tuned.with_sensor(Sensor(4.0)).measurement_bound == pytest.approx(6.0)
+    assert tuned.with_sensor(Sensor(4.0, 2.5)).measurement_bound == pytest.approx(2.5)
+    mixed = tuned.with_sensor(Sensor(np.array([1.0, 4.0]), np.array([np.inf, 5.0]))).measurement_bound
+    np.testing.assert_allclose(mixed, [3.0, 5.0])
+
+
+@given(bend=st.floats(-100, 200), apart=st.floats(1e-3, 100), move=st.floats(-2, 2))
+def test_model_of_bouc_and_wen_keeps_order_and_moves_nothing_apart(bend, apart, move):
+    """What the filter asks of a model that is not affine."""
+    ends = np.array([bend, bend + apart])
+    left, right = BOUC_WEN.step(ends, np.empty((0, 2)), np.full(2, 3.0 + move), np.full(2, 3.0))[0]
+    assert -1e-9 <= right - left <= apart + 1e-9
+
+
+def test_no_bounds_at_all_is_a_set_that_still_works():
+    """Noise, model and first estimate without error: the widths that rounding asks for are all there is."""
+    pull = pulls(np.random.default_rng(5), 2)
+    exact = COLEMAN_HODGDON.response(pull, 60.0)
+    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(0.0, 0.0), 0.0, 0.0)
+    low, high = tuned.intervals(pull, exact, 60.0)
+    assert ((low <= exact) & (exact <= high)).all()
+    assert (high - low).max() < 1e-5
+
+
+def test_strips_that_meet_in_one_point_leave_a_set_that_goes_on():
+    plays = PrandtlIshlinskii([5.0], [0.0])
+    tuned = SetMembershipFilter(plays, T, ErrorBound(0.0, 0.0), 1.0)
+    apart = np.concatenate([np.linspace(-1e-8, 1e-8, 41), np.arange(-40, 41) * np.spacing(60.0) - 4e-9])
+    measurement = np.stack([np.full_like(apart, y) for y in (60.0, 61.0, 59.0, 60.0, 60.0)], axis=1)
+    measurement[:, 2] += apart
+    low, high = tuned.intervals(np.full(5, 3.0), measurement, 60.0)
+    assert np.isfinite([low, high]).all()
+    assert ((low < high) & (low <= 60.0) & (high >= 60.0)).all()

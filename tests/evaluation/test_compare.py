@@ -1,0 +1,203 @@
+import dataclasses
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+
+from twin.evaluation.case import make_case
+from twin.evaluation.compare import evaluate
+from twin.evaluation.method import Method
+from twin.evaluation.paper import paper_value
+from twin.evaluation.protocol import PAPER_CONDITIONS, Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.signals.noise import noise_variance
+
+PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
+
+
+@pytest.fixture
+def two_records(records):
+    return [
+        EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", f"record {number}")
+        for number, (pull, bend) in enumerate(records[:2])
+    ]
+
+
+def measurement_itself(case):
+    estimate = case.measurement_deg.copy()
+    estimate[:, 0] = case.initial_bend_deg
+    return estimate
+
+
+def pick(rows, method, noise, level):
+    (row,) = [r for r in rows if (r["method"], r["noise"], r["level"]) == (method, noise, level)]
+    return row
+
+
+def test_trusting_the_measurement_scores_the_moments_of_the_noise(two_records):
+    rows, _ = evaluate(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
+    for noise, level in PAPER_CONDITIONS:
+        row = pick(rows, "y", noise, level)
+        mean = level if noise == "poisson" else 0.0
+        assert row["bias_deg"] == pytest.approx(mean, abs=0.03)
+        assert row["var_deg2"] == pytest.approx(level, rel=0.03)
+        assert row["rmse_deg"] == pytest.approx(np.sqrt(level + mean**2), rel=0.02)
+        low, high = row["rmse_ci95_deg"]
+        assert low < row["rmse_deg"] < high
+    dithered = pick(rows, "y", "poisson-dithered", 1.0)
+    assert dithered["var_deg2"] == pytest.approx(1 + 1 / 12, rel=0.03)
+
+
+def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
+    seen = []
+
+    def perfect_after_the_first(case):
+        seen.append(case.initial_bend_deg)
+        estimate = case.truth_deg.copy()
+        estimate[:, 0] = case.initial_bend_deg
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
+    assert all(row["rmse_deg"] == 0 for row in rows)
+    np.testing.assert_allclose(seen[0], np.repeat([record.bend_deg[0] + 20 for record in two_records], 5 * 6))
+
+
+def test_only_an_oracle_is_shown_the_truth(two_records):
+    shown = {}
+
+    def look(name):
+        def estimate(case):
+            shown[name] = case.truth_deg
+            return case.measurement_deg
+
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
+    assert shown["a"] is None
+    assert shown["b"] is not None
+    assert {row["method"]: row["oracle"] for row in rows} == {"a": False, "b": True}
+
+
+def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
+    methods = [Method("one", measurement_itself), Method("two", measurement_itself)]
+    rows, _ = evaluate(two_records, methods, PROTOCOL)
+    again, _ = evaluate(two_records, methods, PROTOCOL)
+    assert rows == again
+    assert pick(rows, "one", "gaussian", 1.0)["mae_deg"] == pick(rows, "two", "gaussian", 1.0)["mae_deg"]
+    other, _ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
+    assert other[0]["mae_deg"] != rows[0]["mae_deg"]
+
+
+def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
+    drawn = {}
+
+    def keep(case):
+        drawn.setdefault(len(case.measurement_deg) // 10, case.measurement_deg)  # two records, five noises
+        return case.measurement_deg
+
+    for seeds in (2, 5):
+        evaluate(two_records, [Method("m", keep)], Protocol("paper-only", seeds))
+    np.testing.assert_array_equal(drawn[5][:2], drawn[2][:2])
+    assert not np.array_equal(drawn[5][0], drawn[5][1])
+
+
+def test_steady_index_leaves_the_first_five_seconds_out(two_records):
+    def wrong_at_first(case):
+        estimate = case.truth_deg.copy()
+        estimate[:, :50] += 10
+        estimate[:, 50:] += 1
+        return estimate
+
+    rows, _ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
+    assert rows[0]["rmse_steady_deg"] == pytest.approx(1.0)
+    assert rows[0]["rmse_deg"] > 4
+
+
+def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
+    _, tracks = evaluate(two_records, [Method("y", measurement_itself)], PROTOCOL)
+    assert [(track.noise, track.level) for track in tracks] == list(PAPER_CONDITIONS)
+    for track in tracks:
+        np.testing.assert_array_equal(track.truth_deg, two_records[0].bend_deg)
+        np.testing.assert_array_equal(track.estimates["y"][1:], track.measurement_deg[1:])
+        assert track.time[1] == pytest.approx(0.1)
+
+
+def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
+    rows, _ = evaluate(
+        two_records, [Method("RAM", measurement_itself), Method("y", measurement_itself)], PROTOCOL
+    )
+    assert pick(rows, "RAM", "gaussian", 1.0)["paper_rmse_deg"] == 0.6354
+    assert pick(rows, "y", "gaussian", 1.0)["paper_rmse_deg"] is None
+    assert paper_value("poisson", 2.0, "C-H", "mae_deg") == 4.4908
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [({"suite": "ful"}, "valid: paper, paper-only, full"), ({"seeds": 0}, "seeds = 0")]
+)
+def test_protocol_that_cannot_run_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        Protocol(**change)
+
+
+def test_strokes_and_twins_are_scored_apart(two_records):
+    records = [two_records[0], dataclasses.replace(two_records[1], twin="randomized")]
+    rows, _ = evaluate(records, [Method("y", measurement_itself)], PROTOCOL)
+    assert len(rows) == 2 * len(PAPER_CONDITIONS)
+    alone, _ = evaluate(records[:1], [Method("y", measurement_itself)], PROTOCOL)
+    assert [row for row in rows if row["twin"] == "nominal"] == alone
+
+
+def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two_records):
+    seen = np.ones(200, bool)
+    seen[80:120] = False
+    gap = dataclasses.replace(two_records[0], seen=seen)
+    cases = []
+
+    def wrong_in_the_gap(case):
+        cases.append(case)
+        estimate = case.truth_deg.copy()
+        estimate[:, 80:120] += 100
+        return estimate
+
+    rows, _ = evaluate([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
+    assert all(row["rmse_deg"] == 0 for row in rows)
+    np.testing.assert_array_equal(np.isnan(cases[0].measurement_deg), np.tile(~seen, (30, 1)))
+
+
+def test_a_shorter_record_is_padded_without_measurements_and_scored_to_its_end(two_records):
+    short = dataclasses.replace(
+        two_records[1],
+        pull_mm=two_records[1].pull_mm[:150],
+        bend_deg=two_records[1].bend_deg[:150],
+        seen=np.ones(150, bool),
+    )
+
+    def off_after_the_end(case):
+        estimate = case.truth_deg + 1.0
+        estimate[30:, 150:] = 1e6  # the second record's runs
+        return estimate
+
+    rows, _ = evaluate([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
+    assert rows[0]["rmse_deg"] == pytest.approx(1.0)
+    case = make_case([(0, two_records[0]), (1, short)], PROTOCOL)
+    assert np.isnan(case.measurement_deg[30:, 150:]).all()
+    assert (case.pull_mm[30:, 150:] == short.pull_mm[-1]).all()
+
+
+def test_runs_are_told_variance_and_bound_of_their_own_noise(two_records):
+    case = make_case(list(enumerate(two_records)), Protocol("full", seeds=3))
+    assert case.noises[:6] == (("gaussian", 1.0),) * 3 + (("gaussian", 5.0),) * 3
+    error = case.measurement_deg - case.truth_deg
+    for run, (kind, level) in enumerate(case.noises):
+        assert case.sensor.variance[run] == noise_variance(kind, level)
+        assert np.isfinite(case.sensor.bound[run]) == (kind == "uniform")
+        assert (np.abs(error[run]) <= case.sensor.bound[run]).all()
+
+
+def test_workers_give_the_same_rows(two_records):
+    records = [two_records[0], dataclasses.replace(two_records[1], twin="randomized")]
+    methods = [Method("y", measurement_itself)]
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
+        side_by_side = evaluate(records, methods, PROTOCOL, executor=executor)[0]
+    assert side_by_side == evaluate(records, methods, PROTOCOL)[0]

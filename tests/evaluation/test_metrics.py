@@ -1,0 +1,102 @@
+"""Indices of the error against numbers worked out by hand, identities, and the coverage of the interval."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from twin.evaluation.metrics import confidence_interval, error_indices
+
+NAMES = {"mae_deg", "rmse_deg", "md_deg", "md_printed_deg2", "var_deg2", "bias_deg"}
+errors = arrays(
+    float, array_shapes(min_dims=1, max_dims=3, min_side=1, max_side=8), elements=st.floats(-1e3, 1e3)
+)
+
+
+def test_indices_of_four_errors_worked_out_by_hand():
+    indices = error_indices(np.array([1.0, -1.0, 4.0, 0.0]))  # mean 1; squares 1, 1, 16, 0
+    assert {name: float(value) for name, value in indices.items()} == pytest.approx(
+        {
+            "mae_deg": 6 / 4,
+            "rmse_deg": np.sqrt(18 / 4),
+            "md_deg": (0 + 2 + 3 + 1) / 4,
+            "md_printed_deg2": (0 + 0 + 15 + 1) / 4,
+            "var_deg2": (0 + 4 + 9 + 1) / 4,
+            "bias_deg": 1.0,
+        }
+    )
+
+
+def test_constant_error_is_bias_alone():
+    indices = error_indices(np.full(10, -2.5))
+    assert indices["bias_deg"] == -2.5
+    assert indices["mae_deg"] == indices["rmse_deg"] == 2.5
+    assert indices["md_deg"] == indices["var_deg2"] == indices["md_printed_deg2"] == 0
+
+
+def test_indices_of_a_gaussian_error_have_their_known_ratios():
+    error = np.random.default_rng(0).normal(0, 3, size=1_000_000)
+    indices = error_indices(error)
+    assert indices["rmse_deg"] == pytest.approx(3, rel=0.005)
+    assert indices["md_deg"] / indices["rmse_deg"] == pytest.approx(np.sqrt(2 / np.pi), rel=0.005)
+
+
+@given(error=errors)
+def test_mean_square_is_variance_and_squared_bias(error):
+    indices = error_indices(error)
+    assert set(indices) == NAMES
+    assert all(value.shape == error.shape[:-1] for value in indices.values())
+    total = indices["var_deg2"] + indices["bias_deg"] ** 2
+    np.testing.assert_allclose(indices["rmse_deg"] ** 2, total, rtol=1e-9, atol=1e-9)
+
+
+@given(error=errors)
+def test_indices_are_ordered(error):
+    indices = error_indices(error)
+    slack = 1e-9 * (1 + np.abs(error).max())
+    assert (np.abs(indices["bias_deg"]) <= indices["mae_deg"] + slack).all()
+    assert (indices["mae_deg"] <= indices["rmse_deg"] + slack).all()
+    assert (indices["md_deg"] <= np.sqrt(indices["var_deg2"]) + slack).all()
+
+
+@given(error=errors, shift=st.floats(-100, 100))
+def test_shift_moves_the_bias_and_leaves_the_spread(error, shift):
+    before, after = error_indices(error), error_indices(error + shift)
+    tolerance = {"rtol": 1e-9, "atol": 1e-7}
+    np.testing.assert_allclose(after["bias_deg"], before["bias_deg"] + shift, **tolerance)
+    np.testing.assert_allclose(after["md_deg"], before["md_deg"], **tolerance)
+    np.testing.assert_allclose(after["var_deg2"], before["var_deg2"], **tolerance)
+
+
+@given(error=errors)
+def test_batch_equals_one_signal_at_a_time(error):
+    batch = error_indices(error)
+    for index in np.ndindex(error.shape[:-1]):
+        for name, value in error_indices(error[index]).items():
+            np.testing.assert_allclose(batch[name][index], value, rtol=1e-12, atol=1e-12)
+
+
+def test_interval_equals_the_one_from_a_table_of_student():
+    values = np.array([1.0, 2.0, 4.0, 5.0, 8.0])  # mean 4, sum of squares 30, s^2 = 7.5
+    half = 2.776445 * np.sqrt(7.5 / 5)  # t(0.975, 4) from the table
+    assert confidence_interval(values) == pytest.approx((4 - half, 4 + half), rel=1e-6)
+    half = 2.131847 * np.sqrt(7.5 / 5)  # t(0.95, 4)
+    assert confidence_interval(values, 0.9) == pytest.approx((4 - half, 4 + half), rel=1e-6)
+
+
+@pytest.mark.parametrize(("size", "confidence"), [(3, 0.95), (20, 0.95), (5, 0.8)])
+def test_interval_covers_the_mean_as_often_as_it_says(size, confidence):
+    rng = np.random.default_rng(4)
+    trials = 4000
+    inside = 0
+    for values in rng.normal(7, 3, size=(trials, size)):
+        low, high = confidence_interval(values, confidence)
+        inside += low <= 7 <= high
+    standard_error = np.sqrt(confidence * (1 - confidence) / trials)
+    assert inside / trials == pytest.approx(confidence, abs=4 * standard_error)
+
+
+def test_interval_of_one_value_or_of_equal_values_is_the_value():
+    assert confidence_interval(np.array([3.25])) == (3.25, 3.25)
+    assert confidence_interval(np.full(6, 3.25)) == (3.25, 3.25)

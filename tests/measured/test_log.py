@@ -1,0 +1,284 @@
+"""A measured log becomes an episode in SI units, of its own samples; a fault is one clear line."""
+
+import dataclasses
+import hashlib
+import json
+
+import numpy as np
+import pytest
+from csv_logs import steps, write
+
+from twin.measured.folder import write_measured
+from twin.measured.log import LogFormat, read_measured_log
+from twin.recording import read_dataset, read_episode
+
+PHASE = np.repeat(np.arange(0, 4 * np.pi, 0.25), 2)  # each phase twice, as rigs log them
+LOOP = {
+    "phase_rad": PHASE,
+    "command_deg": 60 * np.sin(PHASE) + np.tile([-0.5, 0.5], len(PHASE) // 2),
+    "angle_deg": 30 * np.sin(PHASE - 0.3),
+    "tension_a_n": 5 + 3 * np.sin(PHASE),
+    "tension_b_n": 5 - 3 * np.sin(PHASE),
+}
+
+
+def test_a_loop_is_read_in_si_units_with_repeats_averaged(tmp_path):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    phase = np.unique(PHASE)
+    np.testing.assert_allclose(episode.time, phase * 20 / (2 * np.pi), rtol=1e-12)
+    np.testing.assert_allclose(episode.pull, np.radians(60 * np.sin(phase)) * 0.01, atol=1e-15)
+    np.testing.assert_allclose(episode.bend, np.radians(30 * np.sin(phase - 0.3)), atol=1e-12)
+    np.testing.assert_array_equal(episode.measured_bend, episode.bend)
+    assert episode.wire_tension.shape == (len(phase), 2, 1)
+    np.testing.assert_allclose(episode.tension[:, 0], LOOP["tension_a_n"][::2])
+    np.testing.assert_allclose(episode.tension[:, 1], LOOP["tension_b_n"][::2])
+    assert episode.joint_angle.shape == (len(phase), 0)
+    assert episode.sheath_friction.shape == (len(phase), 2, 0)
+    assert len(episode.sheath_bend) == len(episode.pulley) == len(episode.lateral_bend) == 0
+
+
+def test_the_pulley_angle_can_be_had_back_from_the_metadata(tmp_path):
+    log = write(tmp_path, LOOP)
+    episode = read_measured_log(log, LogFormat(pulley_radius=0.023))
+    facts = episode.metadata
+    np.testing.assert_allclose(
+        np.degrees(episode.pull / facts["pulley_radius"]), 60 * np.sin(np.unique(PHASE))
+    )
+    assert facts["source"] == "measured"
+    assert (facts["command_unit"], facts["angle_unit"], facts["time_unit"]) == ("deg", "deg", "rad")
+    assert facts["seconds_per_cycle"] == 20
+    assert (facts["file"], facts["file_sha256"]) == ("log.csv", hashlib.sha256(log.read_bytes()).hexdigest())
+    assert facts["rows"] == len(PHASE)
+    assert facts["tension_columns"] == ["tension_a_n", "tension_b_n"]
+
+
+def test_uneven_samples_stay_where_they_were_and_time_starts_at_zero(tmp_path):
+    episode = read_measured_log(write(tmp_path, steps(time_s=[100.0, 100.5, 102.25, 102.5])))
+    np.testing.assert_allclose(episode.time, [0, 0.5, 2.25, 2.5], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "metres"),
+    [
+        ("command_deg", None, 0.02 * np.pi / 180),
+        ("turn_rad", None, 0.02),
+        ("pull_mm", None, 1e-3),
+        ("PULL_MM", None, 1e-3),
+        ("pull_m", None, 1.0),
+        ("command", "mm", 1e-3),
+        ("command_deg", "rad", 0.02),
+    ],
+)
+def test_unit_of_the_command_is_given_or_the_end_of_its_name(tmp_path, column, unit, metres):
+    columns = steps(command_deg=None) | {column: [0.0, 0.1, 0.2, 0.1]}
+    form = LogFormat(command_column=column, command_unit=unit, pulley_radius=0.02)
+    episode = read_measured_log(write(tmp_path, columns), form)
+    np.testing.assert_allclose(episode.pull, np.array([0.0, 0.1, 0.2, 0.1]) * metres, rtol=1e-12)
+    of_the_pulley = (unit or column[-3:]) in ("deg", "rad")
+    assert episode.metadata["pulley_radius"] == (0.02 if of_the_pulley else None)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "seconds"),
+    [
+        ("time_s", None, 1),
+        ("stamp_ms", None, 1e-3),
+        ("t_us", None, 1e-6),
+        ("t", "ms", 1e-3),
+        ("t", "rad", 7 / (2 * np.pi)),
+    ],
+)
+def test_unit_of_time_is_given_or_the_end_of_its_name(tmp_path, column, unit, seconds):
+    columns = steps(time_s=None) | {column: [1, 2, 4, 5]}
+    form = LogFormat(time_column=column, time_unit=unit, seconds_per_cycle=7)
+    episode = read_measured_log(write(tmp_path, columns), form)
+    np.testing.assert_allclose(episode.time, np.array([0, 1, 3, 4]) * seconds, rtol=1e-12)
+
+
+def test_angle_in_radians(tmp_path):
+    columns = steps(angle_deg=None, tip_rad=[0.0, 0.5, 1.0, 0.75])
+    episode = read_measured_log(write(tmp_path, columns), LogFormat(angle_column="tip_rad"))
+    np.testing.assert_array_equal(episode.bend, columns["tip_rad"])
+
+
+def test_bend_of_the_sheath_is_the_column_unless_one_is_given(tmp_path):
+    log = write(tmp_path, steps(sheath_bend_deg=[0, 0, 90, 90]))
+    np.testing.assert_allclose(read_measured_log(log).sheath_bend, np.radians([0, 0, 90, 90]))
+    given = read_measured_log(log, LogFormat(sheath_bend_deg=45))
+    np.testing.assert_allclose(given.sheath_bend, np.full(4, np.pi / 4))
+    assert given.metadata["sheath_bend_deg"] == 45
+    assert given.metadata["sheath_bend_column"] is None
+
+
+def test_tensions_are_of_the_columns_that_are_named(tmp_path):
+    log = write(tmp_path, steps(left=[1, 2, 3, 4], right=[4, 3, 2, 1]))
+    form = LogFormat(tension_a_column="right", tension_b_column="left")
+    np.testing.assert_array_equal(read_measured_log(log, form).tension[0], [4, 1])
+    assert read_measured_log(log).wire_tension.shape == (4, 2, 0)
+
+
+def test_one_tension_alone_is_warned_of_and_left_out(tmp_path):
+    said = []
+    log = write(tmp_path, steps(tension_b_n=[1, 2, 3, 4]))
+    assert read_measured_log(log, on_warning=said.append).wire_tension.shape == (4, 2, 0)
+    assert said == [f"{log} has tension_b_n but no tension_a_n: no tension is recorded"]
+
+
+def test_a_gap_is_warned_of_with_its_line(tmp_path):
+    time = np.arange(100) * 0.1
+    time[60:] += 2.5
+    columns = {"time_s": time, "command_deg": np.sin(time), "angle_deg": np.sin(time)}
+    said = []
+    log = write(tmp_path, columns)
+    read_measured_log(log, on_warning=said.append)
+    assert said == [f"{log} line 62: a gap of 26 times the usual step comes before it"]
+    said.clear()
+    read_measured_log(write(tmp_path, columns | {"time_s": np.arange(100)}), on_warning=said.append)
+    assert said == []
+
+
+@pytest.mark.parametrize(
+    ("columns", "form", "fault"),
+    [
+        (steps(), {"angle_column": "angle"}, "no column angle; its columns: time_s, command_deg, angle_deg"),
+        (steps(), {"tension_a_column": "angle_deg"}, "no column tension_b_n"),
+        (steps(time_s=None), {}, "no column time_s or phase_rad"),
+        (steps(angle_deg=[0, 1, "inf", 2]), {}, "line 4: angle_deg is 'inf', not a finite number"),
+        (steps(angle_deg=[0, 1, "1;5", 2]), {}, "line 4: angle_deg is '1;5', not a finite number"),
+        (steps(angle_deg=["", 1, "nan", ""]), {}, "angle_deg is measured 1 times, a record needs two"),
+        (
+            steps(command_deg=["", 1, 2, 1]),
+            {},
+            "line 2: command_deg is missing, and no row before it has one",
+        ),
+        (steps(command_deg=[""] * 4), {}, "command_deg is missing in every row"),
+        (steps(command_deg=[1, "", 1, ""]), {}, "command_deg is 1 in every row: a log without motion"),
+        (steps(time_s=["nan"] * 4), {}, "time_s is missing in every row"),
+        (steps(time_s=[0, 1, "soon", 2]), {}, "line 4: time_s is 'soon', not a finite number"),
+        (steps(time_s=[0, "", 0, 0]), {}, "all rows have the same time_s"),
+        (steps(time_s=[0, 1, 2, 1e10]), {}, "line 5: time_s is 1e+10 s, which is not from -9.2e+09"),
+        (
+            steps(command_deg=[0, 0.1, 1e308, 0]),
+            {"command_unit": "m"},
+            "line 4: command_deg is inf mm of pull",
+        ),
+        (steps(sheath_bend_deg=[0, "", 0, 0]), {}, "line 3: sheath_bend_deg is ''"),
+        (steps(tension_a_n=[0, "", 1, 1], tension_b_n=[0] * 4), {}, "line 3: tension_a_n is ''"),
+        (steps(time_s=[0, 1, 0.5, 2]), {}, "line 4: time_s runs backwards, as in 1 of 4 rows: at most 10%"),
+        (steps(time_s=None, phase_rad=[0, 1, 0.5, 2]), {}, "line 4: phase_rad runs backwards"),
+        (steps(time_s=[1, 1, 1, 1]), {}, "all rows have the same time_s"),
+        (steps(command_deg=[7, 7, 7, 7]), {}, "command_deg is 7 in every row: a log without motion"),
+        (steps(drive=[0, 1, 2, 3]), {"command_column": "drive"}, "give --command-unit mm, m, deg or rad"),
+        (steps(tip=[0, 1, 2, 3]), {"angle_column": "tip"}, "give --angle-unit deg or rad"),
+        (steps(t=[0, 1, 2, 3]), {"time_column": "t"}, "give --time-unit s, ms, us or rad"),
+        (steps(), {"angle_unit": "mm"}, "--angle-unit mm: must be deg or rad"),
+        (steps(angle_deg=[0, 1, 30, 1]), {"angle_unit": "rad"}, "line 4: angle_deg is 1718.87 deg, which is"),
+        (steps(angle_deg=[0, -721, 0, 1]), {}, "from -720 to 720: check --angle-unit"),
+        (steps(command_deg=[0, 1, 2, 60]), {"command_unit": "rad"}, "line 5: command_deg is 600 mm of pull"),
+        (steps(command_deg=[0, 1, 2, -60]), {"command_unit": "rad"}, "--command-unit and --pulley-radius-mm"),
+        (steps(tension_a_n=[0] * 4, tension_b_n=[0, 0, 1200, 0]), {}, "line 4: tension_b_n is 1200 N"),
+        (steps(tension_a_n=[-6] * 4, tension_b_n=[0] * 4), {}, "line 2: tension_a_n is -6 N"),
+        (steps(sheath_bend_deg=[0, -1, 0, 0]), {}, "line 3: sheath_bend_deg is -1 deg"),
+        (steps(), {"sheath_bend_deg": -1.0}, "--sheath-bend-deg -1: must be from 0 to 1440"),
+        (steps(), {"pulley_radius": 0.0}, "--pulley-radius-mm 0: must be positive"),
+        (steps(), {"seconds_per_cycle": np.nan}, "--seconds-per-cycle nan: must be positive"),
+    ],
+)
+def test_a_log_that_cannot_be_is_refused(tmp_path, columns, form, fault):
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
+        read_measured_log(write(tmp_path, columns), LogFormat(**form))
+    assert fault in str(caught.value)
+
+
+def test_a_drifting_load_cell_and_a_large_angle_are_no_fault(tmp_path):
+    columns = steps(tension_a_n=[-4.9, 0, 0, 999], tension_b_n=[0] * 4, angle_deg=[0, 719, -719, 0])
+    assert read_measured_log(write(tmp_path, columns)).tension[0, 0] == -4.9
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no file .*none\.csv"):
+        read_measured_log(tmp_path / "none.csv")
+
+
+# A folder of logs
+
+
+def test_logs_share_a_folder_that_lists_them(tmp_path):
+    first = read_measured_log(write(tmp_path, LOOP, "one.csv"))
+    second = read_measured_log(write(tmp_path, steps(sheath_bend_deg=[9] * 4), "two.csv"))
+    paths = [write_measured(tmp_path, name, log) for name, log in (("b", first), ("a", second))]
+    listed = json.loads((tmp_path / "dataset.json").read_text())
+    assert listed["source"] == "measured"
+    assert [entry["name"] for entry in listed["files"]] == ["a.mcap", "b.mcap"]
+    assert [entry["samples"] for entry in listed["files"]] == [4, len(first.time)]
+    for entry, path in zip(listed["files"], reversed(paths), strict=True):
+        assert entry["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    read = read_dataset(tmp_path)
+    assert [log.metadata["name"] for log in read] == ["a", "b"]
+    np.testing.assert_allclose(read[1].pull, first.pull, atol=1e-15)
+    np.testing.assert_array_equal(read[1].wire_tension, first.wire_tension)
+    np.testing.assert_allclose(read[0].sheath_bend, second.sheath_bend, rtol=1e-12)
+
+
+def test_the_same_log_may_be_read_again_and_gives_the_same_bytes(tmp_path):
+    log = write(tmp_path, LOOP)
+    once = write_measured(tmp_path, "log", read_measured_log(log)).read_bytes()
+    assert write_measured(tmp_path, "log", read_measured_log(log)).read_bytes() == once
+    write_measured(tmp_path, "log", read_measured_log(log, LogFormat(pulley_radius=0.02)))
+    assert read_episode(tmp_path / "log.mcap").metadata["pulley_radius"] == 0.02
+    assert len(json.loads((tmp_path / "dataset.json").read_text())["files"]) == 1
+
+
+def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_path):
+    path = write_measured(tmp_path, "log", read_measured_log(write(tmp_path, LOOP)))
+    other = read_measured_log(write(tmp_path, steps()))
+    with pytest.raises(ValueError, match=r"log\.mcap is the log of another CSV file: choose another --name"):
+        write_measured(tmp_path, "log", other)
+    assert len(read_episode(path).time) > 4
+    path.unlink()
+    write_measured(tmp_path, "log", other)
+    assert len(read_episode(path).time) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "fault"),
+    [
+        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json that no import wrote"),
+        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json that no import wrote"),
+        ("dataset.json", "{", "dataset.json that no import wrote"),
+        ("dataset.json", '{"source": "measured", "files": [1]}', "dataset.json that no import wrote"),
+        ("episode_0000.mcap", "", "holds episode_0000.mcap, which no import wrote"),
+        ("log.mcap", "", "holds log.mcap, which no import wrote"),
+    ],
+)
+def test_a_folder_of_other_files_is_left_alone(tmp_path, name, content, fault):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / name).write_text(content)
+    with pytest.raises(ValueError, match=fault):
+        write_measured(folder, "log", episode)
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {name: content}
+
+
+@pytest.mark.parametrize("name", ["", ".log", "..", "a/b", "/a", "a\\b"])
+def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    with pytest.raises(ValueError, match="--name"):
+        write_measured(tmp_path, name, episode)
+
+
+def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    late = dataclasses.replace(episode, time=episode.time * 1e-12)
+    with pytest.raises(ValueError, match="less than 1 ns"):
+        write_measured(tmp_path, "log", late)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_angle_may_be_counted_the_other_way(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,-30\n2,0,-9\n")
+    turned = read_measured_log(path, LogFormat(reverse_angle=True))
+    np.testing.assert_allclose(turned.bend, -read_measured_log(path).bend)
+    assert turned.metadata["reverse_angle"] is True

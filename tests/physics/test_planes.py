@@ -1,0 +1,200 @@
+"""Two bending planes, shape of the section, gravity and initial curvature against geometry and statics."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from twin.physics import Endoscope, simulate
+from twin.preset.preset import Preset
+
+SAMPLE_TIME = 0.02  # [s]
+GRAVITY = 9.81  # [m / s^2]
+TWO_PLANES = Preset(
+    "two planes",
+    bending_planes=2,
+    vertebrae=6,
+    section_length=0.04,
+    section_mass=2e-4,
+    section_stiffness=0.05,
+    joint_friction=1e-3,
+    wire_stiffness=8e3,
+    pretension=3.0,
+    sheath_elements=3,
+    sheath_friction=0.3,
+    sheath_bend=3.0,
+    time_step=2.5e-3,
+    control_period=5e-3,
+)
+# A heavy section on wires so soft and slack that they hardly hold it.
+HANGING = Preset(
+    "hanging",
+    vertebrae=6,
+    section_length=0.04,
+    section_mass=0.02,
+    section_stiffness=0.05,
+    section_damping=1e-3,
+    wire_offset=1.3e-3,
+    pretension=0.0,
+    wire_stiffness=10.0,
+    wire_damping=0.0,
+    time_step=2.5e-3,
+    control_period=5e-3,
+).without_friction()
+PULL = 2e-3 * np.sin(2 * np.pi * np.arange(120) / 100)
+DIGITS = 1e-6  # of lengths in the model: MJCF holds six
+AT_REST = np.zeros(len(PULL))
+
+
+def at_rest(preset: Preset) -> Endoscope:
+    endoscope = Endoscope.from_preset(preset)
+    for _ in range(300):
+        endoscope.advance(0.0)
+    assert np.abs(endoscope.data.ptr.qvel[endoscope.layout.hinge]).max() < 1e-3  # [rad / s]
+    return endoscope
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"joint_friction": 0.0}, {"routing_friction": 0.2, "wire_stiffening": 0.1, "backlash": 2e-4}],
+    ids=["rough", "free hinges", "rough vertebrae"],
+)
+def test_wire_c_bends_sideways_as_wire_a_bends_upwards(changes):
+    preset = TWO_PLANES.replace(**changes)
+    upwards = simulate(preset, PULL, SAMPLE_TIME)
+    sideways = simulate(preset, AT_REST, SAMPLE_TIME, lateral_pull=PULL)
+    reached = 1e-5 * np.abs(upwards.bend).max()  # by an iterative solver of the friction constraints
+    assert np.abs(upwards.bend).max() > 0.1
+    np.testing.assert_allclose(sideways.lateral_bend, upwards.bend, atol=reached)
+    np.testing.assert_allclose(sideways.lateral_joint_angle, upwards.joint_angle, atol=reached)
+    np.testing.assert_allclose(sideways.wire_tension[:, 2:], upwards.wire_tension[:, :2], atol=1e-3)
+    for other in (sideways.bend, upwards.lateral_bend):
+        assert np.abs(other).max() < reached
+
+
+def test_second_plane_at_rest_changes_nothing_in_the_first():
+    two = simulate(TWO_PLANES, PULL, SAMPLE_TIME)
+    one = simulate(TWO_PLANES.replace(bending_planes=1), PULL, SAMPLE_TIME)
+    np.testing.assert_allclose(two.bend, one.bend, atol=1e-5 * np.abs(one.bend).max())
+
+
+def test_planes_have_wires_of_their_own_but_vertebrae_in_common():
+    """Two pulls do not know of each other, unless each presses the wires of both on rough vertebrae."""
+    smooth, rough = TWO_PLANES, TWO_PLANES.replace(routing_friction=0.3)
+    alone, both = (simulate(smooth, PULL, SAMPLE_TIME, lateral_pull=pull) for pull in (AT_REST, PULL))
+    np.testing.assert_allclose(both.bend, alone.bend, atol=1e-4 * np.abs(alone.bend).max())
+    np.testing.assert_allclose(both.lateral_bend, both.bend, atol=1e-4 * np.abs(alone.bend).max())
+    alone, both = (simulate(rough, PULL, SAMPLE_TIME, lateral_pull=pull) for pull in (AT_REST, PULL))
+    assert np.abs(both.bend - alone.bend).max() > 5e-3 * np.abs(alone.bend).max()
+
+
+def test_lateral_pull_of_one_plane_is_refused():
+    one = TWO_PLANES.replace(bending_planes=1)
+    with pytest.raises(ValueError, match="'two planes' has one bending plane"):
+        simulate(one, PULL, SAMPLE_TIME, lateral_pull=PULL)
+    with pytest.raises(ValueError, match="'two planes' has one bending plane"):
+        Endoscope.from_preset(one).advance(0.0, 1e-3)
+    with pytest.raises(ValueError, match="lateral command has 60 samples, the command has 120"):
+        simulate(TWO_PLANES, PULL, SAMPLE_TIME, lateral_pull=PULL[:60])
+
+
+def test_hinges_compose_from_base_to_tip():
+    """Each vertebra turns up about -y, then sideways about its own z, and carries all that follow."""
+    rng = np.random.default_rng(0)
+    up, sideways = rng.uniform(-0.4, 0.4, (2, 6))
+    endoscope = Endoscope.from_preset(TWO_PLANES)
+    endoscope.set_pose(up, sideways)
+    turned, tip = Rotation.identity(), np.zeros(3)
+    for a, b in zip(up, sideways, strict=True):
+        turned = turned * Rotation.from_rotvec([0, -a, 0]) * Rotation.from_rotvec([0, 0, b])
+        tip += turned.apply([TWO_PLANES.section_length / 6, 0, 0])
+    np.testing.assert_allclose(endoscope.tip_position(), tip, rtol=DIGITS)
+    assert endoscope.bend() == pytest.approx(up.sum())
+    assert endoscope.lateral_bend() == pytest.approx(sideways.sum())
+
+
+@pytest.mark.parametrize("plane", ["up", "sideways"])
+@pytest.mark.parametrize("bend", [-1.0, 0.3, np.pi])
+def test_evenly_bent_section_is_an_arc(bend, plane):
+    """Links along chords end at (sum of cos, sum of sin); ever more of them at L / bend (sin, 1 - cos)."""
+    length, off = TWO_PLANES.section_length, []
+    arc = length / bend * np.array([np.sin(bend), 1 - np.cos(bend)])
+    for vertebrae in (16, 32, 64):
+        endoscope = Endoscope.from_preset(TWO_PLANES.replace(vertebrae=vertebrae))
+        angles = {"up": 0.0, "sideways": 0.0} | {plane: bend}
+        endoscope.set_pose(*(np.full(vertebrae, angle / vertebrae) for angle in angles.values()))
+        x, y, z = endoscope.tip_position()
+        along, out_of_plane = ([x, z], y) if plane == "up" else ([x, y], z)
+        angle = bend * np.arange(1, vertebrae + 1) / vertebrae
+        links = length / vertebrae * np.array([np.cos(angle).sum(), np.sin(angle).sum()])
+        np.testing.assert_allclose(along, links, atol=DIGITS * length)
+        assert out_of_plane == pytest.approx(0, abs=1e-12)
+        off.append(np.hypot(*(along - arc)))
+    # the first hinge is at the base: half a link too much is bent, an error of first order
+    assert off[-1] < 1.01 * np.abs(bend) / 2 * length / 64
+    np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 2, rtol=0.05)
+
+
+def energy(angle: np.ndarray, preset: Preset) -> float:
+    """Of a hanging section in its plane: springs of the hinges, weight of rigid links, the stretched wire."""
+    n = preset.vertebrae
+    direction, link = np.cumsum(angle), preset.section_length / n
+    ends = np.cumsum(link * np.array([np.cos(direction), np.sin(direction)]), axis=1)
+    middle = ends - link / 2 * np.array([np.cos(direction), np.sin(direction)])
+    weight = preset.section_mass / n * np.array([preset.gravity_x, preset.gravity_z])
+    stretch = preset.wire_offset * angle.sum()  # of the one wire, and slack of the other
+    turn = angle - preset.initial_bend / n
+    stiffens = preset.section_stiffening * n**2 / 2
+    springs = n * preset.section_stiffness * (turn**2 + stiffens * turn**4).sum()
+    return (springs + preset.wire_stiffness * stretch**2) / 2 - weight @ middle.sum(axis=1)
+
+
+@pytest.mark.parametrize(
+    "world",
+    [
+        {"gravity_z": -GRAVITY},
+        {"gravity_z": GRAVITY, "vertebrae": 3},
+        {"gravity_z": -GRAVITY, "section_mass": 0.3},
+        {"gravity_z": -GRAVITY, "gravity_x": -2 * GRAVITY, "section_mass": 0.1},
+        {"gravity_x": GRAVITY, "initial_bend": 1.2, "section_mass": 0.1},
+        {"gravity_z": -GRAVITY, "initial_bend": -0.3, "section_mass": 0.3, "section_stiffening": 5.0},
+    ],
+    ids=["down", "towards wire a", "far down", "tip up", "curved", "stiffening"],
+)
+def test_section_hangs_where_its_energy_is_least(world):
+    preset = HANGING.replace(**world)
+    least = minimize(energy, np.zeros(preset.vertebrae), args=(preset,), options={"gtol": 1e-9}).x
+    angle = at_rest(preset).joint_angle()
+    np.testing.assert_allclose(angle, least, atol=1e-5 * np.abs(least).max())
+    assert np.sign(angle.sum()) == np.sign(preset.gravity_z or preset.initial_bend)
+    assert np.abs(angle.sum()) > 0.01
+
+
+def test_gravity_along_a_straight_section_or_across_its_plane_does_not_bend_it():
+    assert np.abs(at_rest(HANGING.replace(gravity_x=GRAVITY)).bend()) < 1e-7
+    assert np.abs(at_rest(HANGING.replace(gravity_y=GRAVITY)).bend()) < 1e-7
+
+
+def test_gravity_sideways_bends_sideways_what_gravity_downwards_bends_down():
+    down = at_rest(HANGING.replace(bending_planes=2, gravity_z=-GRAVITY))
+    sideways = at_rest(HANGING.replace(bending_planes=2, gravity_y=-GRAVITY))
+    assert sideways.lateral_bend() == pytest.approx(down.bend(), rel=1e-5)
+    assert np.abs([sideways.bend(), down.lateral_bend()]).max() < 1e-7
+
+
+@pytest.mark.parametrize("planes", [1, 2])
+def test_section_that_no_wire_pulls_rests_at_its_initial_bend(planes):
+    """The soft wire on its outside takes what little it can: K (bend_0 - bend) = k r^2 bend."""
+    preset = HANGING.replace(initial_bend=-0.9, bending_planes=planes)
+    endoscope = at_rest(preset)
+    stiffness = preset.section_stiffness
+    share = stiffness / (stiffness + preset.wire_stiffness * preset.wire_offset**2)
+    assert share > 0.999
+    assert endoscope.bend() == pytest.approx(-0.9 * share, rel=1e-5)
+    np.testing.assert_allclose(endoscope.joint_angle(), -0.9 * share / 6, rtol=1e-4)
+    assert endoscope.lateral_bend() == pytest.approx(0, abs=1e-7)
+
+
+@pytest.mark.parametrize("changes", [{"vertebrae": 128}, {"section_mass": 1e-6}, {"section_mass": 1e-9}])
+def test_section_of_many_or_light_vertebrae_can_be_built(changes):
+    assert Endoscope.from_preset(Preset("light", **changes)).bend() == 0.0

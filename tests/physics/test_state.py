@@ -1,0 +1,143 @@
+"""The saved state: a run that is put back into it continues as if nothing had happened, bit for bit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from plain_endoscope import PLAIN
+
+from twin.episode import Episode
+from twin.physics import Endoscope, simulate
+from twin.preset.preset import Preset
+
+SAMPLE_TIME = 0.02  # [s]
+DRIVEN = PLAIN.replace(
+    name="driven",
+    backlash=3e-4,
+    servo_gain=8.0,
+    servo_speed=0.02,
+    servo_acceleration=0.2,
+    encoder_counts=2000,
+)
+WEARING = PLAIN.replace(name="wearing", friction_warm_up=0.8, warm_up_time=2.0, friction_wear=100.0)
+EVERYTHING = DRIVEN.replace(
+    name="everything",
+    bending_planes=2,
+    friction_warm_up=0.8,
+    warm_up_time=2.0,
+    friction_wear=100.0,
+    routing_friction=0.2,
+    wire_stiffening=0.05,
+    initial_bend=0.2,
+    gravity_z=-9.81,
+)
+PRESETS = [PLAIN, DRIVEN, WEARING, EVERYTHING]
+COUNT = 60
+PULL = 3e-3 * np.sin(2 * np.pi * np.arange(COUNT) / 40)
+SHEATH_BEND = np.linspace(0.5, 4.0, COUNT)
+
+
+def run(preset: Preset, endoscope: Endoscope, samples: slice, state=None) -> Episode:
+    lateral_pull = -0.7 * PULL[samples] if preset.bending_planes == 2 else None
+    return simulate(
+        preset,
+        PULL[samples],
+        SAMPLE_TIME,
+        lateral_pull=lateral_pull,
+        sheath_bend=SHEATH_BEND[samples],
+        state=state,
+        endoscope=endoscope,
+    )
+
+
+def assert_continues(rest: Episode, whole: Episode, start: int) -> None:
+    for field in dataclasses.fields(Episode):
+        values = getattr(rest, field.name)
+        if isinstance(values, np.ndarray) and field.name != "time":
+            assert np.array_equal(values, getattr(whole, field.name)[start:]), field.name
+
+
+@pytest.mark.parametrize("preset", PRESETS, ids=lambda preset: preset.name)
+@pytest.mark.parametrize("sample", [7, 33])
+def test_state_restored_into_a_fresh_endoscope_continues_bit_for_bit(preset, sample):
+    at_end, first, fresh = (Endoscope.from_preset(preset) for _ in range(3))
+    whole = run(preset, at_end, slice(None))
+    run(preset, first, slice(sample + 1))
+    rest = run(preset, fresh, slice(sample, None), first.save_state())
+    assert_continues(rest, whole, sample)
+    assert np.array_equal(fresh.data.ptr.qpos, at_end.data.ptr.qpos)
+    assert np.array_equal(fresh.data.ptr.qvel, at_end.data.ptr.qvel)
+    assert np.array_equal(fresh.sheath_friction(), at_end.sheath_friction())
+
+
+@pytest.mark.parametrize("preset", PRESETS, ids=lambda preset: preset.name)
+def test_endoscope_goes_back_to_its_own_past(preset):
+    """What it did since is forgotten, and has not leaked into the saved state."""
+    endoscope = Endoscope.from_preset(preset)
+    run(preset, endoscope, slice(21))
+    state = endoscope.save_state()
+    once = run(preset, endoscope, slice(20, 50), state)
+    again = run(preset, endoscope, slice(20, 50), state)
+    assert_continues(again, once, 0)
+    endoscope.restore_state(state)
+    assert dataclasses.astuple(endoscope.save_state())[1:3] == dataclasses.astuple(state)[1:3]
+    assert np.array_equal(endoscope.save_state().physics, state.physics)
+    assert np.array_equal(endoscope.save_state().sheath_friction, state.sheath_friction)
+
+
+@pytest.mark.parametrize("preset", [DRIVEN, EVERYTHING], ids=lambda preset: preset.name)
+def test_state_remembers_motor_and_play(preset):
+    """The pulley is behind the command, by the lag of the servo and half the play."""
+    endoscope = Endoscope.from_preset(preset)
+    episode = run(preset, endoscope, slice(30))
+    assert np.abs(episode.pulley - episode.pull).max() > preset.backlash / 2
+    fresh = Endoscope.from_preset(preset)
+    fresh.restore_state(endoscope.save_state())
+    assert fresh.pull() == endoscope.pull()
+    assert np.array_equal(fresh.named.data.site_xpos["tip"], endoscope.tip_position())  # it is drawn there
+    for one in (endoscope, fresh):
+        for _ in range(40):
+            one.advance(PULL[29], sheath_bend=2.0)
+    assert fresh.pull() == endoscope.pull() != episode.pulley[-1]
+
+
+def test_state_remembers_the_bend_of_the_sheath():
+    """`advance` keeps the sheath bent as it was told last."""
+    endoscope, fresh = Endoscope.from_preset(PLAIN), Endoscope.from_preset(PLAIN)
+    for pull in PULL[:20]:
+        endoscope.advance(pull, sheath_bend=0.5)
+    fresh.restore_state(endoscope.save_state())
+    for one in (endoscope, fresh):
+        for pull in PULL[20:40]:
+            one.advance(pull)
+    assert fresh.bend() == endoscope.bend()
+
+
+@pytest.mark.parametrize("other", [{"vertebrae": 8}, {"sheath_elements": 2}, {"bending_planes": 2}])
+def test_state_of_another_endoscope_is_refused(other):
+    state = Endoscope.from_preset(PLAIN.replace(**other)).save_state()
+    with pytest.raises(ValueError, match="does not fit this endoscope") as refused:
+        Endoscope.from_preset(PLAIN).restore_state(state)
+    assert "\n" not in str(refused.value)
+
+
+def test_reset_is_as_new_with_drive_and_wear():
+    preset = Preset("worn", vertebrae=4, sheath_elements=2, backlash=1e-4, friction_wear=5.0)
+    used, new = Endoscope.from_preset(preset), Endoscope.from_preset(preset)
+    for pull in np.linspace(0, 3e-3, 60):
+        used.advance(float(pull), sheath_bend=1.0)
+    used.reset()
+    for pull in np.linspace(0, 2e-3, 40):
+        for endoscope in (used, new):
+            endoscope.advance(float(pull))
+    assert used.bend() == new.bend()
+    assert np.array_equal(used.sheath_friction(), new.sheath_friction())
+
+
+def test_restored_endoscope_runs_on_after_a_divergence():
+    endoscope = Endoscope.from_preset(Preset("brave", vertebrae=4, sheath_elements=2))
+    before = endoscope.save_state()
+    with pytest.raises(FloatingPointError, match="diverged"):
+        endoscope.advance(1e9)
+    endoscope.restore_state(before)
+    endoscope.advance(1e-5)

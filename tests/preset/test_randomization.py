@@ -1,0 +1,149 @@
+"""Domain randomisation: what is drawn follows its distribution, and no range leaves the endoscopes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from twin.preset.file import load_preset, preset_names, read_preset_file
+from twin.preset.preset import Preset, parameter_limits
+from twin.preset.randomization import Ranges, load_ranges
+
+PRESET = Preset("nominal")
+PERIODS = {"time_step", "control_period"}
+REALS = [
+    field.name
+    for field in dataclasses.fields(Preset)[1:]
+    if isinstance(field.default, float) and field.name not in PERIODS
+]
+DRAWS = 1500
+LEAST_PROBABILITY = 1e-3  # of the draws, if the distribution is the right one; the seed is fixed anyway
+
+
+def write(tmp_path, text: str):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    return path
+
+
+def draw_many(*limits: tuple[str, float, float], seed: int = 0) -> np.ndarray:
+    """(draws, parameters)."""
+    rng, ranges = np.random.default_rng(seed), Ranges(limits)
+    drawn = [ranges.draw(PRESET, rng) for _ in range(DRAWS)]
+    return np.array([[getattr(preset, name) for name, _, _ in limits] for preset in drawn])
+
+
+def probability(values: np.ndarray, low: float, high: float) -> float:
+    """Of a Kolmogorov-Smirnov distance as large, if the values were uniform."""
+    return stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue
+
+
+def limits_within_those_of(name: str) -> st.SearchStrategy[tuple[str, float, float]]:
+    pair = st.lists(st.floats(*parameter_limits(name)), min_size=2, max_size=2, unique=True)
+    return pair.map(lambda ends: (name, *sorted(ends)))
+
+
+@given(data=st.data(), names=st.sets(st.sampled_from(REALS), min_size=1, max_size=5), seed=st.integers(0, 99))
+def test_drawn_parameters_lie_in_their_ranges_and_no_other_changes(data, names, seed):
+    ranges = Ranges(tuple(data.draw(limits_within_those_of(name)) for name in sorted(names)))
+    preset = ranges.draw(PRESET, np.random.default_rng(seed))
+    for name, low, high in ranges.limits:
+        drawn = getattr(preset, name)
+        assert low <= drawn <= high or drawn == pytest.approx(low, rel=1e-12)  # exp(log(low)) rounds
+    assert preset.replace(**{name: getattr(PRESET, name) for name in names}) == PRESET
+
+
+@pytest.mark.parametrize("ratio", [2.5, 1e4])
+def test_wide_range_is_drawn_by_its_logarithm(ratio):
+    low, high = 1e-4, 1e-4 * ratio
+    drawn = draw_many(("joint_friction", low, high))[:, 0]
+    assert probability(np.log(drawn), np.log(low), np.log(high)) > LEAST_PROBABILITY
+    assert probability(drawn, low, high) < LEAST_PROBABILITY
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("pretension", 2.0, 4.0),  # no more than a factor of two
+        ("joint_friction", 0.0, 1e-2),  # there is no logarithm of zero
+        ("gravity_z", -10.0, 40.0),
+        ("initial_bend", -2.0, -0.1),
+    ],
+)
+def test_narrow_range_and_one_that_is_not_positive_are_drawn_evenly(name, low, high):
+    assert probability(draw_many((name, low, high))[:, 0], low, high) > LEAST_PROBABILITY
+
+
+def test_parameters_are_drawn_independently_of_each_other():
+    drawn = draw_many(("pretension", 1.0, 1.5), ("wire_stiffness", 1e3, 1.5e3), ("sheath_bend", 1.0, 1.5))
+    between = np.corrcoef(drawn.T)[np.triu_indices(3, 1)]
+    assert np.abs(between).max() < 4 / np.sqrt(DRAWS)
+
+
+def test_same_seed_gives_the_same_presets_and_another_seed_others():
+    limits = (("pretension", 1.0, 9.0), ("sheath_bend", 0.0, 3.0))
+    assert np.array_equal(draw_many(*limits), draw_many(*limits))
+    assert not np.isin(draw_many(*limits), draw_many(*limits, seed=1)).any()
+
+
+def test_ranges_come_back_from_yaml_to_the_last_digit(tmp_path):
+    ranges = Ranges((("wire_stiffness", 1e4 / 3, 2e4), ("gravity_z", -9.81, 1e-7)))
+    text = yaml.safe_dump({"ranges": ranges.to_dict()}, sort_keys=False)
+    assert load_ranges(write(tmp_path, text)) == ranges
+    text = "ranges: {wire_stiffness: [1e4, 2e4]}"  # YAML 1.1 reads these as text
+    assert load_ranges(write(tmp_path, text)) == Ranges((("wire_stiffness", 1e4, 2e4),))
+
+
+@pytest.mark.parametrize("name", [n for n in preset_names() if "ranges" in read_preset_file(n)[1]])
+def test_shipped_ranges_lie_around_their_preset_and_give_endoscopes(name):
+    preset, ranges = load_preset(name), load_ranges(name)
+    assert all(low <= getattr(preset, parameter) <= high for parameter, low, high in ranges.limits)
+    rng = np.random.default_rng(0)
+    assert len({ranges.draw(preset, rng) for _ in range(100)}) == 100
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ("{wire_stifness: [1e4, 2e4]}", r"unknown preset parameter 'wire_stifness' \(did you mean"),
+        ("{name: [1, 2]}", "unknown preset parameter 'name'"),
+        ("{7: [1, 2]}", "unknown preset parameter '7'; valid: bending_planes"),
+        ("{pretension: [4, 2]}", r"range of pretension = \[4, 2\]: must rise, within \[0, 500\]"),
+        ("{pretension: [2, 2]}", r"range of pretension = \[2, 2\]: must rise"),
+        ("{pretension: [-1, 2]}", r"range of pretension = \[-1, 2\]: must rise, within \[0, 500\]"),
+        ("{pretension: [1, 501]}", r"range of pretension = \[1, 501\]: must rise, within \[0, 500\]"),
+        ("{pretension: [.nan, 2]}", r"range of pretension = \[nan, 2\]: must rise"),
+        ("{pretension: [1, .inf]}", r"range of pretension = \[1, inf\]: must rise"),
+        ("{pretension: 3}", r"range of pretension = 3: must be \[low, high\]"),
+        ("{pretension: [3]}", r"range of pretension = \[3\]: must be \[low, high\]"),
+        ("{pretension: [1, 2, 3]}", r"range of pretension = \[1, 2, 3\]: must be \[low, high\]"),
+        ("{pretension: [low, high]}", r"range of pretension = \['low', 'high'\]: must be \[low, high\]"),
+        ("{pretension: [1, null]}", r"range of pretension = \[1, None\]: must be \[low, high\]"),
+        ("{pretension: }", r"range of pretension = None: must be \[low, high\]"),
+        ("{vertebrae: [8, 16]}", "range of vertebrae: it is not drawn"),
+        ("{bending_planes: [1, 2]}", "range of bending_planes: it is not drawn"),
+        ("{sheath_elements: [1, 9]}", "range of sheath_elements: it is not drawn"),
+        ("{encoder_counts: [100, 200]}", "range of encoder_counts: it is not drawn"),
+        ("{}", "preset 'mine' states no ranges: add `ranges:` with"),
+        ("[1, 2]", "preset 'mine' states no ranges"),
+        ("wide", "preset 'mine' states no ranges"),
+        ("", "preset 'mine' states no ranges"),
+    ],
+)
+def test_ranges_that_hold_no_endoscope_are_refused_in_one_line(tmp_path, ranges, message):
+    with pytest.raises(ValueError, match=message) as refused:
+        load_ranges(write(tmp_path, f"pretension: 5\nranges: {ranges}"))
+    assert "\n" not in str(refused.value)
+
+
+def test_preset_without_ranges_and_unknown_files_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="preset 'mine' states no ranges"):
+        load_ranges(write(tmp_path, "pretension: 5"))
+    with pytest.raises(ValueError, match="unknown preset 'uretroscope'"):
+        load_ranges("uretroscope")
+    with pytest.raises(FileNotFoundError, match=r"none\.yaml"):
+        load_ranges(tmp_path / "none.yaml")

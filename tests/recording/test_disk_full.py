@@ -1,0 +1,103 @@
+"""A disk that fills up in the middle of a dataset: one clear line, nothing damaged, and it goes on later."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from recorded import make_episode
+
+from twin.files.atomic import write_whole
+from twin.recording import read_episode, write_episode
+
+EPISODES = 24
+RECIPE = f"""
+preset: {{name: small, vertebrae: 6, sheath_elements: 2, section_stiffness: 0.05, pretension: 3.0}}
+episodes: {EPISODES}
+seconds: 2
+"""
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
+    """Mount a file system in memory, or change the size of the one mounted before."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = False
+
+    def mount(kilobytes: int) -> Path:
+        nonlocal mounted
+        how = f"remount,size={kilobytes}k" if mounted else f"size={kilobytes}k"
+        result = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", how, "tmpfs", str(disk)], capture_output=True, text=True
+        )
+        if result.returncode:
+            pytest.skip(f"cannot mount a file system here: {result.stderr.strip()}")
+        mounted = True
+        return disk
+
+    yield mount
+    if mounted:
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+def generate(folder: Path) -> subprocess.CompletedProcess[str]:
+    recipe = folder.parent.parent / "recipe.yaml"
+    recipe.write_text(RECIPE)
+    words = f"-m scripts generate {recipe} --out {folder} --workers 2 --format csv"
+    return subprocess.run(
+        [sys.executable, *words.split()],
+        cwd=folder.parent.parent,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_full_disk_is_said_in_one_line_and_the_same_command_goes_on(small_disk, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    assert generate(tmp_path / "elsewhere" / "data").returncode == 0
+    whole = {path.name: path.read_bytes() for path in (tmp_path / "elsewhere" / "data").iterdir()}
+    needed = sum(map(len, whole.values())) // 1024
+
+    folder = small_disk(needed // 2) / "data"
+    refused = generate(folder)
+    assert refused.returncode == 2
+    assert refused.stdout == ""
+    assert "Traceback" not in refused.stderr
+    line = refused.stderr.splitlines()[-1]
+    assert "No space left on device" in line
+    assert f"of {EPISODES} episodes are whole, the same command goes on from there" in line
+
+    there = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert "dataset.json" not in there
+    assert 0 < len([name for name in there if name.endswith(".mcap")]) < EPISODES
+    for name, data in there.items():
+        assert data == whole[name], f"{name} is not what it should be"
+
+    small_disk(3 * needed)
+    assert generate(folder).returncode == 0
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == whole
+
+
+def test_full_disk_leaves_the_file_that_was_there(small_disk):
+    disk = small_disk(64)
+    path = disk / "a.txt"
+    write_whole(path, "before")
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_whole(path, b"x" * 200_000)
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "before"
+    assert os.listdir(disk) == ["a.txt"]
+
+
+def test_full_disk_leaves_no_part_of_an_episode(small_disk, tmp_path):
+    episode = make_episode(samples=2000)
+    disk = small_disk(64)
+    with pytest.raises(OSError, match="No space left"):
+        write_episode(disk / "a.mcap", episode)
+    assert os.listdir(disk) == []
+    small_disk(4096)
+    assert len(read_episode(write_episode(disk / "a.mcap", episode)).time) == 2000

@@ -1,0 +1,231 @@
+"""The messages of an episode against the same messages built one by one, field by field, by the library."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from google.protobuf.timestamp_pb2 import Timestamp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from mcap.writer import Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+from recorded import LINK, assert_equal, make_episode, messages
+
+from twin.episode import Episode
+from twin.recording import endotwin_pb2 as schema
+from twin.recording import read_episode, write_episode
+from twin.recording.mcap_file.layout import Stream, find_layout, varint_sizes, varints
+from twin.recording.messages import SCHEMAS, decode, to_nanoseconds
+from twin.recording.scene import scene
+
+SECOND = 10**9  # [ns]
+
+
+def stamp(message: Any, nanoseconds: int) -> None:
+    message.seconds, message.nanos = nanoseconds // SECOND, nanoseconds % SECOND
+
+
+def built(episode: Episode, k: int, nanoseconds: int) -> dict[str, Any]:
+    """The messages of one sample by topic, but for /scene, each number put where the schemas say."""
+    wires = "abcd" if len(episode.lateral_pull) else "ab"
+    command = schema.Command(pull_mm=(episode.pull * 1e3)[k])
+    truth = schema.Truth(bend_deg=np.degrees(episode.bend)[k])
+    if len(episode.lateral_pull):
+        command.lateral_pull_mm = (episode.lateral_pull * 1e3)[k]
+        truth.lateral_bend_deg = np.degrees(episode.lateral_bend)[k]
+    if len(episode.pulley):
+        truth.pulley_mm = (episode.pulley * 1e3)[k]
+        truth.sheath_bend_deg = np.degrees(episode.sheath_bend)[k]
+    for wire, name in enumerate(wires):
+        getattr(truth, f"wire_tension_{name}_n").extend(episode.wire_tension[k, wire])
+        getattr(truth, f"sheath_friction_{name}_n").extend(episode.sheath_friction[k, wire])
+        if len(episode.wire_slack):
+            getattr(truth, f"wire_slack_{name}_mm").extend(episode.wire_slack[k, wire] * 1e3)
+    found: dict[str, Any] = {"/command": command, "/truth": truth}
+    if np.isfinite(episode.measured_bend[k]):
+        found["/measurement"] = schema.Measurement(bend_deg=np.degrees(episode.measured_bend)[k])
+    if episode.wire_tension.shape[2] > 0:
+        found["/tension"] = schema.Tension()
+        for wire, name in enumerate(wires):
+            setattr(found["/tension"], f"tension_{name}_n", episode.wire_tension[k, wire, 0])
+    if episode.joint_angle.shape[1] > 0:
+        found |= {"/joint_states": JointStates(), "/tf": FrameTransforms()}
+        stamp(found["/joint_states"].timestamp, nanoseconds)
+        for prefix, angles in (("", episode.joint_angle), ("lateral_", episode.lateral_joint_angle)):
+            for index, angle in enumerate(angles[k] if len(angles) else ()):
+                found["/joint_states"].joints.add(name=f"{prefix}hinge_{index}", position=angle)
+        for index in range(episode.joint_angle.shape[1]):
+            frame = found["/tf"].transforms.add()
+            stamp(frame.timestamp, nanoseconds)
+            frame.parent_frame_id = f"vertebra_{index - 1}" if index else "base"
+            frame.child_frame_id = f"vertebra_{index}"
+            frame.translation.x = LINK if index else 0.0
+            turn(frame.rotation, episode, k, index)
+    return found
+
+
+def turn(rotation: Any, episode: Episode, k: int, index: int) -> None:
+    """The product of a turn by `up` about (0, -1, 0) and one by `side` about (0, 0, 1), as quaternions."""
+    up = (episode.joint_angle / 2)[k, index]
+    if len(episode.lateral_joint_angle) == 0:
+        rotation.y, rotation.w = -np.sin(up), np.cos(up)
+        return
+    side = (episode.lateral_joint_angle / 2)[k, index]
+    rotation.x, rotation.y = -np.sin(up) * np.sin(side), -np.sin(up) * np.cos(side)
+    rotation.z, rotation.w = np.cos(up) * np.sin(side), np.cos(up) * np.cos(side)
+
+
+# Any finite double, among them those that a serialiser may treat apart; 1e308 overflows in degrees.
+EDGES = [0.0, -0.0, 5e-324, -5e-324, 2.2250738585072014e-308, 1.0, 1.7e308, -1.7e308]
+ANY = st.sampled_from(EDGES) | st.floats(allow_nan=False, allow_infinity=False)
+CONVERTED = st.sampled_from(EDGES[:-2]) | st.floats(-1e304, 1e304)
+STARTS = [0, 1, SECOND - 1, SECOND, 127_999_999_999, 128 * SECOND, 2**31 * SECOND, 9_000_000_000 * SECOND]
+
+
+@st.composite
+def episodes(draw: st.DrawFn) -> Episode:
+    """Episodes of any numbers at uneven times, with and without each of the optional fields."""
+    planes, drive = draw(st.sampled_from([1, 2])), draw(st.booleans())
+    steps = draw(st.lists(st.sampled_from([10**4, 2 * 10**7, SECOND // 2, SECOND, 200 * SECOND]), max_size=8))
+    nanoseconds = draw(st.sampled_from(STARTS)) + np.cumsum([0, 10**5, *steps])
+    vertebrae, elements = draw(st.integers(0, 3)), draw(st.none() | st.integers(0, 3))
+    base = make_episode(len(nanoseconds), vertebrae, elements, planes=planes, drive=drive, drawn=True)
+    changes: dict[str, Any] = {"time": nanoseconds / 1e9}
+    for field in dataclasses.fields(Episode):
+        values = getattr(base, field.name)
+        if field.name not in ("time", "metadata", "attachments") and len(values) > 0:
+            exact = field.name in ("joint_angle", "lateral_joint_angle", "wire_tension", "sheath_friction")
+            changes[field.name] = draw(arrays(float, values.shape, elements=ANY if exact else CONVERTED))
+    holes = draw(arrays(bool, len(nanoseconds)))
+    holes[draw(st.integers(0, len(nanoseconds) - 1))] = False
+    changes["measured_bend"] = np.where(holes, np.nan, changes["measured_bend"])
+    return dataclasses.replace(base, **changes)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all examples of a property: each example overwrites its file."""
+    return tmp_path_factory.mktemp("recording")
+
+
+@settings(max_examples=150, deadline=None)
+@given(episode=episodes())
+def test_messages_are_those_that_the_library_makes_of_each_sample(folder, episode):
+    times = [round(second * 1e9) for second in episode.time.tolist()]
+    seen = messages(write_episode(folder / "a.mcap", episode))
+    wanted: dict[str, list] = {}
+    for k, time in enumerate(times):
+        for topic, message in built(episode, k, time).items():
+            wanted.setdefault(topic, []).append((k, time, message))
+    if episode.joint_angle.shape[1] > 0:
+        wanted["/scene"] = [(0, times[0], scene(episode, times[0]))]
+    assert set(seen) == set(wanted)
+    for topic, rows in wanted.items():
+        for (k, time, message), (record, decoded) in zip(rows, seen[topic], strict=True):
+            assert (record.sequence, record.log_time, record.publish_time) == (k, time, time)
+            # Serialised again, zeros are left out; every other double, -0.0 too, is compared bit for bit.
+            assert decoded.SerializeToString() == message.SerializeToString()
+            assert SCHEMAS[topic].FromString(record.data) == message
+
+
+def test_bytes_are_those_of_the_library_where_no_number_is_zero(tmp_path):
+    episode = make_episode(samples=200, start=120.02, planes=2, drive=True, drawn=True)
+    slack = np.abs(episode.wire_slack) + 1e-6
+    episode = dataclasses.replace(episode, wire_slack=slack)
+    seen = messages(write_episode(tmp_path / "a.mcap", episode))
+    for k, time in enumerate(to_nanoseconds(episode.time)):
+        for topic, message in built(episode, k, time).items():
+            assert seen[topic][k][0].data == message.SerializeToString(), topic
+
+
+@settings(max_examples=60, deadline=None)
+@given(episode=episodes().filter(lambda episode: (np.abs(episode.joint_angle) < 1e300).all()))
+def test_any_numbers_come_back(folder, episode):
+    read = read_episode(write_episode(folder / "b.mcap", episode))
+    # Below the smallest normal double, a number loses digits on its way through degrees or millimetres.
+    for field in dataclasses.fields(Episode)[:-2]:
+        one, other = getattr(read, field.name), getattr(episode, field.name)
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-305, strict=True)
+        if field.name in ("joint_angle", "lateral_joint_angle", "wire_tension", "sheath_friction"):
+            assert one.tobytes() == np.ascontiguousarray(other).tobytes()
+
+
+def test_file_that_another_program_wrote_message_by_message_is_read(tmp_path):
+    """As files were before there were /scene and slack: each message serialised by the library."""
+    episode = make_episode(planes=2, drive=True)
+    episode = dataclasses.replace(episode, wire_slack=np.empty(0), attachments={}, metadata={"seed": 3})
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels: dict[str, int] = {}
+        for k, time in enumerate(to_nanoseconds(episode.time)):
+            for topic, message in built(episode, k, time).items():
+                if topic not in channels:
+                    data = build_file_descriptor_set(type(message)).SerializeToString()
+                    kind = writer.register_schema(message.DESCRIPTOR.full_name, "protobuf", data)
+                    channels[topic] = writer.register_channel(topic, "protobuf", kind)
+                writer.add_message(channels[topic], time, message.SerializeToString(), time)
+        writer.add_metadata("endotwin", {"seed": "3"})
+        writer.finish()
+    assert_equal(read_episode(path), episode)
+
+
+@pytest.mark.parametrize(
+    ("truth", "fault"),
+    [
+        (schema.Truth(wire_slack_a_mm=[1.0]), "wire_slack_a_mm has 1 columns, wire_slack_b_mm has 0"),
+        (schema.Truth(wire_slack_c_mm=[1.0]), "wire_slack_c_mm is recorded, but no lateral"),
+    ],
+)
+def test_slack_of_some_wires_is_named(truth, fault):
+    payloads = {"/command": [b""], "/truth": [truth.SerializeToString()], "/measurement": [b""]}
+    with pytest.raises(ValueError, match=fault):
+        decode({topic: [0] for topic in payloads}, payloads)
+
+
+def test_the_drawing_need_not_be_at_the_time_of_a_sample():
+    payloads = {"/command": [b""] * 2, "/truth": [b""] * 2, "/measurement": [b""] * 2, "/scene": [b"?"]}
+    times = {topic: [3] if topic == "/scene" else [0, 10] for topic in payloads}
+    np.testing.assert_array_equal(decode(times, payloads)["pull"], [0, 0])
+
+
+# How many messages are serialised at once
+
+
+@given(number=st.integers(1, 2**34))
+def test_varints_are_those_of_the_library(number):
+    (size,) = varint_sizes(np.array([number]))
+    assert varints(np.array([number]), size).tobytes() == Timestamp(seconds=number).SerializeToString()[1:]
+    assert varint_sizes(np.array([0])) == 0  # left out
+
+
+def stream_of(build: Any, numbers: int = 2) -> Stream:
+    return Stream("/topic", build, np.zeros((3, numbers)), np.ones(3, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("build", "fault"),
+    [
+        (lambda row, _: schema.Tension(tension_a_n=row[0]), "/topic: 2 numbers do not stand in"),
+        (lambda row, _: schema.Tension(tension_a_n=row[0], tension_b_n=row[0]), "2 numbers do not stand in"),
+        (
+            lambda row, _: schema.Tension(tension_a_n=2 * row[0], tension_b_n=row[1]),
+            "2 numbers do not stand in",
+        ),
+        (
+            lambda row, _: schema.Tension(**{f"tension_{name}_n": row[0] for name in "abc"}),
+            "2 numbers do not stand in",
+        ),
+        (lambda row, _: schema.Truth(wire_tension_a_n=row[: 1 + (row[0] > 0)]), "differ in more than their"),
+        (lambda row, _: schema.Truth(bend_deg=row[0], pulley_mm=max(row[1], 0.1)), "2 numbers do not"),
+    ],
+)
+def test_message_that_does_not_hold_each_number_once_is_refused(build, fault):
+    with pytest.raises(ValueError, match=fault):
+        find_layout(stream_of(build), 0, 0)

@@ -1,0 +1,235 @@
+"""What a viewer draws against MuJoCo: /scene moved by /tf must be where the twin's own model is."""
+
+import dataclasses
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from recorded import make_episode, messages
+from scipy.spatial.transform import Rotation
+
+from twin.episode import Episode
+from twin.physics import Endoscope
+from twin.preset.file import load_preset
+from twin.recording import write_episode
+from twin.recording.scene import scene
+
+DIGITS = 1e-6  # of lengths in the model: MJCF holds six
+TIME = 1_500_000_000  # [ns]
+PRESETS = {
+    planes: load_preset("ureteroscope").replace(vertebrae=5, bending_planes=planes) for planes in (1, 2)
+}
+ENDOSCOPES = {planes: Endoscope.from_preset(preset) for planes, preset in PRESETS.items()}
+planes_and_angles = st.sampled_from([1, 2]).flatmap(
+    lambda planes: st.tuples(st.just(planes), arrays(float, (2, 5), elements=st.floats(-0.6, 0.6)))
+)
+both = pytest.mark.parametrize("planes", [1, 2])
+
+
+def posed(planes: int, angles: np.ndarray) -> Episode:
+    """Two samples of the same pose, hinges (2, 5), of which the second row needs the second plane."""
+    episode = make_episode(samples=2, vertebrae=5, planes=planes)
+    lateral = {"lateral_joint_angle": np.tile(angles[1], (2, 1))} if planes == 2 else {}
+    metadata = {"preset": PRESETS[planes].to_dict()}
+    return dataclasses.replace(episode, joint_angle=np.tile(angles[0], (2, 1)), metadata=metadata, **lateral)
+
+
+def recorded(episode: Episode) -> tuple[Any, Any]:
+    """The messages of /scene and of /tf at the first sample, from a file."""
+    with tempfile.TemporaryDirectory() as folder:
+        topics = messages(write_episode(Path(folder) / "a.mcap", episode))
+    ((_, drawing),) = topics["/scene"]
+    return drawing, topics["/tf"][0][1]
+
+
+def frames(tf: Any) -> dict[str, tuple[np.ndarray, Rotation]]:
+    """Position and rotation of each frame in `base`."""
+    placed = {"base": (np.zeros(3), Rotation.identity())}
+    for frame in tf.transforms:
+        origin, turned = placed[frame.parent_frame_id]
+        placed[frame.child_frame_id] = (
+            origin + turned.apply(vector(frame.translation)),
+            turned * quaternion(frame.rotation),
+        )
+    return placed
+
+
+def vector(xyz) -> np.ndarray:
+    return np.array([xyz.x, xyz.y, xyz.z])
+
+
+def quaternion(xyzw) -> Rotation:
+    parts = [xyzw.x, xyzw.y, xyzw.z, xyzw.w]
+    assert np.linalg.norm(parts) == pytest.approx(1, abs=1e-15)
+    return Rotation.from_quat(parts)
+
+
+def world(episode: Episode) -> dict[str, list]:
+    """The shapes of /scene in `base`, by kind.
+
+    Each with its frame. Cylinders: centres of both flat faces, radii there; spheres: centre, sizes; lines:
+    points, colour.
+    """
+    drawing, tf = recorded(episode)
+    placed, shapes = frames(tf), {"cylinders": [], "spheres": [], "lines": []}
+    for entity in drawing.entities:
+        origin, turned = placed[entity.frame_id]
+
+        def place(pose, point, origin=origin, turned=turned) -> np.ndarray:
+            return origin + turned.apply(vector(pose.position) + quaternion(pose.orientation).apply(point))
+
+        for shape in entity.cylinders:
+            assert shape.size.x == shape.size.y
+            faces = [place(shape.pose, [0, 0, side * shape.size.z / 2]) for side in (-1, 1)]
+            radii = shape.size.x / 2 * np.array([shape.bottom_scale, shape.top_scale])
+            shapes["cylinders"].append((entity.frame_id, np.array(faces), radii))
+        for shape in entity.spheres:
+            shapes["spheres"].append((entity.frame_id, place(shape.pose, [0, 0, 0]), vector(shape.size)))
+        for shape in entity.lines:
+            points = np.array([place(shape.pose, vector(point)) for point in shape.points])
+            shapes["lines"].append((entity.frame_id, points, (shape.color.r, shape.color.g, shape.color.b)))
+    return shapes
+
+
+@settings(max_examples=40)
+@given(planes_and_angles)
+def test_lens_is_at_the_tip_of_the_twin(pose):
+    planes, angles = pose
+    ENDOSCOPES[planes].set_pose(*angles[:planes])
+    ((frame, centre, size),) = world(posed(planes, angles))["spheres"]
+    tip = ENDOSCOPES[planes].tip_position() - ENDOSCOPES[planes].named.data.xpos["vertebra_0"]
+    np.testing.assert_allclose(centre, tip, atol=DIGITS * PRESETS[1].section_length)
+    assert frame == "vertebra_4"
+    assert (size > 0).all()
+
+
+@settings(max_examples=40)
+@given(planes_and_angles)
+def test_a_cylinder_spans_each_link_of_the_twin(pose):
+    """From each body of MuJoCo to the next, and on to the tip, without a hole in between."""
+    planes, angles = pose
+    endoscope = ENDOSCOPES[planes]
+    endoscope.set_pose(*angles[:planes])
+    hinges = [endoscope.named.data.xpos[f"vertebra_{index}"] for index in range(5)]
+    ways = np.array([*hinges, endoscope.tip_position()]) - hinges[0]
+    drawn = world(posed(planes, angles))["cylinders"]
+    for index in range(5):
+        own = [faces for frame, faces, _ in drawn if frame == f"vertebra_{index}"]
+        spanned = [faces for faces in own if np.allclose(faces, ways[index : index + 2], atol=1e-8)]
+        assert len(spanned) == 1
+        for faces in own:  # all others lie on the same axis
+            assert np.linalg.norm(np.cross(faces - ways[index], ways[index + 1] - ways[index])) < 1e-9
+
+
+@settings(max_examples=40)
+@given(planes_and_angles)
+def test_wires_run_where_the_twin_draws_them_in_its_colours(pose):
+    planes, angles = pose
+    endoscope = ENDOSCOPES[planes]
+    endoscope.set_pose(*angles[:planes])
+    mujoco.mj_kinematics(endoscope.model.ptr, endoscope.data.ptr)
+    model, data = endoscope.model.ptr, endoscope.data.ptr
+    lines = world(posed(planes, angles))["lines"]
+    assert len(lines) == 5 * PRESETS[planes].wires
+    for wire in "abcd"[: PRESETS[planes].wires]:
+        material = model.material(f"wire_{wire}")
+        of_twin = data.geom_xpos[model.geom_matid == material.id] - data.body("vertebra_0").xpos
+        drawn = [points for _, points, colour in lines if np.allclose(colour, material.rgba[:3])]
+        np.testing.assert_allclose(np.mean(drawn, axis=1), of_twin, atol=DIGITS * 0.04)
+        np.testing.assert_allclose(np.linalg.norm(np.diff(drawn, axis=1), axis=2), 0.04 / 5)
+
+
+@pytest.mark.parametrize(("planes", "inner", "outer"), [(1, "a", "b"), (2, "a", "b"), (2, "c", "d")])
+def test_wire_that_is_pulled_lies_inside_the_bend(planes, inner, outer):
+    """The gaps between its pieces at the hinges would close by wire_offset times the bend: it is shorter."""
+    angles = np.zeros((2, 5))
+    angles[int(inner == "c")] = 0.3
+    lines = world(posed(planes, angles))["lines"]
+    ends = {}
+    for wire in (inner, outer):
+        colour = ENDOSCOPES[2].model.ptr.material(f"wire_{wire}").rgba[:3]
+        middles = [points.mean(axis=0) for _, points, own in lines if np.allclose(own, colour)]
+        ends[wire] = np.linalg.norm(np.diff(middles, axis=0), axis=1).sum()
+    chord = 4 * 2 * PRESETS[1].wire_offset * 2 * np.sin(0.15)
+    assert ends[outer] - ends[inner] == pytest.approx(chord, rel=1e-9)
+
+
+@both
+def test_vertebrae_guide_the_wires_and_do_not_touch_when_straight(planes):
+    shapes, offset = world(posed(planes, np.zeros((2, 5)))), PRESETS[planes].wire_offset
+    guides = [(faces, radii) for _, faces, radii in shapes["cylinders"] if (radii > 0.9 * offset).all()]
+    sheath, *vertebrae, tip = guides
+    assert len(vertebrae) == 5
+    for _, radii in (sheath, tip):
+        assert (radii > offset).all()
+    for faces, radii in vertebrae:
+        assert radii.max() > offset
+        assert (radii < sheath[1].min()).all()
+        assert faces[0, 0] < faces[1, 0]
+    edges = np.array([faces[:, 0] for faces, _ in vertebrae]).ravel()
+    assert (np.diff(edges) > 0.1 * PRESETS[planes].section_length / 5).all()
+    for entity in scene(posed(planes, np.zeros((2, 5))), TIME).entities:
+        assert all(0 < line.thickness < 0.5 * offset for line in entity.lines)
+
+
+@both
+def test_sheath_ends_where_the_bending_section_begins(planes):
+    """It lies behind the base and does not move, however the section bends."""
+    straight, bent = (world(posed(planes, np.full((2, 5), angle)))["cylinders"][0] for angle in (0.0, 0.5))
+    frame, faces, _ = straight
+    assert frame == "base"
+    assert faces[0, 0] < -PRESETS[planes].wire_offset
+    np.testing.assert_allclose(faces[:, 1:], 0, atol=1e-15)
+    np.testing.assert_allclose(faces[1], 0, atol=1e-15)
+    np.testing.assert_array_equal(bent[1], faces)
+
+
+@both
+def test_viewer_keeps_every_part_in_a_frame_that_tf_moves(planes):
+    episode = posed(planes, np.zeros((2, 5)))
+    entities = scene(episode, TIME).entities
+    assert [entity.frame_id for entity in entities] == list(frames(recorded(episode)[1]))
+    assert len({entity.id for entity in entities}) == len(entities)
+    for entity in entities:
+        assert entity.frame_locked
+        assert entity.timestamp.ToNanoseconds() == TIME
+        assert entity.HasField("lifetime")
+        assert entity.lifetime.ToNanoseconds() == 0
+        for shape in [*entity.cylinders, *entity.spheres, *entity.lines]:
+            parts = np.array([shape.color.r, shape.color.g, shape.color.b])
+            assert ((parts >= 0) & (parts <= 1)).all()
+            assert shape.color.a == 1
+        for shape in entity.cylinders:
+            assert 0.5 < shape.top_scale <= shape.bottom_scale == 1
+
+
+def test_same_episode_gives_the_same_bytes():
+    one, two = (scene(posed(2, np.zeros((2, 5))), TIME).SerializeToString() for _ in range(2))
+    assert one == two
+
+
+@pytest.mark.parametrize("missing", ["section_length", "vertebrae", "wire_offset", "bending_planes"])
+def test_nothing_is_drawn_where_the_geometry_is_not_known(missing):
+    episode = posed(1, np.zeros((2, 5)))
+    assert scene(episode, TIME) is not None
+    del episode.metadata["preset"][missing]
+    assert scene(episode, TIME) is None
+
+
+def test_nothing_is_drawn_of_a_log_without_joints():
+    assert scene(make_episode(vertebrae=0), TIME) is None
+    assert scene(dataclasses.replace(make_episode(), metadata={}), TIME) is None
+    assert scene(dataclasses.replace(make_episode(), metadata={"preset": "ureteroscope"}), TIME) is None
+
+
+def test_preset_of_another_endoscope_is_refused():
+    episode = make_episode(vertebrae=3)
+    episode.metadata["preset"] = PRESETS[1].to_dict()
+    with pytest.raises(ValueError, match="joint_angle has 3 columns, the preset 5 vertebrae"):
+        scene(episode, TIME)

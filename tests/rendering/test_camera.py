@@ -1,0 +1,164 @@
+"""Pictures of a camera: taken at the right samples, of the right size, and found in the file of a dataset."""
+
+import dataclasses
+import io
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+from recorded import messages
+from small_dataset import SMALL, changed, make
+
+from twin.dataset.verify import replay, verify
+from twin.episode import Episode
+from twin.physics import headless, simulate
+from twin.recording import read_episode
+from twin.recording.camera import picture_message
+from twin.rendering.camera import Camera, pictures
+from twin.rendering.film import Film
+
+needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+SAMPLE_TIME = 0.02
+TINY_CAMERA = Camera(10.0, 80, 120)
+
+
+@pytest.fixture(scope="module")
+def episode() -> Episode:
+    """A second in which the tip rises."""
+    return simulate(SMALL, np.linspace(0, 3e-3, 50), SAMPLE_TIME)
+
+
+class BlankFilm:
+    """Draws nothing, at once."""
+
+    def __init__(self, episode: Episode, width: int, height: int) -> None:
+        self.picture = np.zeros((height, width // 2, 3), dtype=np.uint8)
+
+    def pose(self, sample: int) -> np.ndarray:
+        return self.picture
+
+
+@pytest.fixture
+def samples_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[Episode, float], list[int]]:
+    """At which samples pictures are taken."""
+    monkeypatch.setattr("twin.rendering.film.Film", BlankFilm)
+
+    def samples_of(episode: Episode, pictures_per_second: float) -> list[int]:
+        return [sample for sample, _ in pictures(episode, Camera(pictures_per_second, 80, 120))]
+
+    return samples_of
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0, 7.0, 10.0, 24.0, 25.0, 30.0, 49.0, 50.0])
+def test_picture_shows_the_latest_sample_at_its_time(episode, samples_of, rate):
+    expected, number = [], 0
+    while (time := number / rate) <= 0.98 + 1e-9:
+        expected.append(max(k for k in range(50) if k * SAMPLE_TIME <= time + 1e-9))
+        number += 1
+    assert samples_of(episode, rate) == expected
+
+
+def test_more_pictures_than_samples_are_one_of_each_sample(episode, samples_of):
+    assert samples_of(episode, 1000.0) == list(range(50))
+
+
+def test_pictures_do_not_depend_on_when_the_record_begins(episode, samples_of):
+    late = dataclasses.replace(episode, time=episode.time + 1234.56)
+    for rate in (7.0, 10.0, 25.0, 50.0):
+        assert samples_of(late, rate) == samples_of(episode, rate)
+
+
+@needs_gl
+@pytest.mark.parametrize(("width", "height"), [(80, 120), (320, 240), (122, 360)])
+def test_picture_is_a_jpeg_of_the_size_asked_for_that_shows_the_pose(episode, width, height):
+    film = Film(episode, 2 * width, height)
+    for sample, jpeg in pictures(episode, Camera(2.0, width, height)):
+        picture = Image.open(io.BytesIO(jpeg))
+        assert picture.format == "JPEG"
+        assert picture.size == (width, height)
+        off = np.asarray(picture).astype(int) - film.pose(sample)
+        assert np.abs(off).mean() < 4  # of 255: what JPEG loses
+
+
+@needs_gl
+def test_pictures_show_the_endoscope_bending(episode):
+    drawn = [
+        np.asarray(Image.open(io.BytesIO(jpeg))).astype(int) for _, jpeg in pictures(episode, Camera(2.0))
+    ]
+    for one, other in pairwise(drawn):
+        assert np.abs(one - other).max() > 100
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 1000.5, np.nan, np.inf])
+def test_rate_that_cannot_be_is_refused(rate):
+    with pytest.raises(ValueError, match=r"pictures per second: must be positive, at most 1000$"):
+        Camera(pictures_per_second=rate).check()
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(79, 240), (78, 240), (81, 240), (1282, 240), (320, 118), (320, 241), (320, 1282)]
+)
+def test_size_that_cannot_be_is_refused(width, height):
+    with pytest.raises(
+        ValueError, match=f"camera: {width} x {height} pixels: must be even, 80 to 1280 and 1"
+    ):
+        Camera(width=width, height=height).check()
+
+
+@needs_gl
+@pytest.mark.parametrize(("width", "height"), [(80, 120), (1280, 120), (80, 1280)])
+def test_every_size_that_is_not_refused_is_drawn(episode, width, height):
+    camera = Camera(0.5, width, height)
+    camera.check()
+    ((_, jpeg),) = pictures(episode, camera)
+    assert Image.open(io.BytesIO(jpeg)).size == (width, height)
+
+
+@needs_gl
+def test_pictures_of_a_dataset_are_read_by_the_public_reader_at_their_times(tmp_path):
+    recipe = changed(episodes=2, camera=TINY_CAMERA)
+    make(tmp_path / "seen", recipe)
+    make(tmp_path / "unseen", changed(episodes=2))
+    for number in range(2):
+        name = f"episode_000{number}.mcap"
+        episode, seen = read_episode(tmp_path / "seen" / name), messages(tmp_path / "seen" / name)
+        expected = list(pictures(episode, TINY_CAMERA))
+        assert [sample for sample, _ in expected] == list(range(0, 50, 5))
+        for (sample, jpeg), (record, message) in zip(expected, seen["/camera/image"], strict=True):
+            nanoseconds = sample * 20_000_000
+            assert record.log_time == record.publish_time == nanoseconds
+            assert message.timestamp.ToNanoseconds() == nanoseconds
+            assert (message.format, message.frame_id) == ("jpeg", "camera")
+            assert message.data == jpeg
+        without = read_episode(tmp_path / "unseen" / name)
+        np.testing.assert_array_equal(episode.bend, without.bend)  # a camera changes nothing else
+        assert "/camera/image" not in messages(tmp_path / "unseen" / name)
+    assert verify(tmp_path / "seen") == ([], 2)
+    assert replay(tmp_path / "seen" / "episode_0001.mcap").same
+
+
+@needs_gl
+def test_dataset_with_pictures_is_the_same_bytes_again_and_resumed(tmp_path):
+    recipe = changed(episodes=2, seconds=0.4, camera=TINY_CAMERA)
+    made = [make(tmp_path / name, recipe).contents for name in ("one", "two")]
+    assert made[0] == made[1]
+    (tmp_path / "two" / "episode_0000.mcap").unlink()
+    again = make(tmp_path / "two", recipe)
+    assert again.contents == made[0]
+    assert again.kept == 1
+
+
+def test_system_that_cannot_draw_is_said_in_one_line_and_leaves_nothing_half(tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    with pytest.raises(OSError, match="nothing here can draw without a screen") as refused:
+        make(tmp_path, changed(camera=TINY_CAMERA))
+    assert "\n" not in str(refused.value)
+    assert {path.name for path in tmp_path.iterdir()} == {"recipe.yaml"}
+
+
+def test_message_of_a_picture_holds_its_time_to_the_nanosecond():
+    message = picture_message(b"jpeg", 1_234_567_890_123_456_789)
+    assert message.timestamp.ToNanoseconds() == 1_234_567_890_123_456_789
+    assert message.data == b"jpeg"

@@ -1,0 +1,125 @@
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env as check_gymnasium
+from stable_baselines3.common.env_checker import check_env as check_stable_baselines
+
+import rl  # noqa: F401  registers the environment
+from rl.agents import DirectEstimator, ReinforcementActiveModel, from_log_scale
+from rl.environment import (
+    ENVIRONMENT_ID,
+    BatchEnvironment,
+    EstimationEnvironment,
+    TrainingTask,
+    stack_records,
+)
+from twin.estimation.active_model import ActiveModel
+
+
+@pytest.fixture
+def task(records):
+    return TrainingTask(*stack_records(records))
+
+
+def batch(task, model, count, seed=0):
+    return BatchEnvironment(task, ReinforcementActiveModel(ActiveModel(model, 0.1)), count, seed)
+
+
+@pytest.mark.parametrize("agent", ["ram", "direct"])
+def test_registered_environment_passes_both_checkers(agent):
+    environment = gymnasium.make(ENVIRONMENT_ID, agent=agent)
+    check_gymnasium(environment.unwrapped, skip_render_check=True)
+    check_stable_baselines(environment.unwrapped)
+
+
+def test_single_environment_is_the_batch_of_one(records, model):
+    single = EstimationEnvironment(records, model)
+    many = batch(TrainingTask(*stack_records(records)), model, 1)
+    many.seed(5)
+    observation, _ = single.reset(seed=5)
+    np.testing.assert_array_equal(observation, many.reset()[0])
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        action = rng.uniform(-1, 1, 2).astype(np.float32)
+        one = single.step(action)
+        observations, rewards, _, _ = many.step(action[None])
+        np.testing.assert_array_equal(one[0], observations[0])
+        assert one[1] == rewards[0]
+
+
+def test_reward_is_minus_the_squared_error_of_the_estimate(task, model):
+    environment = batch(task, model, 6)
+    environment.reset()
+    truth = task.bend_deg[environment.record, 1]
+    estimate = environment.agent.belief.mean[0] + 0.5 * environment.agent.residual
+    _, reward, _, _ = environment.step(np.tile([0.0, -1.0], (6, 1)))
+    np.testing.assert_allclose(reward, -((estimate - truth) ** 2), rtol=1e-6)
+
+
+def test_environments_do_not_touch_each_other(task, model):
+    together, again = batch(task, model, 4), batch(task, model, 4)
+    together.reset(), again.reset()
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 4, 2))
+    for action in actions:
+        first = together.step(action)
+        other = action.copy()
+        other[1] = -other[1]
+        second = again.step(other)
+        np.testing.assert_array_equal(first[1][[0, 2, 3]], second[1][[0, 2, 3]])
+    assert first[1][1] != second[1][1]
+
+
+def test_an_episode_is_truncated_at_the_end_of_its_record_and_the_next_begins(task, model):
+    environment = batch(task, model, 3)
+    environment.reset()
+    samples = task.pull_mm.shape[1]
+    total = np.zeros(3)
+    for k in range(1, samples):
+        observation, reward, done, infos = environment.step(np.zeros((3, 2)))
+        total += reward
+        assert done.all() == (k == samples - 1)
+    assert all(info["TimeLimit.truncated"] for info in infos)
+    np.testing.assert_allclose([info["episode"]["r"] for info in infos], total, rtol=1e-5)
+    assert infos[0]["episode"]["l"] == samples - 1
+    assert not np.array_equal(observation[0], infos[0]["terminal_observation"])
+    assert environment.sample == 1
+
+
+def test_observation_holds_measured_residuals_and_never_the_truth(records, model):
+    """The same measurements under another truth give the same observations: only the reward knows it."""
+    task = TrainingTask(*stack_records(records))
+    environment = batch(task, model, 5)
+    environment.reset()
+    shifted = batch(TrainingTask(task.pull_mm, task.bend_deg + 3.0), model, 5)
+    shifted.reset()
+    shifted.record, shifted.measurement = environment.record, environment.measurement
+    shifted.agent.belief = environment.agent.belief
+    shifted.agent.residual = environment.agent.residual
+    for _ in range(10):
+        one = environment.step(np.zeros((5, 2)))
+        two = shifted.step(np.zeros((5, 2)))
+        np.testing.assert_array_equal(one[0], two[0])
+        assert not np.array_equal(one[1], two[1])
+
+
+def test_initial_errors_and_noise_are_those_of_the_task(records):
+    task = TrainingTask(*stack_records(records), noise_level=0.1, initial_error_deg=20.0)
+    record, measurement, initial = task.draw(4000, np.random.default_rng(0))
+    error = initial - task.bend_deg[record, 0]
+    assert np.abs(error).max() <= 20
+    assert np.abs(error).mean() == pytest.approx(10, rel=0.05)
+    assert (measurement - task.bend_deg[record]).var() == pytest.approx(0.1, rel=0.02)
+
+
+def test_direct_environment_shows_the_residual_against_the_last_estimate(task):
+    environment = BatchEnvironment(task, DirectEstimator(), 2, seed=3)
+    observation = environment.reset()
+    residual = from_log_scale(observation[:, 0].astype(float))
+    np.testing.assert_allclose(
+        residual, environment.measurement[:, 1] - environment.agent.bend_deg, rtol=1e-4
+    )
+
+
+def test_records_are_cut_to_the_shortest():
+    pull, bend = stack_records([(np.arange(5.0), np.arange(5.0)), (np.arange(3.0), np.arange(3.0))])
+    assert pull.shape == bend.shape == (2, 3)

@@ -1,0 +1,154 @@
+"""`endotwin generate`: a recipe's file and the flags that change it, verifying, replaying, a cluster."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from distributed import LocalCluster
+
+from scripts.generate import main
+from twin.recording import read_episode
+
+RECIPE = """
+preset: {name: small, vertebrae: 6, sheath_elements: 2, section_stiffness: 0.05, pretension: 3.0}
+episodes: 2
+seconds: 1
+signals: [sine, triangle]
+seeds: [7]
+"""
+
+Told = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def with_sensor(tmp_path, monkeypatch, capfd) -> Told:
+    """Run the command in a folder with a recipe; exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+
+    def run(line: str) -> tuple[int, str, str]:
+        code = main(line.split())
+        out, err = capfd.readouterr()
+        return code, out, err
+
+    return run
+
+
+def recipe_of(folder: str) -> dict:
+    return yaml.safe_load((Path(folder) / "recipe.yaml").read_text())
+
+
+def test_recipe_is_made_and_its_own_copy_makes_the_same_again(told):
+    code, out, _ = told("recipe.yaml --out data --workers 1")
+    assert (code, out) == (0, "data: 2 episodes, 2 s of small\n")
+    assert told("data/recipe.yaml --out again --workers 1")[0] == 0
+    for path in Path("data").iterdir():
+        assert path.read_bytes() == (Path("again") / path.name).read_bytes()
+
+
+def test_flags_go_before_the_recipe(told):
+    flags = "--stroke -1 1 --seconds 0.5 --signal sine --episodes 1 --seed 3 --sensor-variance 2"
+    assert told(f"recipe.yaml --out data --workers 1 --set pretension=4 {flags} --sheath-bend-deg 90")[0] == 0
+    made = recipe_of("data")
+    assert made["strokes_mm"] == [[-1, 1]]
+    assert (made["seconds"], made["episodes"], made["signals"], made["seeds"]) == (0.5, 1, ["sine"], [3])
+    assert made["sensor"] == {"variance_deg2": 2}
+    assert made["sheath_bends_deg"] == [[90, 90]]
+    assert (made["preset"]["pretension"], made["preset"]["vertebrae"]) == (4, 6)
+
+
+def test_paths_in_a_recipe_are_relative_to_it_and_those_of_flags_to_here(told, tmp_path):
+    (tmp_path / "deep").mkdir()
+    preset = yaml.safe_load(RECIPE)["preset"]
+    (tmp_path / "deep" / "mine.yaml").write_text(yaml.safe_dump(preset | {"name": "deep"}))
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(preset | {"name": "here"}))
+    (tmp_path / "deep" / "r.yaml").write_text("preset: mine.yaml\nseconds: 1\nepisodes: 1\n")
+    assert told("deep/r.yaml --out a --workers 1")[0] == 0
+    assert told("deep/r.yaml --preset mine.yaml --out b --workers 1")[0] == 0
+    assert recipe_of("a")["preset"]["name"] == "deep"
+    assert recipe_of("b")["preset"]["name"] == "here"
+
+
+def test_what_is_there_is_kept_and_what_is_damaged_is_made_anew(told):
+    told("recipe.yaml --out data --workers 1")
+    whole = {path.name: path.read_bytes() for path in Path("data").iterdir()}
+    damaged = bytearray(whole["episode_0001.mcap"])
+    damaged[len(damaged) // 2] ^= 1
+    Path("data/episode_0001.mcap").write_bytes(damaged)
+    code, out, err = told("recipe.yaml --out data --workers 1 --json")
+    assert code == 0
+    assert json.loads(out)["kept"] == 1
+    assert "made anew: " in err
+    assert "episode_0001.mcap is damaged" in err
+    assert {path.name: path.read_bytes() for path in Path("data").iterdir()} == whole
+
+
+def test_verify_says_what_is_wrong_and_its_exit_code_is_1(told):
+    told("recipe.yaml --out data --workers 1")
+    code, out, _ = told("--verify --out data")
+    assert (code, out.split(": ")[1][:22]) == (0, "all 2 episodes are who")
+    os.remove("data/episode_0000.mcap")
+    code, out, err = told("--verify --out data --json")
+    assert code == 1
+    assert json.loads(out)["faults"] == ["data/episode_0000.mcap is missing"]
+    assert "data/episode_0000.mcap is missing" in err
+    shutil.rmtree("data")
+    assert told("--verify --out data")[0] == 2
+
+
+def test_replay_proves_a_run_bit_for_bit(told):
+    told("recipe.yaml --out data --workers 1")
+    code, out, _ = told("--replay data/episode_0001.mcap --json")
+    assert code == 0
+    assert json.loads(out)["same"] is True
+    assert told("--replay data/nothing.mcap")[0] == 2
+    assert told("--replay data/recipe.yaml")[0] == 2
+
+
+def test_cluster_is_asked_by_its_address(told):
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+        code, _, err = told(f"recipe.yaml --out data --dask {cluster.scheduler_address}")
+        assert code == 0, err
+    assert told("recipe.yaml --out local --workers 1")[0] == 0
+    for path in Path("local").iterdir():
+        assert path.read_bytes() == (Path("data") / path.name).read_bytes()
+
+
+def test_episodes_that_are_too_few_for_all_strokes_are_said(told, tmp_path):
+    (tmp_path / "two.yaml").write_text(RECIPE + "strokes_mm: [[-1, 1], [0, 1]]\n")
+    _, _, err = told("two.yaml --out data --workers 1")
+    assert "2 episodes of each seed meet only 1 of 2 pairs of stroke and bend; for all, take 4" in err
+    _, _, err = told("two.yaml --episodes 3 --out more --workers 1")
+    assert "pairs" not in err
+
+
+def test_camera_adds_pictures(told):
+    told("recipe.yaml --out data --workers 1 --camera 2 --episodes 1")
+    assert recipe_of("data")["camera"]["pictures_per_second"] == 2
+    assert len(read_episode("data/episode_0000.mcap").time) == 50
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("nothing.yaml --out x", "no recipe nothing.yaml"),
+        ("recipe.yaml", "--out: name the folder"),
+        ("--preset ureteroscope --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
+        ("recipe.yaml --workers -1 --out x", "--workers -1: must not be negative"),
+        ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),
+        ("recipe.yaml --dask tcp --out x", "--dask tcp: must be as in tcp://192.168.0.7:8786"),
+        ("recipe.yaml --verify --replay x --out x", "--replay and --verify: choose one"),
+        ("recipe.yaml --camera 0 --out x", "camera: 0 pictures per second: must be positive"),
+    ],
+)
+def test_mistake_is_one_line_and_nothing_is_written(told, tmp_path, line, fault):
+    before = sorted(os.listdir(tmp_path))
+    code, out, err = told(line)
+    assert (code, out) == (2, "")
+    assert fault in err
+    assert len(err.splitlines()) == 1
+    assert sorted(os.listdir(tmp_path)) == before or os.listdir(tmp_path / "x") == []

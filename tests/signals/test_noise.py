@@ -1,0 +1,167 @@
+"""Noise: its moments and its law against theory, within the standard error of large samples."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import integrate, stats
+
+from twin.signals.noise import (
+    BACKGROUND_DEG2,
+    GAMMA_SHAPE,
+    NOISES,
+    OUTLIER_DEG,
+    STUDENT_FREEDOM,
+    draw_noise,
+    fisher_information,
+    noise_bound,
+    noise_variance,
+)
+
+COUNT = 400_000
+SIGMAS = 5  # one test in two million fails by chance; the seed is fixed anyway
+
+
+def draw(kind: str, level: float, seed: int = 0) -> np.ndarray:
+    return draw_noise(kind, level, (COUNT,), np.random.default_rng(seed))
+
+
+def law(kind: str, level: float) -> tuple[float, float, float]:
+    """Mean, variance and fourth central moment, from the theory of each law."""
+    if kind == "gaussian":
+        return 0.0, level, 3 * level**2
+    if kind == "laplace":
+        return 0.0, level, 6 * level**2
+    if kind == "uniform":
+        return 0.0, level, 9 / 5 * level**2
+    if kind == "gamma":
+        return np.sqrt(GAMMA_SHAPE * level), level, (3 + 6 / GAMMA_SHAPE) * level**2
+    if kind == "salt-and-pepper":
+        core, far = BACKGROUND_DEG2, level * OUTLIER_DEG**2
+        return 0.0, core + far, 3 * core**2 + 6 * core * far + far * OUTLIER_DEG**2
+    poisson = level + 3 * level**2
+    if kind == "poisson":
+        return level, level, poisson
+    return level, level + 1 / 12, poisson + 6 * level / 12 + 1 / 80  # sum of independent variables
+
+
+LAWS = sorted(set(NOISES) - {"student-t"})  # which has no fourth moment: its whole law is tested below
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("level", [0.1, 1.0, 5.0])
+def test_mean_and_variance_are_those_of_the_law(kind, level):
+    level = min(level, 0.3) if kind == "salt-and-pepper" else level
+    noise = draw(kind, level)
+    mean, variance, fourth = law(kind, level)
+    assert noise.mean() == pytest.approx(mean, abs=SIGMAS * np.sqrt(variance / COUNT))
+    assert noise.var() == pytest.approx(variance, abs=SIGMAS * np.sqrt((fourth - variance**2) / COUNT))
+    assert noise_variance(kind, level) == pytest.approx(variance, rel=1e-12)
+
+
+def continuous_laws(level):
+    scale = np.sqrt(level / (STUDENT_FREEDOM / (STUDENT_FREEDOM - 2)))
+    return {
+        "laplace": stats.laplace(scale=np.sqrt(level / 2)),
+        "student-t": stats.t(STUDENT_FREEDOM, scale=scale),
+        "uniform": stats.uniform(-np.sqrt(3 * level), 2 * np.sqrt(3 * level)),
+        "gamma": stats.gamma(GAMMA_SHAPE, scale=np.sqrt(level / GAMMA_SHAPE)),
+        "gaussian": stats.norm(scale=np.sqrt(level)),
+    }
+
+
+@pytest.mark.parametrize("kind", continuous_laws(1.0))
+@pytest.mark.parametrize("level", [0.5, 4.0])
+def test_noise_has_the_distribution_of_its_name(kind, level):
+    assert stats.kstest(draw(kind, level), continuous_laws(level)[kind].cdf).pvalue > 0.001
+    assert continuous_laws(level)[kind].var() == pytest.approx(noise_variance(kind, level))
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "laplace", "student-t"])
+@pytest.mark.parametrize("level", [0.5, 4.0])
+def test_information_is_the_mean_square_slope_of_the_log_density(kind, level):
+    density = continuous_laws(level)[kind].pdf
+
+    def integrand(x):
+        return ((density(x + 1e-5) - density(x - 1e-5)) / 2e-5) ** 2 / density(x)
+
+    reach = {"gaussian": 8, "laplace": 20, "student-t": 100}[kind] * np.sqrt(level)
+    half, _ = integrate.quad(integrand, 1e-4, reach, limit=400, points=[np.sqrt(level)])
+    assert fisher_information(kind, level) == pytest.approx(2 * half, rel=2e-3)
+    assert fisher_information(kind, level) >= 1 / level * (1 - 1e-12)
+
+
+def test_information_of_rare_far_outliers_is_that_of_the_background():
+    assert fisher_information("salt-and-pepper", 0.0) == pytest.approx(1 / BACKGROUND_DEG2, rel=1e-6)
+    assert fisher_information("salt-and-pepper", 0.05) == pytest.approx(1 / BACKGROUND_DEG2, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["uniform", "poisson", "poisson-dithered", "gamma"])
+def test_noise_whose_density_jumps_has_no_information(kind):
+    assert fisher_information(kind, 1.0) is None
+
+
+def test_only_uniform_noise_is_bounded():
+    assert {kind for kind in NOISES if np.isfinite(noise_bound(kind, 0.5))} == {"uniform"}
+    assert np.abs(draw("uniform", 0.5)).max() <= noise_bound("uniform", 0.5)
+    assert np.abs(draw("uniform", 0.5)).max() == pytest.approx(noise_bound("uniform", 0.5), rel=1e-4)
+
+
+@pytest.mark.parametrize("level", [0.1, 2.0])
+def test_poisson_noise_counts_with_poisson_probabilities(level):
+    noise = draw("poisson", level)
+    for count in range(4):
+        probability = stats.poisson(level).pmf(count)
+        error = SIGMAS * np.sqrt(probability * (1 - probability) / COUNT)
+        assert np.mean(noise == count) == pytest.approx(probability, abs=error)
+    assert (noise >= 0).all()
+
+
+def test_dither_removes_the_lattice_that_leaks_the_angle():
+    angle = 37.25
+    leaking = angle + draw("poisson", 1.0)
+    assert np.unique(leaking % 1).tolist() == [0.25]  # anyone can read the fraction of the angle
+    hidden = angle + draw("poisson-dithered", 1.0)
+    assert stats.kstest(hidden % 1, stats.uniform().cdf).pvalue > 0.001
+    counts = np.round(hidden - angle)
+    assert np.abs(hidden - angle - counts).max() <= 0.5
+    assert counts.var() == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", sorted(NOISES))
+def test_samples_are_independent_and_repeat_with_their_seed(kind):
+    noise = draw(kind, 0.5)
+    centred = (noise - noise.mean()) / noise.std()
+    for lag in (1, 2, 10):
+        assert abs(np.mean(centred[lag:] * centred[:-lag])) < SIGMAS / np.sqrt(COUNT)
+    assert np.array_equal(noise, draw(kind, 0.5))
+    assert not np.array_equal(noise, draw(kind, 0.5, seed=1))
+
+
+@given(kind=st.sampled_from(sorted(NOISES)), shape=st.tuples(st.integers(0, 4), st.integers(0, 4)))
+def test_noise_has_the_shape_asked_for_and_level_zero_only_dithers(kind, shape):
+    noise = draw_noise(kind, 0.0, shape, np.random.default_rng(0))
+    assert noise.shape == shape
+    assert noise.dtype == float
+    if kind != "salt-and-pepper":  # whose background stays
+        assert (np.abs(noise) <= (0.5 if kind == "poisson-dithered" else 0)).all()
+
+
+@pytest.mark.parametrize("level", [-1e-9, np.nan, np.inf])
+def test_level_that_no_noise_has_is_refused(level):
+    for kind in NOISES:
+        with pytest.raises(ValueError, match=f"{kind} noise of level"):
+            draw_noise(kind, level, (3,), np.random.default_rng(0))
+
+
+def test_a_probability_above_one_is_refused():
+    with pytest.raises(ValueError, match=r"level 1\.5: a probability is at most 1"):
+        draw_noise("salt-and-pepper", 1.5, (3,), np.random.default_rng(0))
+
+
+def test_unknown_noise_is_refused_with_the_valid_ones():
+    expected = "unknown noise 'pink'; valid: gaussian, poisson, poisson-dithered, laplace"
+    with pytest.raises(ValueError, match=expected):
+        draw_noise("pink", 1.0, (3,), np.random.default_rng(0))
+    with pytest.raises(ValueError, match=expected):
+        noise_variance("pink", 1.0)

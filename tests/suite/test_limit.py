@@ -1,0 +1,101 @@
+"""The limit as a method: ensembles of real twins, found by the command that a run follows."""
+
+import numpy as np
+import pytest
+
+from twin.evaluation.case import make_case
+from twin.evaluation.compare import evaluate
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.preset.file import load_preset
+from twin.preset.randomization import load_ranges
+from twin.suite.limit import Ensembles, bounds, limit_methods, make_ensembles
+from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
+
+PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
+TIME = np.arange(0, 8, SAMPLE_TIME)
+PULLS = [1e-3 * np.sin(2 * np.pi * TIME / 8), 3e-3 + 1e-3 * np.sin(2 * np.pi * TIME / 5)]
+
+
+@pytest.fixture(scope="module")
+def ensembles(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ensembles")
+    return make_ensembles(PRESET, RANGES, PULLS, folder, count=40, seed=1)
+
+
+@pytest.fixture(scope="module")
+def test_set():
+    """Four twins on each command that are none of the members, at T = 0.1 s."""
+    made = []
+    for pull, stroke in zip(PULLS, [(-1.0, 1.0), (2.0, 4.0)], strict=True):
+        for number, episode in enumerate(simulate_drives(members(PRESET, RANGES, pull, 4, seed=2))):
+            bend = episode.bend_deg[::5]
+            made.append(
+                EvaluationRecord(pull[::5] * 1e3, bend, np.ones(len(bend), bool), stroke, "r", str(number))
+            )
+    return made
+
+
+def test_ensembles_are_kept_and_found_again(ensembles):
+    written = [path.stat().st_mtime_ns for path in ensembles]
+    again = make_ensembles(PRESET, RANGES, PULLS, ensembles[0].parent, count=40, seed=1)
+    assert [path.stat().st_mtime_ns for path in again] == written
+    assert len(set(ensembles)) == 2
+    other = make_ensembles(PRESET, RANGES, PULLS[:1], ensembles[0].parent, count=8, seed=1)
+    assert other[0] not in ensembles
+
+
+def test_a_run_is_weighed_by_the_ensemble_of_its_command(ensembles, test_set):
+    method = Ensembles(tuple(ensembles), 0.1)
+    for pull in PULLS:
+        members_deg = method.along(pull[::5] * 1e3)
+        assert np.corrcoef(members_deg.mean(axis=0), pull[::5])[0, 1] > 0.8
+    with pytest.raises(ValueError, match="no ensemble"):
+        method.along(PULLS[0][::5] * 1e3 + 0.1)
+
+
+def test_a_record_may_begin_later_than_its_command_and_be_padded(ensembles):
+    method, pull = Ensembles(tuple(ensembles), 0.1), PULLS[1][::5] * 1e3
+    whole = method.along(pull)
+    padded = np.concatenate([pull[7:], np.full(30, pull[-1])])
+    np.testing.assert_array_equal(method.along(padded), whole[:, 7:])
+    with pytest.raises(ValueError, match="no ensemble"):
+        method.along(pull[-5:])  # five samples could be of any command
+
+
+def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles, test_set):
+    protocol = Protocol("full", seeds=4)
+    rows, _ = evaluate(test_set, limit_methods(ensembles, 0.1), protocol)
+    rmse = {(r["method"], r["noise"], r["level"], r["stroke_mm"][0]): r["rmse_deg"] for r in rows}
+    for low in (-1.0, 2.0):
+        told_r, knows = (rmse[name, "gaussian", 1.0, low] for name in ("Ensemble", "Ensemble (limit)"))
+        assert knows == pytest.approx(told_r, rel=0.05)  # R says all of Gaussian noise
+        assert knows < 0.6  # the measurement itself: 1
+        for noise, level in (("poisson", 2.0), ("salt-and-pepper", 0.05), ("gamma", 1.0)):
+            assert rmse["Ensemble (limit)", noise, level, low] < 0.7 * rmse["Ensemble", noise, level, low]
+    found = bounds(test_set, ensembles, 0.1, (("gaussian", 1.0), ("uniform", 1.0)))
+    assert [row["noise"] for row in found] == ["gaussian", "gaussian"]  # uniform noise has no bound
+    for row in found:
+        reached = rmse["Ensemble (limit)", "gaussian", 1.0, row["stroke_mm"][0]]
+        assert 0.7 * row["rmse_deg"] < reached < 1.6 * row["rmse_deg"]  # four twins are not the mean of all
+
+
+def test_runs_of_a_case_are_what_each_would_be_alone(ensembles, test_set):
+    method, protocol = Ensembles(tuple(ensembles), 0.1), Protocol("full", seeds=2)
+    both = make_case([(0, test_set[0]), (4, test_set[4])], protocol)
+    estimate = method(both)
+    half = len(estimate) // 2
+    for part, (number, record) in ((slice(0, half), (0, test_set[0])), (slice(half, None), (4, test_set[4]))):
+        np.testing.assert_allclose(method(make_case([(number, record)], protocol)), estimate[part], atol=1e-9)
+
+
+def test_gaps_of_a_record_are_bridged(ensembles, test_set):
+    record = test_set[0]
+    seen = np.ones(len(record.bend_deg), bool)
+    seen[30:50] = False
+    gap = EvaluationRecord(record.pull_mm, record.bend_deg, seen, record.stroke_mm, "r", "gap")
+    estimate = Ensembles(tuple(ensembles), 0.1)(make_case([(0, gap)], Protocol("full", seeds=2)))
+    assert np.isfinite(estimate).all()
+    error = np.abs(estimate[:2] - record.bend_deg)  # under Gaussian noise
+    assert error[:, 30:50].max() < 0.5 * np.ptp(record.bend_deg)  # the ensemble goes on with the command
+    assert error[:, 60:].mean() < 0.8

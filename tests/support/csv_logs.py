@@ -1,0 +1,17 @@
+"""CSV logs as a rig writes them."""
+
+import numpy as np
+
+
+def write(folder, columns, name="log.csv"):
+    rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def steps(**columns):
+    """Four samples, one second apart; what is given stands instead of, or beside, the other columns."""
+    given = {"time_s": [0, 1, 2, 3], "command_deg": [0, 1, 2, 1], "angle_deg": [0, 0.5, 1, 0.75]} | columns
+    return {name: values for name, values in given.items() if values is not None}

@@ -1,0 +1,220 @@
+"""The card of a dataset: a README.md that says what is in it, with a figure of its loops."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from tabulate import tabulate
+
+from twin.dataset.recipe import Recipe
+from twin.episode import Episode
+from twin.files.assets import assets_folder
+from twin.files.atomic import write_whole
+from twin.preset.file import load_preset, preset_names
+from twin.recording import read_episode
+from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
+
+Array = NDArray[np.float64]
+
+CARD, FIGURE = "README.md", "loops.png"
+PANELS_PER_ROW, MOST_PANELS = 5, 10
+DPI = 150
+POINTS = 400
+"""Measurements that a panel shows: all of them would be a grey band."""
+
+
+def write_card(folder: Path, recipe: Recipe, contents: dict[str, Any]) -> Path:
+    """Write the README.md and its figure into the folder of a dataset.
+
+    Args:
+        folder: where the episodes are.
+        recipe: what they were made from.
+        contents: of `dataset.json`.
+
+    Returns:
+        The path of the README.md.
+    """
+    shown = _to_show(recipe, contents["files"])
+    episodes = (read_episode(folder / entry["name"]) for entry in shown)  # one in memory at a time
+    write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(assets_folder()),
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    text = environment.get_template("dataset_card.md.j2").render(
+        episodes=contents["episodes"],
+        seconds_each=f"{recipe.seconds:g}",
+        total=_duration(contents["seconds"]),
+        preset=recipe.preset.name,
+        endotwin=contents["endotwin"],
+        mujoco=contents["mujoco"],
+        figure=FIGURE,
+        caption=_caption(len(shown), contents["episodes"]),
+        varies=_what_varies(recipe, contents["files"]),
+        rate=f"{1 / recipe.sample_time_s:g}",
+        features=_features(contents),
+        first=contents["files"][0]["name"],
+        size=_size(contents["bytes"], contents["seconds"]),
+    )
+    write_whole(folder / CARD, text)
+    return folder / CARD
+
+
+@dataclasses.dataclass(frozen=True)
+class _Loop:
+    """What is drawn of one episode."""
+
+    title: str
+    pull_mm: Array
+    bend_deg: Array
+    seen: Array
+    """(2, some) pull [mm] and measured angle [deg]."""
+
+
+def _loop(episode: Episode) -> _Loop:
+    thinned = slice(None, None, max(len(episode.time) // POINTS, 1))
+    seen = np.stack([episode.pull_mm[thinned], episode.measured_bend_deg[thinned]])
+    return _Loop(_title(episode), episode.pull_mm, episode.bend_deg, seen)
+
+
+def loops_figure(episodes: Iterable[Episode]) -> Figure:
+    """Draw the loop of each episode, bending angle over pull, in a panel of its own; the axes are shared."""
+    loops = [_loop(episode) for episode in episodes]
+    columns = min(len(loops), PANELS_PER_ROW)
+    rows = -(-len(loops) // PANELS_PER_ROW)
+    figure = Figure(figsize=(max(2.1 * columns, 4.2) + 0.5, 2.1 * rows + 0.5), layout="constrained")
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in grid.flat[len(loops) :]:
+        axes.set_visible(False)
+    for axes, loop in zip(grid.flat, loops, strict=False):
+        axes.plot(*loop.seen, linestyle="", zorder=1, **MEASUREMENT)
+        axes.plot(loop.pull_mm, loop.bend_deg, color=INK, linewidth=0.9, zorder=2)
+        axes.set_title(loop.title, fontsize=8, color=MUTED)
+        clean_axes(axes).tick_params(labelsize=7, color=MUTED, labelcolor=MUTED)
+    figure.supxlabel("pull of wire a [mm]", fontsize=9, color=INK)
+    figure.supylabel("bending angle [deg]", fontsize=9, color=INK)
+    return figure
+
+
+def _title(episode: Episode) -> str:
+    facts = episode.metadata
+    title = str(facts.get("signal", "")).replace("-", " ")
+    bend = facts.get("sheath_bend_deg")
+    if bend:
+        title += f", sheath {_bend(bend, '°')}"
+    return title
+
+
+def _to_show(recipe: Recipe, files: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The first episodes of one seed, or, where there are many combinations, spread over these."""
+    first = files[: min(recipe.episodes, max(recipe.combinations, PANELS_PER_ROW))]
+    places = np.linspace(0, len(first) - 1, min(len(first), MOST_PANELS)).round().astype(int)
+    return [first[place] for place in places]
+
+
+def _caption(shown: int, episodes: int) -> str:
+    if episodes == 1:
+        return "The loop of the episode."
+    return f"Loops of {'all' if shown == episodes else f'{shown} of the'} {episodes} episodes."
+
+
+def _what_varies(recipe: Recipe, files: Sequence[dict[str, Any]]) -> str:
+    """What the episodes differ in, and what their endoscope and sensor are, as a list."""
+    lines = []
+    if recipe.given_pull_m is None:
+        lines.append(f"signals: {_all_of(files, 'signal', str)}")
+        lines.append(f"strokes: {_all_of(files, 'stroke_mm', _stroke)} mm")
+    else:
+        lines.append("a given command, in `recipe.yaml`")
+    if recipe.lateral_stroke_mm is not None:
+        lines.append(f"stroke sideways: {_stroke(recipe.lateral_stroke_mm)} mm, by the next of the signals")
+    if recipe.sheath_bends_deg:
+        lines.append(f"bend of the sheath: {_all_of(files, 'sheath_bend_deg', _bend)} deg")
+    elif recipe.ranges is None or "sheath_bend" not in recipe.ranges.to_dict():
+        lines.append(f"bend of the sheath: {np.degrees(recipe.preset.sheath_bend):g} deg")
+    if recipe.ranges is not None and recipe.ranges.limits:
+        drawn = (f"`{name}` [{low:g}, {high:g}]" for name, low, high in recipe.ranges.limits)
+        lines.append(f"each episode's endoscope, drawn (SI units): {', '.join(drawn)}")
+    changed = _changed(recipe)
+    if changed:
+        lines.append(f"other than the preset `{recipe.preset.name}` (SI units): {changed}")
+    lines.append(f"sensor: {_sensor(recipe)}")
+    if recipe.camera is not None:
+        camera = recipe.camera
+        lines.append(f"camera: {camera.width} x {camera.height}, {camera.pictures_per_second:g} per second")
+    lines.append(f"seeds: {', '.join(map(str, recipe.seeds))}, {recipe.episodes} of each")
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _all_of(files: Sequence[dict[str, Any]], name: str, say: Callable[[Any], str]) -> str:
+    """Every value that the files have, once, in their order."""
+    return ", ".join(dict.fromkeys(say(file[name]) for file in files if name in file))
+
+
+def _stroke(ends: Sequence[float]) -> str:
+    return f"[{ends[0]:g}, {ends[1]:g}]"
+
+
+def _bend(ends: Sequence[float], unit: str = "") -> str:
+    start, end = (f"{angle:g}{unit}" for angle in ends)
+    return start if start == end else f"{start} to {end}"
+
+
+def _changed(recipe: Recipe) -> str:
+    """The parameters that are not those of the product's preset of that name, but for the sensor's."""
+    if recipe.preset.name not in preset_names():
+        return ""
+    own = load_preset(recipe.preset.name).to_dict()
+    drawn = {} if recipe.ranges is None else recipe.ranges.to_dict()
+    return ", ".join(
+        f"`{name}` = {value:g}"
+        for name, value in recipe.preset.to_dict().items()
+        if value != own[name] and name not in drawn and not name.startswith("sensor_")
+    )
+
+
+def _sensor(recipe: Recipe) -> str:
+    preset = recipe.preset
+    parts = [f"white noise of {recipe.sensor_variance_deg2:g} deg² besides its own"]
+    if preset.sensor_noise:
+        parts.append(f"noise of {np.degrees(preset.sensor_noise):.3g} deg")
+    if preset.sensor_resolution:
+        parts.append(f"steps of {np.degrees(preset.sensor_resolution):.3g} deg")
+    if preset.sensor_period:
+        parts.append(f"a reading every {preset.sensor_period:g} s")
+    if preset.sensor_latency:
+        parts.append(f"late by {preset.sensor_latency:g} s")
+    if len(parts) == 1 and not (recipe.ranges and "sensor_noise" in recipe.ranges.to_dict()):
+        parts = [f"white noise of {recipe.sensor_variance_deg2:g} deg²"]
+    return ", ".join(parts)
+
+
+def _features(contents: dict[str, Any]) -> str:
+    rows = []
+    for name, feature in contents["features"].items():
+        held = contents["statistics"][name]
+        shape = " x ".join(map(str, feature["shape"])) or "1"
+        figures = [f"{held[key]:.4g}" for key in ("min", "max", "mean", "std")]
+        rows.append(
+            [f"`{name}`", feature["meaning"], f"`{feature['topic']}`", shape, *figures, held["count"]]
+        )
+    headers = ["quantity", "what", "topic", "per sample", "min", "max", "mean", "std", "count"]
+    return tabulate(rows, headers=headers, tablefmt="github", disable_numparse=True)
+
+
+def _duration(seconds: float) -> str:
+    minutes = seconds / 60
+    if minutes < 2:
+        return f"{seconds:g} s"
+    return f"{minutes:.4g} minutes" if minutes < 120 else f"{minutes / 60:.3g} hours"
+
+
+def _size(count: int, seconds: float) -> str:
+    return f"{count / 1e6:.3g} MB in all, {count / 1e6 / (seconds / 60):.2g} MB per minute of record"

@@ -1,0 +1,125 @@
+"""Episodes of a recipe: commands drawn, endoscopes drawn, simulated together, seen by a sensor."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.dataset.recipe import Conditions, EpisodeKey, Recipe, in_metres, of_each_episode
+from twin.episode import Episode
+from twin.physics import simulate_batch
+from twin.preset.preset import Preset
+from twin.recording.features import statistics
+from twin.signals.excitation import command
+from twin.signals.noise import draw_noise
+from twin.signals.sensor import measure
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Drawn:
+    """One episode before it is simulated."""
+
+    key: EpisodeKey
+    conditions: Conditions
+    preset: Preset
+    pull: Array
+    lateral_pull: Array | None
+    sheath_bend: Array | None
+    sensor_rng: np.random.Generator
+
+
+def make_episode(recipe: Recipe, key: EpisodeKey) -> Episode:
+    """Simulate one episode of a recipe.
+
+    Raises:
+        ValueError: the recipe asks for a signal that cannot be made.
+        FloatingPointError: the simulation diverged.
+    """
+    episode = make_episodes(recipe, [key])[0]
+    if episode is None:
+        raise FloatingPointError(diverged(recipe, key))
+    return episode
+
+
+def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | None]:
+    """Simulate episodes of a recipe together, on one thread; each is the same as if it were made alone.
+
+    Returns:
+        The episodes in the order of the keys; None in the place of one that diverged.
+
+    Raises:
+        ValueError: the recipe asks for a signal that cannot be made.
+    """
+    drawn = [_draw(recipe, key) for key in keys]
+    records = simulate_batch(
+        [one.preset for one in drawn],
+        [one.pull for one in drawn],
+        recipe.sample_time_s,
+        sheath_bends=[one.sheath_bend for one in drawn],
+        lateral_pulls=[one.lateral_pull for one in drawn],
+        threads=1,
+    )
+    return [
+        None if record is None else _seen(recipe, one, record)
+        for one, record in zip(drawn, records, strict=True)
+    ]
+
+
+def diverged(recipe: Recipe, key: EpisodeKey) -> str:
+    """Return what to say of an episode that diverged."""
+    what = "narrow the ranges" if recipe.ranges else "lower time_step or the stiffness of the wires"
+    return (
+        f"episode {key.number} of seed {key.seed}: the simulation of {recipe.preset.name!r} diverged: {what}"
+    )
+
+
+def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
+    # The same stream for the same key, however many episodes and workers there are.
+    streams = np.random.SeedSequence([key.seed, key.number]).spawn(4)
+    signal_rng, sensor_rng, lateral_rng, preset_rng = map(np.random.default_rng, streams)
+    conditions = recipe.conditions(key.number)
+    bend = conditions.sheath_bend_deg
+    preset = recipe.preset if bend is None else recipe.preset.replace(sheath_bend=float(np.radians(bend[0])))
+    if recipe.ranges is not None:
+        preset = recipe.ranges.draw(preset, preset_rng)
+    if recipe.given_pull_m is not None:
+        pull = np.array(recipe.given_pull_m)
+    else:
+        stroke = in_metres(conditions.stroke_mm)
+        pull = command(conditions.signal, stroke, recipe.seconds, recipe.sample_time_s, signal_rng)
+    lateral_pull = None
+    if recipe.lateral_stroke_mm is not None:
+        kind = recipe.signals[(key.number + 1) % len(recipe.signals)]
+        stroke, seconds = in_metres(recipe.lateral_stroke_mm), len(pull) * recipe.sample_time_s
+        lateral_pull = command(kind, stroke, seconds, recipe.sample_time_s, lateral_rng)
+    sheath_bend = None
+    if bend is not None and bend[0] != bend[1]:
+        sheath_bend = np.linspace(np.radians(bend[0]), np.radians(bend[1]), len(pull))
+    return _Drawn(key, conditions, preset, pull, lateral_pull, sheath_bend, sensor_rng)
+
+
+def _seen(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
+    """Add what the sensor saw, and where the episode comes from."""
+    seen = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
+    noise = draw_noise("gaussian", recipe.sensor_variance_deg2, drawn.pull.shape, drawn.sensor_rng)
+    episode = dataclasses.replace(record, measured_bend=seen + np.radians(noise))
+    text, sha256 = of_each_episode(recipe)
+    origin = {
+        "seed": drawn.key.seed,
+        "episode": drawn.key.number,
+        "signal": drawn.conditions.signal,
+        "stroke_mm": list(drawn.conditions.stroke_mm),
+        "samples": len(record.time),
+        "recipe_sha256": sha256,
+        "statistics": statistics(episode),
+    }
+    if drawn.conditions.sheath_bend_deg is not None:
+        origin["sheath_bend_deg"] = list(drawn.conditions.sheath_bend_deg)
+    return dataclasses.replace(
+        episode,
+        metadata=episode.metadata | origin,
+        attachments=episode.attachments | {"recipe.yaml": text.encode()},
+    )

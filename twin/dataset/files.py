@@ -1,0 +1,183 @@
+"""The files of one episode of a dataset: written whole, vouched for when they are there already."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from twin.dataset.episodes import diverged, make_episodes
+from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
+from twin.dataset.recipe_file import load_recipe
+from twin.dataset.versions import VERSIONS
+from twin.episode import Episode
+from twin.files.hashes import sha256_of
+from twin.recording import EpisodeWriter, read_episode, read_metadata, write_csv
+from twin.recording.camera import CAMERA_TOPIC, picture_message
+from twin.recording.features import wrong_statistics
+from twin.recording.messages import to_nanoseconds
+from twin.recording.reader import HINT
+from twin.rendering.camera import pictures
+
+Entry = dict[str, Any]
+"""What `dataset.json` says of one file."""
+
+OF_METADATA = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg", "samples")
+"""What it repeats of the metadata of the file, where that has it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """What became of one episode."""
+
+    entry: Entry
+    kept: bool = False
+    """It was there already, whole and of this recipe."""
+    damage: str = ""
+    """Why the file that was there was made anew."""
+
+
+def file_name(recipe: Recipe, key: EpisodeKey) -> str:
+    """Return the name of the file of an episode, which tells the seed where there are several."""
+    seed = f"seed_{key.seed}_" if len(recipe.seeds) > 1 else ""
+    return f"{seed}episode_{key.number:04d}.mcap"
+
+
+def make_files(
+    recipe: Recipe,
+    keys: Sequence[EpisodeKey],
+    folder: Path,
+    known: Mapping[str, Entry],
+    csv: bool,
+    versions: Mapping[str, str] = VERSIONS,
+) -> list[Made]:
+    """Make those of some episodes that are not there, or not whole; the others stay as they are.
+
+    It runs in a worker, and returns descriptions, no arrays.
+
+    Args:
+        recipe: what to make.
+        keys: which episodes.
+        folder: where their files are.
+        known: what a former `dataset.json` says of files, by name.
+        csv: also write each episode as a table.
+        versions: of what asks for it; a worker on another machine may have others.
+
+    Raises:
+        ValueError: the worker's versions are others.
+        FloatingPointError: a simulation diverged; the other episodes are written.
+        OSError: the disk is full, a file cannot be written, or nothing can draw a camera's pictures.
+    """
+    if versions != VERSIONS:
+        raise ValueError(f"a worker has {_said(VERSIONS)}, here is {_said(versions)}: they must agree")
+    paths = {key: folder / file_name(recipe, key) for key in keys}
+    made: dict[EpisodeKey, Made] = {}
+    damage: dict[EpisodeKey, str] = {}
+    for key, path in paths.items():
+        if path.exists():
+            try:
+                metadata = _vouch(recipe, key, path, known.get(path.name))
+                damaged = _write_table(path, known.get(path.name)) if csv else ""
+                made[key] = Made(_entry(path, metadata, csv), kept=not damaged, damage=damaged)
+            except (ValueError, FileNotFoundError) as error:
+                damage[key] = str(error).removesuffix(HINT)  # it is made anew
+    missing = [key for key in keys if key not in made]
+    episodes = make_episodes(recipe, missing) if missing else []
+    _refuse_if_unwanted(recipe, folder)
+    failed = []
+    for key, episode in zip(missing, episodes, strict=True):
+        if episode is None:
+            failed.append(key)
+        else:
+            _write(recipe, paths[key], episode)
+            if csv:
+                _write_table(paths[key], None)
+            made[key] = Made(_entry(paths[key], episode.metadata, csv), damage=damage.get(key, ""))
+    if failed:
+        raise FloatingPointError(diverged(recipe, failed[0]))
+    return [made[key] for key in keys]
+
+
+def _said(versions: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in versions.items())
+
+
+def _refuse_if_unwanted(recipe: Recipe, folder: Path) -> None:
+    """Write nothing for a run that is over: a cluster cannot call back what it has begun.
+
+    Raises:
+        ValueError: the folder holds another recipe by now.
+    """
+    path = folder / "recipe.yaml"
+    if path.is_file() and of_each_episode(load_recipe(path)) != of_each_episode(recipe):
+        raise ValueError(f"{folder} is the folder of another dataset by now")
+
+
+def _write(recipe: Recipe, path: Path, episode: Episode) -> None:
+    with EpisodeWriter(path) as writer:
+        writer.write(episode)
+        if recipe.camera is not None:
+            nanoseconds = to_nanoseconds(episode.time)
+            for sample, picture in pictures(episode, recipe.camera):
+                time = nanoseconds[sample]
+                writer.add_message(CAMERA_TOPIC, picture_message(picture, time), time)
+
+
+def _write_table(path: Path, known: Entry | None) -> str:
+    """Write the table of a file, from the file alone, unless it is known to be there.
+
+    Returns:
+        What was wrong with a table whose hash was known.
+    """
+    table = path.with_suffix(".csv")
+    said = None if known is None else known.get("table_sha256")
+    damage = ""
+    if said is not None:
+        if table.is_file() and sha256_of(table) == said:
+            return ""
+        damage = f"{table} is not what dataset.json says" if table.is_file() else f"{table} is missing"
+    write_csv(table, read_episode(path))
+    return damage
+
+
+def _vouch(recipe: Recipe, key: EpisodeKey, path: Path, known: Entry | None) -> dict[str, Any]:
+    """Make sure that a file is what this recipe and this version would make.
+
+    A file whose hash is known is read for its CRCs, any other one for its numbers too.
+
+    Returns:
+        Its metadata.
+
+    Raises:
+        ValueError: it is damaged, or another file.
+        FileNotFoundError: it is not there.
+    """
+    metadata = read_metadata(path)
+    wanted = {
+        "seed": key.seed,
+        "episode": key.number,
+        "recipe_sha256": of_each_episode(recipe)[1],
+        **VERSIONS,
+    }
+    for name, value in wanted.items():
+        if metadata.get(name) != value:
+            raise ValueError(f"{path}: {name} is {metadata.get(name)}, not {value}")
+    if known is not None and "sha256" in known:
+        if sha256_of(path) != known["sha256"]:
+            raise ValueError(f"{path} is not what dataset.json says")
+        return metadata
+    episode = read_episode(path)
+    if len(episode.time) != metadata.get("samples"):
+        said = metadata.get("samples")
+        raise ValueError(f"{path} has {len(episode.time)} samples, its metadata says {said}")
+    for fault in wrong_statistics(episode, metadata.get("statistics")):
+        raise ValueError(f"{path}: {fault}, by its metadata")
+    return metadata
+
+
+def _entry(path: Path, metadata: Mapping[str, Any], csv: bool) -> Entry:
+    """Describe a file that is there, and its table."""
+    entry = {"name": path.name, **{name: metadata[name] for name in OF_METADATA if name in metadata}}
+    entry |= {"bytes": path.stat().st_size, "sha256": sha256_of(path)}
+    if csv:
+        entry["table_sha256"] = sha256_of(path.with_suffix(".csv"))
+    return entry | {"statistics": metadata["statistics"]}

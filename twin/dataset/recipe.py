@@ -1,0 +1,189 @@
+"""Everything that a dataset depends on, and the conditions of each of its episodes."""
+
+import dataclasses
+import functools
+import hashlib
+import itertools
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import yaml
+
+from twin.episode import LARGEST_GRID
+from twin.preset.preset import Preset, parameter_limits
+from twin.preset.randomization import Ranges
+from twin.preset.sample_time import check_sample_time
+from twin.rendering.camera import Camera
+from twin.signals.excitation import SIGNALS, command
+
+Interval = tuple[float, float]
+MOST_EPISODES = 10_000
+"""Of one seed: the names of their files are in the order of their numbers."""
+
+
+@dataclasses.dataclass(frozen=True)
+class EpisodeKey:
+    """Which episode it is; all that is random in it is drawn from these two numbers."""
+
+    seed: int
+    number: int
+    """Counted from 0 within the seed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions:
+    """What the recipe asks of one episode, before anything is drawn."""
+
+    signal: str
+    stroke_mm: Interval
+    sheath_bend_deg: Interval | None
+    """At the start and at the end; None for the preset's own."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """What a dataset is made of. Signals, strokes and bends of the sheath are combined, in turn."""
+
+    preset: Preset
+    strokes_mm: tuple[Interval, ...] = ((2.0, 4.0),)
+    """Lowest and highest pulling distances of wire a [mm]."""
+    lateral_stroke_mm: Interval | None = None
+    """The same of wire c, for an endoscope with two bending planes; without it, wire c is not pulled."""
+    sheath_bends_deg: tuple[Interval, ...] = ()
+    """Angles that the sheath is bent by at the start, when the wires are wound up, and at the end of an
+    episode, changing evenly [deg]; none for the preset's own."""
+    ranges: Ranges | None = None
+    """Draw the parameters of each episode's endoscope from these ranges around the preset."""
+    seconds: float = 60.0
+    """Length of each episode."""
+    sample_time_s: float = 0.02
+    signals: tuple[str, ...] = tuple(SIGNALS)
+    sensor_variance_deg2: float = 0.1
+    """Variance of the Gaussian noise in `/measurement`, besides that of the preset's sensor."""
+    camera: Camera | None = None
+    """Take pictures too."""
+    episodes: int = 5
+    """How many of each seed."""
+    seeds: tuple[int, ...] = (0,)
+    given_pull_m: tuple[float, ...] | None = None
+    """A command to follow instead of a drawn one [m]."""
+
+    @property
+    def keys(self) -> list[EpisodeKey]:
+        """All episodes, in order."""
+        return [EpisodeKey(*key) for key in itertools.product(self.seeds, range(self.episodes))]
+
+    @property
+    def combinations(self) -> int:
+        """How many combinations of signal, stroke and bend of the sheath there are."""
+        signals = len(self.signals) if self.given_pull_m is None else 1
+        return signals * len(self.strokes_mm) * max(len(self.sheath_bends_deg), 1)
+
+    def conditions(self, number: int) -> Conditions:
+        """Return the conditions of the episodes of this number: signals change fastest, then strokes."""
+        signals = self.signals if self.given_pull_m is None else ("given",)
+        turn, place = divmod(number, len(signals))
+        turn, stroke = divmod(turn, len(self.strokes_mm))
+        bends = self.sheath_bends_deg
+        bend = bends[turn % len(bends)] if bends else None
+        return Conditions(signals[place], self.strokes_mm[stroke], bend)
+
+    def check(self) -> None:
+        """Refuse, before any work, what would fail in an episode.
+
+        Raises:
+            ValueError: a signal, a stroke, the times, the noise, a bend, a seed or the count cannot be.
+        """
+        if not 1 <= self.episodes <= MOST_EPISODES:
+            raise ValueError(f"episodes = {self.episodes}: must be from 1 to {MOST_EPISODES}, of each seed")
+        for name in ("seeds", "signals", "strokes_mm"):
+            if not getattr(self, name):
+                raise ValueError(f"{name}: none is given, at least one is needed")
+        for seed in self.seeds:
+            if seed < 0:
+                raise ValueError(f"seed = {seed}: must not be negative")
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError(f"seeds = {list(self.seeds)}: one is given twice")
+        rng = np.random.default_rng(0)
+        if not 0 <= self.sensor_variance_deg2 < np.inf:
+            raise ValueError(
+                f"variance of the sensor {self.sensor_variance_deg2:g} deg^2: must be finite and not negative"
+            )
+        check_sample_time(self.preset, self.sample_time_s)
+        if self.seconds / self.sample_time_s > LARGEST_GRID:
+            raise ValueError(f"{self.seconds:g} s: an episode has at most {LARGEST_GRID} samples")
+        if self.given_pull_m is not None:
+            given = len(self.given_pull_m) * self.sample_time_s
+            if abs(given - self.seconds) > 1e-9 * given:
+                raise ValueError(f"{self.seconds:g} s: the given command lasts {given:g} s")
+        if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():
+            raise ValueError("sheath_bends_deg and a range of sheath_bend: choose one")
+        self._check_strokes(rng)
+        low, high = parameter_limits("sheath_bend")
+        for bend in itertools.chain(*self.sheath_bends_deg):
+            if not low <= np.radians(bend) <= high:
+                most = f"must be from 0 to {np.degrees(high):g} deg"
+                raise ValueError(f"bend of the sheath {bend:g} deg: {most}")
+        if self.camera is not None:
+            self.camera.check()
+
+    def _check_strokes(self, rng: np.random.Generator) -> None:
+        if self.lateral_stroke_mm is not None and self.preset.bending_planes == 1:
+            raise ValueError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
+        farthest_mm = 2e3 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
+        lateral = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
+        for stroke in [*self.strokes_mm, *lateral]:
+            if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest_mm:
+                most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
+                raise ValueError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}")
+        for stroke in [*(self.strokes_mm if self.given_pull_m is None else []), *lateral]:
+            for kind in self.signals:
+                command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as a recipe's file holds them (see `twin.dataset.recipe_file`)."""
+        values = {
+            "ranges": None if self.ranges is None else self.ranges.to_dict(),
+            "episodes": self.episodes,
+            "seeds": list(self.seeds),
+            "seconds": float(self.seconds),
+            "sample_time_s": float(self.sample_time_s),
+            "signals": list(self.signals),
+            "strokes_mm": [_floats(stroke) for stroke in self.strokes_mm],
+            "lateral_stroke_mm": None if self.lateral_stroke_mm is None else _floats(self.lateral_stroke_mm),
+            "sheath_bends_deg": [_floats(bend) for bend in self.sheath_bends_deg],
+            "sensor": {"variance_deg2": float(self.sensor_variance_deg2)},
+            "camera": None if self.camera is None else dataclasses.asdict(self.camera),
+            "preset": self.preset.to_dict(),
+            "given_pull_m": None if self.given_pull_m is None else _floats(self.given_pull_m),
+        }
+        return {name: value for name, value in values.items() if value is not None and value != []}
+
+
+def _floats(numbers: Iterable[float]) -> list[float]:
+    """As in a file that was read: 2 and 2.0 are one recipe, and must be one text."""
+    return [float(number) for number in numbers]
+
+
+def in_metres(stroke_mm: Interval) -> Interval:
+    """Return an interval of pulling distances [m]."""
+    return stroke_mm[0] * 1e-3, stroke_mm[1] * 1e-3
+
+
+@functools.lru_cache(maxsize=8)
+def to_yaml(recipe: Recipe) -> str:
+    """Return a recipe as the text of its file."""
+    # A number of its own for each sample of a given command, without a line for each.
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return yaml.dump(recipe.to_dict(), Dumper=dumper, sort_keys=False, default_flow_style=None, width=110)
+
+
+@functools.lru_cache(maxsize=8)
+def of_each_episode(recipe: Recipe) -> tuple[str, str]:
+    """Return what one episode depends on besides its key, as the text of a file, and its SHA-256.
+
+    It does not tell how many episodes there are of how many seeds: an episode does not depend on that.
+    """
+    text = to_yaml(dataclasses.replace(recipe, episodes=1, seeds=(0,)))
+    return text, hashlib.sha256(text.encode()).hexdigest()

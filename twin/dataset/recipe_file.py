@@ -1,0 +1,256 @@
+"""A recipe as a user writes it: a small YAML file, checked by pydantic, resolved into a `Recipe`."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError
+
+from twin.dataset.recipe import Interval, Recipe
+from twin.measured.command import read_command
+from twin.preset.file import load_preset, preset_of
+from twin.preset.preset import Preset, suggestion
+from twin.preset.randomization import Ranges, load_ranges
+from twin.preset.sample_time import check_sample_time
+from twin.rendering.camera import Camera
+from twin.signals.excitation import SIGNALS
+
+LEAST_EPISODES = 5
+"""How many there are where a recipe does not say, even if it has fewer combinations."""
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Pair = tuple[Number, Number]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SensorFile(_Strict):
+    """The key `sensor`: what the preset's sensor does is replaced by what is given."""
+
+    variance_deg2: Number = 0.1
+    noise_deg: Number | None = None
+    resolution_deg: Number | None = None
+    period_s: Number | None = None
+    latency_s: Number | None = None
+
+    def parameters(self) -> dict[str, float]:
+        """Return the parameters of the preset that are given, in SI units."""
+        given = {
+            "sensor_noise": None if self.noise_deg is None else float(np.radians(self.noise_deg)),
+            "sensor_resolution": None
+            if self.resolution_deg is None
+            else float(np.radians(self.resolution_deg)),
+            "sensor_period": self.period_s,
+            "sensor_latency": self.latency_s,
+        }
+        return {name: value for name, value in given.items() if value is not None}
+
+
+class RecipeFile(_Strict):
+    """The keys of a recipe's file."""
+
+    preset: str | dict[str, Any] = "ureteroscope"
+    """Name of a preset, path of a .yaml file, or parameters, the `name` among them."""
+    set: dict[str, int | Number] = {}
+    """Parameters of the preset to change, in its SI units."""
+    randomize: bool = False
+    """Draw the parameters of every episode, other than those set here, from the preset's ranges."""
+    ranges: dict[str, Pair] | None = None
+    """Draw from these ranges instead."""
+    episodes: StrictInt | None = None
+    """Of each seed; one of each combination of signal, stroke and bend, but at least 5, if not given."""
+    seeds: list[StrictInt] = [0]
+    seconds: Number = 60.0
+    sample_time_s: Number = 0.02
+    signals: list[str] = list(SIGNALS)
+    strokes_mm: list[Pair] = [(2.0, 4.0)]
+    lateral_stroke_mm: Pair | None = None
+    sheath_bends_deg: list[Number | tuple[Number | None, Number]] = []
+    """An angle, or the angles at the start (null for the preset's) and at the end."""
+    sensor: SensorFile = SensorFile()
+    camera: Camera | None = None
+    command_csv: Path | None = None
+    """Follow a recorded command instead of signals."""
+    given_pull_m: Annotated[list[Number], Field(min_length=2)] | None = None
+    """The same, as pulling distances at each sample."""
+
+
+_FORMS = {
+    "preset": "must be a name, the path of a .yaml file, or parameters, the `name` among them",
+    "set": "must be parameters and their numbers, as in {pretension: 3}",
+    "ranges": "must be parameters, each with two numbers, as in {pretension: [1, 6]}",
+    "sensor": "must be keys and numbers, as in {variance_deg2: 0.1, period_s: 0.04}",
+    "camera": "must be keys and numbers, as in {pictures_per_second: 10, width: 320, height: 240}",
+    "seeds": "must be whole numbers, as in [1, 2]",
+    "signals": f"must be a list of {', '.join(SIGNALS)}",
+    "strokes_mm": "must be pairs of numbers, as in [[2, 4], [-1, 1]]",
+    "lateral_stroke_mm": "must be two numbers, as in [-1, 1]",
+    "sheath_bends_deg": "must be angles, or pairs of a start and an end, as in [90, [0, 180]]",
+}
+"""What a value must look like that is more than one word."""
+
+
+def load_recipe(path: Path) -> Recipe:
+    """Read a recipe from its YAML file.
+
+    Raises:
+        FileNotFoundError: there is no such file, or none that it names.
+        ValueError: it is no recipe; the line says which key is wrong, and why.
+    """
+    return resolve(read_recipe_file(path), path.parent)
+
+
+def read_recipe_file(path: Path) -> dict[str, Any]:
+    """Return the keys and values of a recipe's file, not yet checked.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is not YAML of `key: value`.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"no recipe {path}")
+    try:
+        return parse_recipe(path.read_text())
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def parse_recipe(text: str) -> dict[str, Any]:
+    """Return the keys and values of the text of a recipe's file, not yet checked.
+
+    Raises:
+        ValueError: it is not YAML of `key: value`.
+    """
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        values = yaml.load(text, Loader=loader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"not a YAML file: {' '.join(str(error).split())}") from error
+    if values is None:  # comments alone: every key may be left out
+        return {}
+    if not isinstance(values, dict):
+        raise ValueError("no recipe: expected `key: value` lines")
+    return values
+
+
+def resolve(values: Mapping[str, Any], folder: Path) -> Recipe:
+    """Turn keys and values into a recipe: read the preset and the command that they name.
+
+    Args:
+        values: as in a recipe's file.
+        folder: what the paths among them are relative to.
+
+    Raises:
+        FileNotFoundError: a file that it names does not exist.
+        ValueError: a key or a value is wrong.
+    """
+    file = _validated(values)
+    named = _preset_name(file.preset, folder)
+    preset = load_preset(named) if isinstance(named, (str, Path)) else _inline_preset(named)
+    changes = {**file.set, **file.sensor.parameters()}
+    preset = preset.replace(**changes)
+    check_sample_time(preset, file.sample_time_s)
+    bends = _sheath_bends(file, preset)
+    chosen = set(changes) | ({"sheath_bend"} if bends else set())
+    given = file.given_pull_m
+    if file.command_csv is not None:
+        for name in ("given_pull_m", "seconds", "strokes_mm", "signals"):
+            if name in file.model_fields_set and (name != "signals" or file.lateral_stroke_mm is None):
+                raise ValueError(f"command_csv and {name}: choose one, the recorded command says all of it")
+        given = read_command(folder / file.command_csv, preset, file.sample_time_s).tolist()
+    strokes: list[Interval] = [(low, high) for low, high in file.strokes_mm]
+    seconds = file.seconds
+    if given is not None:
+        strokes = [(round(min(given) * 1e3, 9), round(max(given) * 1e3, 9))]
+        seconds = len(given) * file.sample_time_s
+    ranges = _ranges(file, named)
+    if file.ranges is not None:
+        for name in sorted(chosen & set(file.ranges)):
+            raise ValueError(f"ranges: {name} is set, or bent by sheath_bends_deg: choose one")
+    recipe = Recipe(
+        preset=preset,
+        strokes_mm=tuple(strokes),
+        lateral_stroke_mm=file.lateral_stroke_mm,
+        sheath_bends_deg=bends,
+        ranges=None if ranges is None else ranges.without(chosen),
+        seconds=seconds,
+        sample_time_s=file.sample_time_s,
+        signals=tuple(file.signals),
+        sensor_variance_deg2=file.sensor.variance_deg2,
+        camera=file.camera,
+        seeds=tuple(file.seeds),
+        given_pull_m=None if given is None else tuple(given),
+    )
+    episodes = file.episodes
+    if episodes is None:
+        few = 1 if given and ranges is None else LEAST_EPISODES
+        episodes = max(recipe.combinations, few)
+    recipe = dataclasses.replace(recipe, episodes=episodes)
+    recipe.check()
+    return recipe
+
+
+def _validated(values: Mapping[str, Any]) -> RecipeFile:
+    try:
+        return RecipeFile.model_validate(dict(values))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key, last = str(first["loc"][0]), str(first["loc"][-1])
+        if first["type"] in ("extra_forbidden", "unexpected_keyword_argument", "invalid_key"):
+            inside = {"sensor": list(SensorFile.model_fields), "camera": list(Camera.__dataclass_fields__)}
+            valid = inside.get(key, [name for name in RecipeFile.model_fields if name != "given_pull_m"])
+            raise ValueError(f"unknown key {last!r}{suggestion(last, valid)}") from None
+        name, value = _place(values, first["loc"])
+        rule = first["msg"][0].lower() + first["msg"][1:]
+        if "." not in name or key not in ("sensor", "camera"):
+            rule = _FORMS.get(key, rule)
+        raise ValueError(f"{name} = {value!r:.40}: {rule}") from None
+
+
+def _place(values: Mapping[str, Any], path: Sequence[int | str]) -> tuple[str, Any]:
+    """The name of a wrong value, as in `sensor.noise_deg` or `strokes_mm[1]`, and the value."""
+    name, value = "", values
+    for part in path:  # some parts are not of the file: they tell which type was tried
+        if isinstance(value, Mapping) and part in value:
+            name, value = f"{name}.{part}" if name else str(part), value[str(part)]
+        elif isinstance(value, (list, tuple)) and isinstance(part, int) and part < len(value):
+            name, value = f"{name}[{part}]", value[part]
+    return name, value
+
+
+def _preset_name(preset: str | dict[str, Any], folder: Path) -> str | Path | dict[str, Any]:
+    if isinstance(preset, str) and preset.endswith((".yaml", ".yml")):
+        return folder / preset
+    return preset
+
+
+def _inline_preset(parameters: dict[str, Any]) -> Preset:
+    if not isinstance(parameters.get("name"), str):
+        raise ValueError("preset: parameters need a `name` among them")
+    return preset_of(parameters["name"], parameters)
+
+
+def _ranges(file: RecipeFile, preset: str | Path | dict[str, Any]) -> Ranges | None:
+    if file.ranges is not None:
+        if file.randomize:
+            raise ValueError("randomize and ranges: choose one; ranges given here are drawn from")
+        return Ranges(tuple((name, low, high) for name, (low, high) in file.ranges.items()))
+    if not file.randomize:
+        return None
+    if isinstance(preset, dict):
+        raise ValueError("randomize: a preset given by its parameters states no ranges; give `ranges`")
+    return load_ranges(preset)
+
+
+def _sheath_bends(file: RecipeFile, preset: Preset) -> tuple[Interval, ...]:
+    own = round(float(np.degrees(preset.sheath_bend)), 9)
+    bends: list[Interval] = []
+    for bend in file.sheath_bends_deg:
+        low, high = bend if isinstance(bend, tuple) else (bend, bend)
+        bends.append((own if low is None else low, high))
+    return tuple(bends)

@@ -1,0 +1,1 @@
+"""Evaluation: every method on the same records under the same noise, scored against the truth."""

@@ -1,0 +1,91 @@
+"""What a method is given: measurements of a group of records under drawn noise."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.estimator import Sensor
+from twin.evaluation.protocol import SUITES, Condition, Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.signals.noise import NOISES, draw_noise, noise_bound, noise_variance
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """What a method is given: B runs over records, each with its own draw of a noise."""
+
+    pull_mm: Array
+    """(B, N) commanded pulling distance [mm]."""
+    measurement_deg: Array
+    """(B, N) measured bending angle [deg]; NaN where there is none."""
+    initial_bend_deg: Array
+    """(B,) initial estimate, wrong on purpose [deg]."""
+    sensor: Sensor
+    """Variance and largest magnitude of each run's noise, which the filters are told."""
+    noises: tuple[Condition, ...] = ()
+    """Kind and level of each run's noise: for the limit alone, which knows all of it."""
+    truth_deg: Array | None = None
+    """(B, N) true angle [deg], given to oracles alone."""
+
+
+def make_case(
+    records: Sequence[tuple[int, EvaluationRecord]], protocol: Protocol, conditions: Sequence[Condition] = ()
+) -> Case:
+    """Return all runs of a group: records, then noises, then seeds; shorter records are padded.
+
+    Args:
+        records: each with its number in the test set, which its noise is drawn by.
+        protocol: noises, seeds and initial error.
+        conditions: noises, if not all of the protocol's suite.
+    """
+    conditions = conditions or SUITES[protocol.suite]
+    samples = max(len(record.pull_mm) for _, record in records)
+    pulls, measurements, truths = [], [], []
+    for number, record in records:
+        rest = samples - len(record.pull_mm)
+        noise = np.stack(
+            [_draws(kind, level, number, len(record.pull_mm), protocol) for kind, level in conditions]
+        )
+        measured = np.where(record.seen, record.bend_deg + noise, np.nan).reshape(-1, len(record.pull_mm))
+        measurements.append(np.pad(measured, ((0, 0), (0, rest)), constant_values=np.nan))
+        pulls.append(np.broadcast_to(np.pad(record.pull_mm, (0, rest), mode="edge"), measurements[-1].shape))
+        truths.append(
+            np.broadcast_to(np.pad(record.bend_deg, (0, rest), mode="edge"), measurements[-1].shape)
+        )
+    truth = np.concatenate(truths)
+
+    def of_each_run(value: Callable[[str, float], float]) -> Array:
+        values = np.repeat([value(kind, level) for kind, level in conditions], protocol.seeds)
+        return np.tile(values, len(records))
+
+    return Case(
+        pull_mm=np.concatenate(pulls),
+        measurement_deg=np.concatenate(measurements),
+        initial_bend_deg=truth[:, 0] + protocol.initial_error_deg,
+        sensor=Sensor(of_each_run(noise_variance), of_each_run(noise_bound)),
+        noises=tuple(condition for condition in conditions for _ in range(protocol.seeds)) * len(records),
+        truth_deg=truth,
+    )
+
+
+def group_records(records: Sequence[EvaluationRecord]) -> list[list[tuple[int, EvaluationRecord]]]:
+    """Return the records of each stroke and kind of twin, with their numbers in the test set."""
+    groups: dict[tuple[Any, str], list[tuple[int, EvaluationRecord]]] = {}
+    for number, record in enumerate(records):
+        groups.setdefault((record.stroke_mm, record.twin), []).append((number, record))
+    return list(groups.values())
+
+
+def _draws(noise: str, level: float, record: int, samples: int, protocol: Protocol) -> Array:
+    """(seeds, N) noise [deg]; each seed has its own stream, whatever their number."""
+    kind = list(NOISES).index(noise)
+    streams = [
+        np.random.default_rng([protocol.seed, seed, record, kind, round(level * 1000)])
+        for seed in range(protocol.seeds)
+    ]
+    return np.stack([draw_noise(noise, level, (samples,), rng) for rng in streams])

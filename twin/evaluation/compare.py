@@ -1,0 +1,133 @@
+"""The benchmark: every method on the same records under the same noise, scored against the clean truth."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, as_completed
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.evaluation.case import group_records, make_case
+from twin.evaluation.method import Method
+from twin.evaluation.metrics import confidence_interval, error_indices
+from twin.evaluation.paper import paper_value
+from twin.evaluation.protocol import STEADY_SECONDS, SUITES, Condition, Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.track import Track
+
+Array = NDArray[np.float64]
+
+
+def evaluate(
+    records: Sequence[EvaluationRecord],
+    methods: Sequence[Method],
+    protocol: Protocol,
+    on_progress: Callable[[int, int], None] | None = None,
+    executor: Executor | None = None,
+) -> tuple[list[dict[str, Any]], list[Track]]:
+    """Run every method under every noise of the suite.
+
+    Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
+    row holds means over seeds. The sample at k = 0, the wrong initial estimate itself, is not scored, nor is
+    one whose truth is not known.
+
+    Args:
+        records: the test set, at the protocol's sample time.
+        methods: estimators, in the order of the table; picklable, where there is an executor.
+        protocol: noises, seeds and initial error.
+        on_progress: told how many of how many groups are done.
+        executor: where groups are worked on side by side; without it, here, one after the other.
+
+    Returns:
+        Rows of `evaluation.json`, and for each noise the tracks of all methods on the first record and seed.
+    """
+    groups = list(group_records(records))
+    results: list[Any] = [None] * len(groups)
+    if on_progress:
+        on_progress(0, len(groups))
+    if executor is None:
+        for place, group in enumerate(groups):
+            results[place] = _evaluate_group(group, methods, protocol)
+            if on_progress:
+                on_progress(place + 1, len(groups))
+    else:
+        # The largest first: a long one that begins last would leave the other workers idle.
+        order = sorted(range(len(groups)), key=lambda place: -len(groups[place]))
+        futures = {executor.submit(_evaluate_group, groups[i], methods, protocol): i for i in order}
+        for done, future in enumerate(as_completed(futures), start=1):
+            results[futures[future]] = future.result()
+            if on_progress:
+                on_progress(done, len(groups))
+    return [row for rows, _ in results for row in rows], results[0][1]
+
+
+def _evaluate_group(
+    records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
+) -> tuple[list[dict[str, Any]], list[Track]]:
+    conditions = SUITES[protocol.suite]
+    shown = make_case(records, protocol)
+    case = dataclasses.replace(shown, truth_deg=None)
+    truth = shown.truth_deg
+    assert truth is not None
+    tracked = np.arange(len(conditions)) * protocol.seeds  # first record, first seed of each noise
+    rows: dict[tuple[str, float], list[dict[str, Any]]] = {condition: [] for condition in conditions}
+    tracks: dict[str, Array] = {}
+    for method in methods:
+        estimate = method.estimate(shown if method.oracle else case)
+        tracks[method.name] = estimate[tracked]
+        errors = (estimate - truth).reshape(len(records), len(conditions), protocol.seeds, -1)
+        for place, condition in enumerate(conditions):
+            row = _row(condition, method, [errors[r, place] for r in range(len(records))], records, protocol)
+            rows[condition].append(row)
+    first = records[0][1]
+    time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s
+    return list(itertools.chain.from_iterable(rows.values())), [
+        Track(
+            *condition,
+            time,
+            first.bend_deg,
+            case.measurement_deg[run, : len(time)],
+            {name: estimate[place, : len(time)] for name, estimate in tracks.items()},
+        )
+        for place, (condition, run) in enumerate(zip(conditions, tracked, strict=True))
+    ]
+
+
+def _row(
+    condition: Condition,
+    method: Method,
+    errors: list[Array],
+    records: Sequence[tuple[int, EvaluationRecord]],
+    protocol: Protocol,
+) -> dict[str, Any]:
+    """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
+    noise, level = condition
+
+    def pooled(first: int) -> dict[str, Array]:
+        scored = []
+        for error, (_, record) in zip(errors, records, strict=True):
+            begin = min(first, int(np.flatnonzero(record.seen)[-1]))  # a short record: its last sample
+            scored.append(error[:, begin : len(record.seen)][:, record.seen[begin:]])
+        return error_indices(np.concatenate(scored, axis=1))
+
+    indices, late = pooled(1), pooled(round(STEADY_SECONDS / protocol.sample_time_s))
+    if not np.isfinite(indices["rmse_deg"]).all():
+        raise FloatingPointError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
+    low, high = confidence_interval(indices["rmse_deg"])
+    first = records[0][1]
+    return {
+        "noise": noise,
+        "level": level,
+        "sample_time_s": protocol.sample_time_s,
+        "stroke_mm": list(first.stroke_mm),
+        "twin": first.twin,
+        "method": method.name,
+        "oracle": method.oracle,
+        **{name: float(values.mean()) for name, values in indices.items()},
+        "rmse_steady_deg": float(late["rmse_deg"].mean()),
+        "rmse_ci95_deg": [low, high],
+        "seeds": protocol.seeds,
+        "paper_rmse_deg": None if method.oracle else paper_value(noise, level, method.name, "rmse_deg"),
+    }

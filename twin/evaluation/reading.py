@@ -1,0 +1,112 @@
+"""Reading the folders that a verb is given into records at one sample time.
+
+A measured log may have missing samples and gaps; each function says what it makes of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+from twin.evaluation.record import EvaluationRecord
+from twin.recording import read_dataset
+
+Array = NDArray[np.float64]
+
+STILL_MM = 1e-9
+"""A command that moves by no more than this in a piece of a record tells nothing of hysteresis."""
+
+
+def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
+    """Read all episodes of folders and files: simulated ones thinned, measured ones interpolated.
+
+    `measured_bend` is NaN where a measurement is missing, or a measured log has a gap.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: a file is damaged, or the sample time does not fit it.
+    """
+    episodes = [episode for path in paths for episode in read_dataset(path)]
+    return [
+        episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
+        for episode in episodes
+    ]
+
+
+def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:
+    """Return `(pull_mm, true bend_deg)` of each episode, to train on.
+
+    Where the angle of a measured log is not known, it is linear between its neighbours.
+    """
+    return [(episode.pull_mm, episode.bend_deg) for episode in read_episodes(paths, sample_time)]
+
+
+def evaluation_records(paths: Sequence[Path], sample_time: float) -> list[EvaluationRecord]:
+    """Return what noise is added to and scored against: each episode from its first known angle on.
+
+    The truth of a simulated episode is known throughout; that of a measured log, where it was measured.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: a file is damaged, the sample time does not fit it, or fewer than two angles are known.
+    """
+    episodes = read_episodes(paths, sample_time)
+    return [_evaluation_record(episode, number) for number, episode in enumerate(episodes)]
+
+
+def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
+    """Return `(pull_mm, measured bend_deg)` of the pieces of an episode in which no measurement is missing.
+
+    A record without missing samples is one piece, as it is. Of another, a piece of one sample, or in which
+    the command stands still, is left out: nothing is identified from it.
+
+    Raises:
+        ValueError: no piece is left.
+    """
+    pull, bend = episode.pull_mm, episode.measured_bend_deg
+    known = ~np.isnan(bend)
+    if known.all():
+        return [(pull, bend)]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
+    pieces = [(pull[begin:end], bend[begin:end]) for begin, end in edges.reshape(-1, 2)]
+    moving = [piece for piece in pieces if (np.abs(np.diff(piece[0])) > STILL_MM).any()]
+    if not moving:
+        raise ValueError(
+            f"{_name(episode, 0)}: too much of the measured angle is missing at this sample time"
+        )
+    return moving
+
+
+def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
+    seen = np.isfinite(episode.measured_bend) if episode.is_measured else np.ones(len(episode.time), bool)
+    if seen.sum() < 2:
+        raise ValueError(
+            f"{_name(episode, number)}: the angle is known at {seen.sum()} samples, at least 2 are needed"
+        )
+    first = int(seen.argmax())
+    pull = episode.pull_mm[first:]
+    low, high = episode.metadata.get("stroke_mm") or np.round([pull.min(), pull.max()], 1) + 0.0
+    return EvaluationRecord(
+        pull_mm=pull,
+        bend_deg=episode.bend_deg[first:],
+        seen=seen[first:],
+        stroke_mm=(float(low), float(high)),
+        twin=_twin(episode),
+        name=_name(episode, number),
+    )
+
+
+def _twin(episode: Episode) -> str:
+    facts = episode.metadata
+    if "twin" in facts:
+        return str(facts["twin"])
+    if episode.is_measured:
+        return "measured"
+    preset = facts.get("preset")
+    return str(preset.get("name", "simulated") if isinstance(preset, Mapping) else preset or "simulated")
+
+
+def _name(episode: Episode, number: int) -> str:
+    return str(episode.metadata.get("name") or f"episode_{episode.metadata.get('episode', number):04}")

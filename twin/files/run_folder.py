@@ -1,0 +1,25 @@
+"""A run folder belongs to one configuration, which it states in `config.yaml`."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from twin.files.atomic import write_whole
+
+
+def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
+    """Write `config.yaml`, or check that the run already there has the same configuration.
+
+    Raises:
+        ValueError: it has another one.
+    """
+    path = folder / "config.yaml"
+    text = yaml.safe_dump(configuration, sort_keys=False)
+    if path.is_file():
+        if path.read_text() != text:
+            raise ValueError(
+                f"{folder} holds a run of another configuration: choose another --out or remove it"
+            )
+        return
+    write_whole(path, text)

@@ -1,0 +1,108 @@
+"""A folder that appears under its name only when all of its files are whole."""
+
+import contextlib
+import os
+import shutil
+from pathlib import Path
+from types import TracebackType
+
+from twin.files.lock import claim
+
+
+class WholeFolder:
+    """Context manager: a new folder that takes its final name when the block ends well.
+
+    Until then it is `.NAME.partial` beside it, so that renaming it never crosses a file system. Under an
+    exception it is removed; what a killed process has left of it is removed by the next one.
+
+    ```
+    with WholeFolder("dataset") as folder:
+        (folder / "a.txt").write_text("...")
+    ```
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Name the folder; nothing is made yet.
+
+        Args:
+            path: the final name.
+
+        Raises:
+            ValueError: something is there already that is no empty folder.
+        """
+        self.path = Path(os.path.abspath(path))  # the name of `.` is needed, symbolic links are followed
+        self._partial = self.path.with_name(f".{self.path.name}.partial")
+        self._claim = contextlib.ExitStack()
+        if self.path.is_symlink() or (self.path.exists() and not self.path.is_dir()):
+            raise ValueError(f"{path} is there and is no folder: choose another name, or remove it")
+        if self.path.is_dir() and any(self.path.iterdir()):
+            raise ValueError(f"the folder {path} is not empty: choose another name, or remove it")
+
+    def __enter__(self) -> Path:
+        """Make the folder under its temporary name and return that.
+
+        Raises:
+            OSError: it cannot be made.
+            ValueError: another process is making it.
+        """
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._partial.mkdir(exist_ok=True)
+        self._claim.enter_context(claim(self._partial))
+        for left in self._partial.iterdir():
+            _remove(left)
+        return self._partial
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Give the folder its final name, or remove it if the block was left by an exception.
+
+        Raises:
+            OSError: the disk is full or fails, or something has appeared under the final name meanwhile; the
+                error names the folder.
+        """
+        with self._claim:
+            try:
+                if kind is None:
+                    self._appear()
+                    return
+            except OSError as failure:
+                shutil.rmtree(self._partial, ignore_errors=True)
+                raise self._named(failure) from failure
+            shutil.rmtree(self._partial, ignore_errors=True)
+        if isinstance(error, OSError) and self._is_here(error):
+            raise self._named(error) from error
+
+    def _appear(self) -> None:
+        for folder, _, _ in os.walk(self._partial):
+            _to_disk(Path(folder))
+        if self.path.is_dir():
+            self.path.rmdir()  # an empty one, or this fails
+        os.rename(self._partial, self.path)
+        _to_disk(self.path.parent)
+
+    def _is_here(self, error: OSError) -> bool:
+        """Whether an error is of this folder: of a file in it, or of one that the error does not name."""
+        return error.errno is not None and str(error.filename or self._partial).startswith(str(self._partial))
+
+    def _named(self, error: OSError) -> OSError:
+        return OSError(error.errno, error.strerror, str(self.path))
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+
+
+def _to_disk(folder: Path) -> None:
+    """Make the names in a folder survive a power cut; the files in it are on the disk already."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

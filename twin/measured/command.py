@@ -1,0 +1,40 @@
+"""A recorded command from a CSV file, as a pulling distance on an even grid of samples."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.measured.csv_columns import average_repeats, read_columns
+from twin.preset.preset import Preset
+
+Array = NDArray[np.float64]
+SECONDS_PER_CYCLE = 20.0
+"""A phase column says how far a cycle is, not how fast it runs: it is played at this slow rate."""
+
+
+def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
+    """Return the pulling distance of a recorded command (N,) [m].
+
+    The file has a header. The command is in `pull_mm`, or in `command_deg`, an angle of the preset's pulley;
+    time is in `time_s`, or in `phase_rad`. Samples at one time are averaged; between samples the command is
+    linear.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: a column is missing, a value is no finite number, or time runs backwards.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"no command file {path}")
+    table = read_columns(path)
+    command_name = table.first_of(("pull_mm", "command_deg"))
+    time_name = table.first_of(("time_s", "phase_rad"))
+    command, time = table.column(command_name), table.time(time_name)
+    if time_name == "phase_rad":
+        time = time * SECONDS_PER_CYCLE / (2 * np.pi)
+    pull = command * 1e-3 if command_name == "pull_mm" else np.radians(command) * preset.pulley_radius
+
+    instants, mean_pull = average_repeats(time, pull)
+    if instants[-1] - instants[0] < sample_time:
+        raise ValueError(f"{path}: the command lasts less than one sample of {sample_time:g} s")
+    return np.interp(np.arange(instants[0], instants[-1], sample_time), instants, mean_pull)

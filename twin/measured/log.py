@@ -1,0 +1,299 @@
+"""A measured log: a CSV file of what a real endoscope was told and what its sensors saw, as an episode.
+
+Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
+A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
+"""
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import __version__
+from twin.episode import Episode
+from twin.measured.command import SECONDS_PER_CYCLE
+from twin.measured.csv_columns import CsvColumns, average_repeats, hold, read_columns
+
+Array = NDArray[np.float64]
+
+ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}  # [rad]
+LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
+
+GAP = 20.0
+"""A step of time this many times the usual one is a gap."""
+
+# What no endoscope does: a value beyond these is in another unit than was said.
+_LARGEST_BEND_DEG = 720.0
+_LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
+_LARGEST_PULL_MM = 200.0
+_LARGEST_TIME = 9.2e9  # [s] 292 years: nanoseconds since 1970 end there too
+_TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
+
+
+@dataclasses.dataclass(frozen=True)
+class LogFormat:
+    """Which columns of a log hold what, in which unit; a unit of None is what the column's name ends in."""
+
+    command_column: str = "command_deg"
+    command_unit: str | None = None
+    """deg or rad: an angle of the pulley; mm or m: a pulling distance."""
+    pulley_radius: float = 0.01
+    """Radius by which an angle of the pulley becomes a pulling distance [m]."""
+    angle_column: str = "angle_deg"
+    """Measured bending angle."""
+    angle_unit: str | None = None
+    """deg or rad."""
+    reverse_angle: bool = False
+    """Whether the sensor counts a bend towards wire a as negative."""
+    time_column: str | None = None
+    """None: time_s or phase_rad, whichever there is."""
+    time_unit: str | None = None
+    """s, ms or us; rad: a phase."""
+    seconds_per_cycle: float = SECONDS_PER_CYCLE
+    """Time that 2 pi of a phase take [s]."""
+    tension_a_column: str | None = None
+    """Tension of wire a at the pulley [N]; None: tension_a_n, if there are it and tension_b_n."""
+    tension_b_column: str | None = None
+    sheath_bend_deg: float | None = None
+    """Angle that the sheath was bent by; None: the column of that name, if there is one."""
+
+
+def read_measured_log(
+    path: Path,
+    form: LogFormat | None = None,
+    *,
+    on_warning: Callable[[str], None] | None = None,
+) -> Episode:
+    """Read a measured log; rows at one time are averaged, the other samples are the log's own.
+
+    A value is missing where its field is empty or says so (`csv_columns.MISSING`). What is dropped or held
+    is counted in a warning and in the metadata.
+
+    Args:
+        path: a CSV file with a header.
+        form: its columns and units.
+        on_warning: told, in one line, what is odd but no fault.
+
+    Returns:
+        N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
+        `measured_bend` is NaN and `bend` linear between its neighbours, or level before the first and after
+        the last. There are no joints and no friction; `wire_tension` is (N, 2, 1) where both tensions were
+        measured, else (N, 2, 0). The metadata tells how the file was read, so that a pulling distance can
+        become a pulley's angle again.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: a column is missing or has no known unit; a value is no number or implausible; a tension,
+            the sheath's bend or the first command is missing; more than a tenth of the rows run backwards in
+            time, or any in phase; the angle is measured at fewer than two times; the command does not move.
+    """
+    form = form or LogFormat()
+    _check_format(form)
+    if not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    table = read_columns(path)
+
+    time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
+    time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
+    time_unit = _unit(table, time_column, form.time_unit, time_units, "--time-unit")
+    row_count = len(table.rows)
+    table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
+
+    pull, command_unit = _pull(table, form)
+    bend, angle_unit = _bend(table, form)
+    _warn_of_missing(table, form.command_column, pull, "the last one is held", on_warning)
+    _warn_of_missing(table, form.angle_column, bend, "nothing is measured there", on_warning)
+    tension_columns = _tension_columns(table, form, on_warning)
+    sheath_bend_column = _sheath_bend_column(table, form)
+    columns = [pull, bend]
+    for name in tension_columns:
+        tension = table.column(name)
+        _refuse_implausible(table, name, tension, "N", _TENSION_N, "a tension is read in newton")
+        columns.append(tension)
+    if sheath_bend_column is not None:
+        columns.append(_sheath_bend_deg(table, sheath_bend_column))
+
+    instants, means = average_repeats(time, np.column_stack(columns))
+    if len(instants) < 2:
+        raise ValueError(f"{path}: all rows have the same {time_column}, a record needs two times")
+    _warn_of_gap(table, time, instants, on_warning)
+    count = len(instants)
+    if np.isnan(means[0, 0]):
+        line = f"{path} line {table.lines[0]}"
+        raise ValueError(f"{line}: {form.command_column} is missing, and no row before it has one to hold")
+    measured = means[:, 1].copy()
+    known = ~np.isnan(measured)
+    if known.sum() < 2:
+        raise ValueError(f"{path}: {form.angle_column} is measured {known.sum()} times, a record needs two")
+    between = np.interp(instants, instants[known], measured[known])
+    sheath_bend = means[:, -1] if sheath_bend_column is not None else np.empty(0)
+    if form.sheath_bend_deg is not None:
+        sheath_bend = np.full(count, form.sheath_bend_deg)
+    mended = {"rows_dropped": row_count - len(time), "commands_held": int(np.isnan(pull).sum())}
+    return Episode(
+        time=(instants - instants[0]) * time_units[time_unit],
+        pull=hold(means[:, 0]),
+        bend=np.where(known, measured, between),
+        measured_bend=measured,
+        joint_angle=np.empty((count, 0)),
+        wire_tension=means[:, 2 : 2 + len(tension_columns)].reshape(count, 2, len(tension_columns) // 2),
+        sheath_friction=np.empty((count, 2, 0)),
+        sheath_bend=np.radians(sheath_bend),
+        metadata={
+            "source": "measured",
+            "signal": "measured",
+            "name": path.stem,
+            "file": path.name,
+            "file_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "rows": row_count,
+            "command_column": form.command_column,
+            "command_unit": command_unit,
+            "pulley_radius": form.pulley_radius if command_unit in ANGLE_UNITS else None,
+            "angle_column": form.angle_column,
+            "angle_unit": angle_unit,
+            "reverse_angle": form.reverse_angle,
+            "time_column": time_column,
+            "time_unit": time_unit,
+            "seconds_per_cycle": form.seconds_per_cycle if time_unit == "rad" else None,
+            "tension_columns": list(tension_columns),
+            "sheath_bend_column": sheath_bend_column,
+            "sheath_bend_deg": form.sheath_bend_deg,
+            "endotwin": __version__,
+            **{name: number for name, number in mended.items() if number},
+        },
+    )
+
+
+def _check_format(form: LogFormat) -> None:
+    for flag, value in (
+        ("--pulley-radius-mm", form.pulley_radius * 1e3),
+        ("--seconds-per-cycle", form.seconds_per_cycle),
+    ):
+        if not 0 < value < np.inf:
+            raise ValueError(f"{flag} {value:g}: must be positive")
+    bend = form.sheath_bend_deg
+    if bend is not None and not 0 <= bend <= _LARGEST_SHEATH_BEND_DEG:
+        raise ValueError(f"--sheath-bend-deg {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
+
+
+def _in_time_order(
+    table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
+) -> tuple[CsvColumns, Array]:
+    """Rows with a time that does not go back, and that time in the column's unit [`unit` s]."""
+    table = table.timed(name, on_warning)
+    with np.errstate(over="ignore"):
+        seconds = table.column(name) * unit
+    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check --time-unit")
+    # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
+    if not phase:
+        table = table.in_order(name, on_warning)
+    return table, table.time(name)
+
+
+def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
+    """(N,) commanded pulling distance [m], NaN where missing, and the unit that the column has it in."""
+    name = form.command_column
+    values = table.column(name, may_miss=True)
+    lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
+    unit = _unit(table, name, form.command_unit, lengths, "--command-unit")
+    with np.errstate(over="ignore"):
+        pull = values * lengths[unit]
+        millimetres = pull * 1e3
+    advice = "check --command-unit" + (" and --pulley-radius-mm" if unit in ANGLE_UNITS else "")
+    limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
+    _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
+    known = values[~np.isnan(values)]
+    if not known.size:
+        raise ValueError(f"{table.path}: {name} is missing in every row")
+    if known.min() == known.max():
+        raise ValueError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
+    return pull, unit
+
+
+def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
+    """(N,) measured bending angle [rad], NaN where missing, and the unit that the column has it in."""
+    name = form.angle_column
+    values = table.column(name, may_miss=True)
+    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
+    bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
+    limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
+    with np.errstate(over="ignore"):
+        degrees = np.degrees(bend)
+    _refuse_implausible(table, name, degrees, "deg", limits, "check --angle-unit")
+    return bend, unit
+
+
+def _sheath_bend_column(table: CsvColumns, form: LogFormat) -> str | None:
+    name = "sheath_bend_deg"
+    return name if form.sheath_bend_deg is None and name in table.names else None
+
+
+def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
+    bend = table.column(name)
+    advice = "give --sheath-bend-deg"
+    _refuse_implausible(table, name, bend, "deg", (0.0, _LARGEST_SHEATH_BEND_DEG), advice)
+    return bend
+
+
+def _tension_columns(
+    table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
+) -> tuple[str, ...]:
+    """Names of the columns of both tensions, or none: one wire's alone is no state of the endoscope."""
+    names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
+    found = [name for name in names if name in table.names]
+    asked_for = form.tension_a_column is not None or form.tension_b_column is not None
+    if len(found) == 2 or asked_for:
+        return names
+    if found and on_warning:
+        (missing,) = set(names) - set(found)
+        on_warning(f"{table.path} has {found[0]} but no {missing}: no tension is recorded")
+    return ()
+
+
+def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], flag: str) -> str:
+    *most, last = units
+    valid = f"{', '.join(most)} or {last}"
+    if given is not None:
+        if given not in units:
+            raise ValueError(f"{flag} {given}: must be {valid}")
+        return given
+    ending = name.lower().rpartition("_")[2] if "_" in name else ""
+    if ending not in units:
+        raise ValueError(f"{table.path}: column {name} does not end in its unit: give {flag} {valid}")
+    return ending
+
+
+def _refuse_implausible(
+    table: CsvColumns, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
+) -> None:
+    low, high = limits
+    wrong = (values < low) | (values > high)
+    if wrong.any():
+        row = int(wrong.argmax())
+        raise ValueError(
+            f"{table.path} line {table.lines[row]}: {name} is {values[row]:g} {unit}, "
+            f"which is not from {low:g} to {high:g}: {advice}"
+        )
+
+
+def _warn_of_missing(
+    table: CsvColumns, name: str, values: Array, what: str, on_warning: Callable[[str], None] | None
+) -> None:
+    missing = np.isnan(values)
+    if on_warning and missing.any():
+        on_warning(f"{table.count(missing, f'{name} is missing')}: {what}")
+
+
+def _warn_of_gap(
+    table: CsvColumns, time: Array, instants: Array, on_warning: Callable[[str], None] | None
+) -> None:
+    steps = np.diff(instants)
+    longest, usual = int(steps.argmax()), float(np.median(steps))
+    if on_warning and steps[longest] > GAP * usual:
+        line = table.lines[int(np.searchsorted(time, instants[longest + 1]))]
+        times = float(steps[longest]) / usual
+        on_warning(f"{table.path} line {line}: a gap of {times:.0f} times the usual step comes before it")

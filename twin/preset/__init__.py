@@ -1,0 +1,7 @@
+"""The physical parameters of an endoscope: presets, their files, and the ranges they are drawn from."""
+
+from twin.preset.file import load_preset, preset_names
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges, load_ranges
+
+__all__ = ["Preset", "Ranges", "load_preset", "load_ranges", "preset_names"]

@@ -1,0 +1,225 @@
+"""The physical parameters of one endoscope: a frozen dataclass, read from a YAML preset and checked."""
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Sequence
+from typing import Any
+
+
+def _within(default: float, low: float, high: float) -> Any:
+    """A number from `low` to `high`: beyond them lies no endoscope."""
+    return dataclasses.field(default=default, metadata={"low": low, "high": high})
+
+
+@dataclasses.dataclass(frozen=True)
+class Preset:
+    """A tendon-driven endoscope: one or two bending planes, two antagonistic wires each. SI units."""
+
+    name: str
+    """What this endoscope is called."""
+
+    # The bending section.
+    bending_planes: int = _within(1, 1, 2)
+    """1: two wires (a, b); 2: four wires (c, d bend it sideways)."""
+    vertebrae: int = _within(16, 1, 128)
+    """Rigid links of the bending section, each on a hinge (two crossed hinges with two planes)."""
+    section_length: float = _within(0.04, 1e-3, 2.0)
+    """Length of the bending section [m]."""
+    section_mass: float = _within(2e-4, 1e-9, 10.0)
+    """Mass of the bending section [kg]."""
+    section_stiffness: float = _within(0.05, 1e-6, 1e3)
+    """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
+    section_stiffening: float = _within(0.0, 0.0, 20.0)
+    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2),
+    the bend counted from `initial_bend` [1 / rad^2]."""
+    section_damping: float = _within(3e-5, 0.0, 10.0)
+    """Viscous moment per bending rate of the whole section [N m s / rad]."""
+    initial_bend: float = _within(0.0, -math.pi, math.pi)
+    """Bend of the section that its stiffness pulls towards: its curvature when no wire pulls [rad]."""
+    joint_friction: float = _within(1e-3, 0.0, 10.0)
+    """Mean dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in series)."""
+    joint_friction_taper: float = _within(0.0, -1.0, 1.0)
+    """How the friction of the hinges falls from base to tip: (1 + taper) to (1 - taper) times the mean."""
+    wire_offset: float = _within(1.3e-3, 1e-4, 0.1)
+    """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
+    routing_friction: float = _within(0.0, 0.0, 2.0)
+    """Coefficient of friction between the wires and the vertebrae that guide them."""
+
+    # The wires.
+    wire_stiffness: float = _within(8e3, 10.0, 1e6)
+    """Axial stiffness of one whole wire without tension, pulley to tip: E A / length [N / m]."""
+    wire_stiffening: float = _within(0.0, 0.0, 10.0)
+    """Growth of the stiffness with tension, relative, at no tension [1 / N]: strands and liner settle."""
+    wire_damping: float = _within(3.0, 0.0, 1e5)
+    """Internal damping of one whole wire against the rate of its stretch [N s / m]."""
+    pretension: float = _within(3.0, 0.0, 500.0)
+    """Tension at the pulley that the wires were wound up to; friction leaves less of it at the tip [N]."""
+
+    # The sheath.
+    sheath_length: float = _within(0.6, 1e-3, 10.0)
+    """Length of the sheath between pulley and bending section [m]; only drawn, stiffness is of the wire."""
+    sheath_elements: int = _within(5, 1, 64)
+    """Friction elements along the sheath of each wire."""
+    sheath_friction: float = _within(0.3, 0.0, 2.0)
+    """Coefficient of friction mu between wire and sheath, of the capstan equation."""
+    sheath_bend: float = _within(math.pi, 0.0, 8 * math.pi)
+    """Angle phi that the sheath is bent by [rad]: where a run gives none of its own."""
+    sheath_bend_offset: float = _within(0.0, 0.0, 8 * math.pi)
+    """What the wires wrap besides, however straight the sheath: bends inside the housing [rad]."""
+    sheath_friction_floor: float = _within(0.1, 0.0, 100.0)
+    """Friction of one wire in its sheath that does not depend on the tension, over the whole sheath [N]."""
+    friction_warm_up: float = _within(0.0, -0.9, 5.0)
+    """Excess of the friction in the sheath at the start of a run, relative; it fades exponentially."""
+    warm_up_time: float = _within(60.0, 1e-2, 1e6)
+    """Time constant of that fading [s]."""
+    friction_wear: float = _within(0.0, 0.0, 100.0)
+    """Growth of the friction in the sheath per distance that the pulley has travelled, relative [1 / m]."""
+
+    # The drive.
+    pulley_radius: float = _within(0.01, 1e-4, 1.0)
+    """Radius of the driving pulley [m]: a pulley angle becomes a pulling distance by it."""
+    backlash: float = _within(0.0, 0.0, 0.01)
+    """Play between motor and pulley, as a distance at the pulley [m]."""
+    servo_gain: float = _within(0.0, 0.0, 1e3)
+    """Velocity per position error of the motor's position loop [1 / s]; 0: it follows without lag."""
+    servo_speed: float = _within(0.0, 0.0, 10.0)
+    """Limit of the motor's speed, as pulling speed [m / s]; 0: none."""
+    servo_acceleration: float = _within(0.0, 0.0, 1e3)
+    """Limit of the motor's acceleration [m / s^2]; 0: none."""
+    encoder_counts: int = _within(0, 0, 2**24)
+    """Counts per turn of the encoder on the motor that closes the position loop; 0: continuous."""
+
+    # The sensor of the bending angle.
+    sensor_period: float = _within(0.0, 0.0, 10.0)
+    """Time between two readings, held in between [s]; 0: one at every sample."""
+    sensor_latency: float = _within(0.0, 0.0, 10.0)
+    """Age of a reading when it arrives [s]."""
+    sensor_resolution: float = _within(0.0, 0.0, 1.0)
+    """Step to which a reading is rounded [rad]; 0: none."""
+    sensor_noise: float = _within(0.0, 0.0, 1.0)
+    """Standard deviation of a reading's Gaussian noise [rad]."""
+
+    # The world.
+    gravity_x: float = _within(0.0, -100.0, 100.0)
+    """Gravity along the shaft, towards the tip [m / s^2]."""
+    gravity_y: float = _within(0.0, -100.0, 100.0)
+    """Gravity across the plane of wires a and b [m / s^2]."""
+    gravity_z: float = _within(0.0, -100.0, 100.0)
+    """Gravity in the plane of wires a and b, towards wire a [m / s^2]."""
+    time_step: float = _within(2.5e-3, 1e-6, 0.02)
+    """Step of the physics [s]."""
+    control_period: float = _within(1e-2, 1e-6, 0.1)
+    """Time between two updates of the command and of the load-dependent friction [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse values that no endoscope has.
+
+        Raises:
+            ValueError: a parameter is not a finite number or lies outside its physical range.
+        """
+        if not isinstance(self.name, str):
+            raise ValueError(f"preset parameter name = {self.name!r}: must be text")
+        for field in dataclasses.fields(self)[1:]:
+            value = getattr(self, field.name)
+            _check(field, value)
+            if isinstance(field.default, float):  # 3 and 3.0 are one preset, and are written alike
+                object.__setattr__(self, field.name, float(value))
+        steps = self.control_period / self.time_step
+        if steps < 1 or abs(steps - round(steps)) > 1e-9:
+            raise ValueError(
+                f"preset parameter control_period = {self.control_period!r}: "
+                f"must be a whole multiple of time_step = {self.time_step!r}"
+            )
+
+    @property
+    def wires(self) -> int:
+        """How many wires there are: two for each bending plane."""
+        return 2 * self.bending_planes
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Acceleration of gravity along x, y, z [m / s^2]."""
+        return self.gravity_x, self.gravity_y, self.gravity_z
+
+    def replace(self, **changes: Any) -> "Preset":
+        """Return a copy with some parameters changed.
+
+        Raises:
+            ValueError: a name is not a parameter, or a value is out of range.
+        """
+        names = [field.name for field in dataclasses.fields(self)]
+        for name in changes:
+            if name not in names:
+                raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, names)}")
+        return dataclasses.replace(self, **changes)
+
+    def without_friction(self) -> "Preset":
+        """Return the same endoscope with every dry friction set to zero."""
+        return self.replace(
+            sheath_friction=0.0, sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0
+        )
+
+    def without_viscosity(self) -> "Preset":
+        """Return the same endoscope with every viscous term set to zero."""
+        return self.replace(section_damping=0.0, wire_damping=0.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters by name, as a preset file holds them."""
+        return dataclasses.asdict(self)
+
+
+def parameter_limits(name: str) -> tuple[float, float]:
+    """Return the lowest and the highest value that a parameter may have.
+
+    Raises:
+        ValueError: it is no parameter.
+    """
+    limits = {field.name: field.metadata for field in dataclasses.fields(Preset)[1:]}
+    if name not in limits:
+        raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, list(limits))}")
+    return limits[name]["low"], limits[name]["high"]
+
+
+def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
+    """Read `name=value` words, as a command line gives them, into parameters by name.
+
+    Raises:
+        ValueError: a word is not `name=value`, or the value is no number.
+    """
+    whole = {field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)}
+    parsed = {}
+    for change in changes:
+        name, _, text = change.partition("=")
+        try:
+            parsed[name] = int(text) if name in whole else float(text)
+        except ValueError as error:
+            rule = (
+                "a whole number is needed"
+                if name in whole
+                else "must be NAME=VALUE, as in wire_stiffness=2e4"
+            )
+            raise ValueError(f"change of the preset {change!r}: {rule}") from error
+    return parsed
+
+
+def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
+    low, high = field.metadata["low"], field.metadata["high"]
+    stated = f"preset parameter {field.name} = {value!r:.40}"
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
+        raise ValueError(f"{stated}: must be a finite number")
+    if isinstance(field.default, int) and (not isinstance(value, int) or not low <= value <= high):
+        raise ValueError(f"{stated}: must be a whole number from {low} to {high}")
+    if value <= 0 and low > 0:
+        raise ValueError(f"{stated}: must be positive")
+    if value < 0 and low == 0:
+        raise ValueError(f"{stated}: must not be negative")
+    if not low <= value <= high:
+        raise ValueError(f"{stated}: must be from {low:g} to {high:g}")
+
+
+def suggestion(name: str, names: list[str]) -> str:
+    """Return what to say after an unknown name: the one that was meant, perhaps, and all valid ones."""
+    close = difflib.get_close_matches(name, names, n=1)
+    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{guess}; valid: {', '.join(names)}"

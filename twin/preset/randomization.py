@@ -1,0 +1,91 @@
+"""Domain randomisation: presets drawn from the ranges that a preset's file states under `ranges`."""
+
+import dataclasses
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.preset.file import read_preset_file
+from twin.preset.preset import Preset, parameter_limits
+
+WIDE = 2.0
+"""A range whose ends differ by more than this factor is drawn by its logarithm: 1 to 2 as often as 2 to 4."""
+
+_FIXED = (
+    *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
+    "time_step",
+    "control_period",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranges:
+    """From where to where parameters are drawn; every other parameter stays as the preset has it."""
+
+    limits: tuple[tuple[str, float, float], ...]
+    """Name, lowest and highest value of each, in SI units."""
+
+    def __post_init__(self) -> None:
+        """Refuse ranges that hold no endoscope.
+
+        Raises:
+            ValueError: a name is no parameter, or a range is empty or leaves the parameter's physical range.
+        """
+        # 5 and 5.0 are one range, and are written alike.
+        floats = tuple((name, float(low), float(high)) for name, low, high in self.limits)
+        object.__setattr__(self, "limits", floats)
+        for name, low, high in self.limits:
+            if name in _FIXED:
+                raise ValueError(f"range of {name}: it is not drawn; choose it in the preset")
+            least, most = parameter_limits(name)
+            if not least <= low < high <= most:
+                raise ValueError(
+                    f"range of {name} = [{low:g}, {high:g}]: must rise, within [{least:g}, {most:g}]"
+                )
+
+    def draw(self, preset: Preset, rng: np.random.Generator) -> Preset:
+        """Return a preset with all parameters that have a range drawn anew, independently of each other."""
+        return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
+
+    def lowest(self, name: str, preset: Preset) -> float:
+        """Return the lowest value that a parameter can be drawn with; the preset's, where it has no range."""
+        return {limits[0]: limits[1] for limits in self.limits}.get(name, float(getattr(preset, name)))
+
+    def without(self, names: Collection[str]) -> "Ranges":
+        """Return the ranges of all other parameters."""
+        return Ranges(tuple(limits for limits in self.limits if limits[0] not in names))
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return the ranges as a preset's file holds them."""
+        return {name: [low, high] for name, low, high in self.limits}
+
+
+def load_ranges(name_or_path: str | Path) -> Ranges:
+    """Read the ranges of a preset by its name in `assets/`, or from a YAML file.
+
+    Raises:
+        ValueError: the preset is unknown, states no ranges, or one of them is none.
+        FileNotFoundError: a path to a YAML file that does not exist.
+    """
+    name, values = read_preset_file(name_or_path)
+    stated = values.get("ranges")
+    if not isinstance(stated, dict) or not stated:
+        rule = "add `ranges:` with `parameter: [low, high]` lines"
+        raise ValueError(f"preset {name!r} states no ranges: {rule}")
+    return Ranges(tuple(_range(str(parameter), limits) for parameter, limits in stated.items()))
+
+
+def _range(name: str, limits: Any) -> tuple[str, float, float]:
+    try:
+        low, high = (float(limit) for limit in limits)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"range of {name} = {limits!r}: must be [low, high]") from error
+    return name, low, high
+
+
+def _draw(low: float, high: float, rng: np.random.Generator) -> float:
+    if low > 0 and high / low > WIDE:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return float(rng.uniform(low, high))

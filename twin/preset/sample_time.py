@@ -1,0 +1,20 @@
+"""The sample time of a record, which the control period must divide."""
+
+import numpy as np
+
+from twin.preset.preset import Preset
+
+
+def check_sample_time(preset: Preset, sample_time: float) -> int:
+    """Return how many control periods there are between two samples.
+
+    Raises:
+        ValueError: not a whole number.
+    """
+    periods = round(sample_time / preset.control_period) if np.isfinite(sample_time) else 0
+    if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
+        raise ValueError(
+            f"sample time {sample_time:g} s: must be a whole multiple of the control period, "
+            f"{preset.control_period:g} s"
+        )
+    return periods

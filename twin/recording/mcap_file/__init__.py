@@ -1,0 +1,1 @@
+"""MCAP's bytes: records, chunks, and the container that holds them."""

@@ -1,0 +1,177 @@
+"""The contents of MCAP chunks: message records back to back, and where each of them begins.
+
+Of an episode, the records of all samples whose messages have the same layouts are the rows of one table.
+"""
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from twin.recording.mcap_file.layout import SECOND, MessageLayout, Stream, find_layout, varint_sizes, varints
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+
+CHUNK_SIZE = 2**18
+"""Bytes, before compression, from which on a chunk is full."""
+
+_BATCH = 2**13
+"""Samples that are serialised at once: more are hardly faster, and take the memory of all."""
+
+_HEAD = np.dtype(
+    [
+        ("opcode", "<u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+"""What stands before the data of a message in its record."""
+
+_NOT_COUNTED = 9  # [bytes] opcode and length of a record are no part of its length
+
+
+@dataclasses.dataclass(frozen=True)
+class ChunkContent:
+    """Messages that fill a chunk."""
+
+    records: bytes
+    """The records of the messages, back to back."""
+    index: dict[int, Integers]
+    """By channel, the nanoseconds and the place in the records of each message: (messages, 2)."""
+
+
+def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[ChunkContent]:
+    """Yield messages, as many at a time as fill a chunk.
+
+    Args:
+        messages: channel, sequence number, nanoseconds and data of each, in the order of time.
+    """
+    pieces: list[bytes] = []
+    index: dict[int, list[tuple[int, int]]] = {}
+    size = 0
+    for channel, sequence, time, data in messages:
+        head = _heads(channel, len(data), np.array([sequence]), np.array([time])).tobytes()
+        index.setdefault(channel, []).append((time, size))
+        pieces += [head, data]
+        size += len(head) + len(data)
+        if size >= CHUNK_SIZE:
+            yield _content(pieces, index)
+            pieces, index, size = [], {}, 0
+    if pieces:
+        yield _content(pieces, index)
+
+
+def sample_chunks(
+    streams: Sequence[Stream], channels: Sequence[int], nanoseconds: Integers
+) -> Iterator[ChunkContent]:
+    """Yield the messages of streams, as many whole samples at a time as fill a chunk.
+
+    Args:
+        streams: the messages of each topic.
+        channels: the channel of each.
+        nanoseconds: (N,) time of each sample; its place is the sequence number of its messages.
+    """
+    layouts = functools.cache(lambda number, *sizes: find_layout(streams[number], *sizes))
+    for first in range(0, len(nanoseconds), _BATCH):
+        batch = np.arange(first, min(first + _BATCH, len(nanoseconds)))
+        tables = [
+            _table(streams, channels, nanoseconds, samples, layouts)
+            for samples in _alike(streams, nanoseconds, batch)
+        ]
+        yield from _in_order(tables, nanoseconds[batch], first)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Table:
+    samples: Integers
+    """(n,) which samples these are."""
+    rows: Bytes
+    """(n, size) the records of each sample."""
+    places: dict[int, int]
+    """By channel, where the record of its message begins in a row."""
+
+
+def _alike(streams: Sequence[Stream], nanoseconds: Integers, batch: Integers) -> list[Integers]:
+    """The samples of a batch, in groups that have the same messages of the same layouts."""
+    seconds, nanos = np.divmod(nanoseconds[batch], SECOND)
+    kind = varint_sizes(seconds) << 3 | varint_sizes(nanos)
+    for stream in streams:
+        kind = kind << 1 | stream.present[batch]
+    return [batch[kind == one] for one in np.unique(kind)]
+
+
+def _table(
+    streams: Sequence[Stream],
+    channels: Sequence[int],
+    nanoseconds: Integers,
+    samples: Integers,
+    layouts: Callable[..., MessageLayout],
+) -> _Table:
+    """The records of samples that are alike; `layouts` finds that of a stream, by its place."""
+    times = nanoseconds[samples]
+    parts = np.divmod(times, SECOND)
+    sizes = [int(varint_sizes(part[:1])[0]) for part in parts]
+    digits = [varints(part, size) for part, size in zip(parts, sizes, strict=True)]
+    found = {
+        number: layouts(number, *sizes) for number, stream in enumerate(streams) if stream.present[samples[0]]
+    }
+    width = sum(_HEAD.itemsize + layout.size for layout in found.values())
+    rows = np.empty((len(samples), width), dtype=np.uint8)
+    places, end = {}, 0
+    for number, layout in found.items():
+        begin, data, end = end, end + _HEAD.itemsize, end + _HEAD.itemsize + layout.size
+        rows[:, begin:data] = _heads(channels[number], layout.size, samples, times)
+        layout.fill(rows[:, data:end], streams[number].numbers[samples], *digits)
+        places[channels[number]] = begin
+    return _Table(samples, rows, places)
+
+
+def _in_order(tables: Sequence[_Table], times: Integers, first: int) -> Iterator[ChunkContent]:
+    """Yield the rows of tables in the order of their samples, of which `first` is the first."""
+    sizes = np.empty(len(times), dtype=np.int64)
+    for table in tables:
+        sizes[table.samples - first] = table.rows.shape[1]
+    ends = np.cumsum(sizes)
+    begins = ends - sizes
+    content = np.empty(ends[-1], dtype=np.uint8)
+    places = {channel: np.full(len(times), -1) for table in tables for channel in table.places}
+    for table in tables:
+        samples = table.samples - first
+        # Samples that follow each other do so in the table too: they are copied together.
+        breaks = [0, *(np.flatnonzero(np.diff(samples) > 1) + 1).tolist(), len(samples)]
+        for start, stop in itertools.pairwise(breaks):
+            content[begins[samples[start]] : ends[samples[stop - 1]]] = table.rows[start:stop].ravel()
+        for channel, place in table.places.items():
+            places[channel][samples] = begins[samples] + place
+
+    edges = [0, *(np.flatnonzero(np.diff(begins // CHUNK_SIZE)) + 1).tolist(), len(times)]
+    for start, stop in itertools.pairwise(edges):
+        index = {}
+        for channel in sorted(places):
+            there = start + np.flatnonzero(places[channel][start:stop] >= 0)
+            if len(there) > 0:
+                index[channel] = np.column_stack([times[there], places[channel][there] - begins[start]])
+        yield ChunkContent(content[begins[start] : ends[stop - 1]].tobytes(), index)
+
+
+def _heads(channel: int, data_size: int, sequence: Integers, times: Integers) -> Bytes:
+    """(n, bytes) what stands before the data of messages that are equally long."""
+    heads = np.empty(len(times), dtype=_HEAD)
+    heads["opcode"] = Opcode.MESSAGE
+    heads["length"] = _HEAD.itemsize - _NOT_COUNTED + data_size
+    heads["channel"] = channel
+    heads["sequence"] = sequence
+    heads["log_time"] = heads["publish_time"] = times
+    return heads.view(np.uint8).reshape(len(times), _HEAD.itemsize)
+
+
+def _content(pieces: Sequence[bytes], index: dict[int, list[tuple[int, int]]]) -> ChunkContent:
+    return ChunkContent(b"".join(pieces), {channel: np.array(rows) for channel, rows in index.items()})

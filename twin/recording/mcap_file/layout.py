@@ -1,0 +1,154 @@
+"""Many Protobuf messages of one form, serialised at once: the library writes one, arrays fill in the numbers.
+
+Messages that differ only in the values of doubles and of time stamps have the same bytes but at the places
+of those numbers, if each number takes as many bytes in all of them: a double takes eight, the two parts of a
+time stamp are varints of up to five (https://protobuf.dev/programming-guides/encoding). The places are not
+computed but seen: where the output of the library changes when every number changes in every byte.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.intp]
+
+SECOND = 10**9  # [ns]
+
+_DOUBLE = 8  # [bytes]
+_DIGIT = 7  # [bits] of a number that each byte of a varint holds
+
+
+@dataclasses.dataclass(frozen=True)
+class Stream:
+    """The messages of one topic: at most one for each sample, all of one form."""
+
+    topic: str
+    build: Callable[[Sequence[float], int], Any]
+    """Makes the message of a row of numbers and the nanoseconds of its sample. Which fields are set may
+    depend on neither; each number of the row stands in exactly one double of the message, as it is."""
+    numbers: Array
+    """(N, K) the numbers of each sample; no column where the message has none."""
+    present: NDArray[np.bool_]
+    """(N,) whether the sample has a message."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MessageLayout:
+    """Where the numbers of a serialised message stand."""
+
+    template: Bytes
+    """(size,) one such message."""
+    doubles: Indices
+    """(K,) where each number of the row begins."""
+    seconds: Indices
+    """Where the seconds of each time stamp begin; empty if they take no bytes."""
+    nanos: Indices
+    """Where the nanoseconds within the second of each time stamp begin; empty if they take no bytes."""
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message."""
+        return len(self.template)
+
+    def fill(self, out: Bytes, numbers: Array, seconds: Bytes, nanos: Bytes) -> None:
+        """Serialise n messages.
+
+        Args:
+            out: (n, size) is written to; its rows need not lie back to back.
+            numbers: (n, K) the doubles of each message.
+            seconds: (n, bytes) seconds of the time stamps, as varints.
+            nanos: (n, bytes) nanoseconds within the second, as varints.
+        """
+        out[:] = self.template
+        # Doubles that stand back to back, as those of a packed field do, go in as one block.
+        breaks = np.flatnonzero(np.diff(self.doubles) != _DOUBLE) + 1
+        edges = [0, *breaks.tolist(), len(self.doubles)]
+        for first, end in itertools.pairwise(edges if len(self.doubles) > 0 else []):
+            begin = self.doubles[first]
+            out[:, begin : begin + _DOUBLE * (end - first)].view("<f8")[:] = numbers[:, first:end]
+        for begins, digits in ((self.seconds, seconds), (self.nanos, nanos)):
+            for begin in begins:
+                out[:, begin : begin + digits.shape[1]] = digits
+
+
+def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLayout:
+    """Return the layout of those messages of a stream whose time stamps have parts of these lengths.
+
+    Args:
+        stream: its `build` is called with placeholders.
+        seconds_size: bytes of the seconds as a varint.
+        nanos_size: bytes of the nanoseconds within the second as a varint, at most 5.
+
+    Raises:
+        ValueError: a number of the row does not stand in exactly one double of the message.
+    """
+    count = stream.numbers.shape[1]
+    # With all bits inverted, a double from 1 on is a negative number: no byte is the same, both are finite.
+    row = np.arange(1.0, count + 1)
+    inverted = (~row.view(np.uint64)).view(np.float64)
+    seconds, nanos = _extremes(seconds_size), _extremes(nanos_size)
+
+    def serialise(row: Array, seconds: int, nanos: int) -> Bytes:
+        message = stream.build(row.tolist(), seconds * SECOND + nanos)
+        return np.frombuffer(message.SerializeToString(deterministic=True), dtype=np.uint8)
+
+    template = serialise(row, seconds[0], nanos[0])
+    changed = serialise(inverted, seconds[0], nanos[0])
+    doubles = _changed(stream, template, changed, _DOUBLE)
+    found, negative = (_numbers_at(doubles, message) for message in (template, changed))
+    order = np.argsort(found)
+    if found[order].tolist() != row.tolist() or negative[order].tolist() != inverted.tolist():
+        raise ValueError(f"{stream.topic}: {count} numbers do not stand in a double of the message each")
+    return MessageLayout(
+        template=template,
+        doubles=doubles[order],
+        seconds=_changed(stream, template, serialise(row, seconds[1], nanos[0]), seconds_size),
+        nanos=_changed(stream, template, serialise(row, seconds[0], nanos[1]), nanos_size),
+    )
+
+
+def varint_sizes(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bytes of each number as a varint, zero for zero: Protobuf leaves out a field that is zero."""
+    sizes = np.zeros(values.shape, dtype=np.int64)
+    rest = values
+    while rest.any():
+        sizes += rest > 0
+        rest = rest >> _DIGIT
+    return sizes
+
+
+def varints(values: NDArray[np.int64], size: int) -> Bytes:
+    """(n, size) numbers that as varints all take `size` bytes."""
+    # The lowest digits come first; the top bit says that another byte follows.
+    digits = values[:, None] >> (_DIGIT * np.arange(size)) & 0x7F
+    digits[:, :-1] |= 0x80
+    return digits.astype(np.uint8)
+
+
+def _extremes(size: int) -> tuple[int, int]:
+    """The smallest number whose varint is that long, and a large one: below a second, in no byte the same."""
+    if size == 0:
+        return 0, 0
+    return 1 << _DIGIT * (size - 1), min((1 << _DIGIT * size) - 1, SECOND - 1)
+
+
+def _numbers_at(places: Indices, message: Bytes) -> Array:
+    """(K,) the doubles that begin at these places."""
+    return message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
+
+
+def _changed(stream: Stream, one: Bytes, other: Bytes, size: int) -> Indices:
+    """Where the numbers of `size` bytes begin that differ in each byte between two serialised messages."""
+    if size == 0:
+        return np.empty(0, dtype=np.intp)
+    places = np.flatnonzero(one != other) if len(one) == len(other) else np.empty(1, dtype=np.intp)
+    numbers = places[: len(places) // size * size].reshape(-1, size)
+    if numbers.size != places.size or (np.diff(numbers, axis=1) != 1).any():
+        raise ValueError(f"{stream.topic}: its messages differ in more than their numbers")
+    return numbers[:, 0]

@@ -1,0 +1,64 @@
+"""A camera beside the bending section: pictures of an episode as JPEG, at an even rate."""
+
+import dataclasses
+import io
+from collections.abc import Iterator
+
+import numpy as np
+
+from twin.episode import Episode
+
+QUALITY = 85
+"""Of the JPEG pictures, of 100."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Camera:
+    """How often pictures are taken, and how large they are."""
+
+    pictures_per_second: float = 10.0
+    width: int = 320
+    """[pixels], even."""
+    height: int = 240
+    """[pixels], even."""
+
+    def __post_init__(self) -> None:
+        """Write 10 and 10.0 alike: they are one rate."""
+        object.__setattr__(self, "pictures_per_second", float(self.pictures_per_second))
+
+    def check(self) -> None:
+        """Refuse what no picture can be.
+
+        Raises:
+            ValueError: the rate or the size is out of range.
+        """
+        if not 0 < self.pictures_per_second <= 1000:
+            raise ValueError(
+                f"camera: {self.pictures_per_second:g} pictures per second: must be positive, at most 1000"
+            )
+        if self.width % 2 or self.height % 2 or not (80 <= self.width <= 1280 and 120 <= self.height <= 1280):
+            raise ValueError(
+                f"camera: {self.width} x {self.height} pixels: must be even, 80 to 1280 and 120 to 1280"
+            )
+
+
+def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
+    """Yield the samples at which a picture is taken, each with its picture as a JPEG file.
+
+    A picture shows the sample that is the latest at its time. The bytes depend on what draws them: OpenGL
+    libraries differ in single pixels.
+
+    Raises:
+        OSError: nothing on this system can draw without a screen.
+    """
+    from PIL import Image
+
+    from twin.rendering.film import Film  # a camera is described without MuJoCo, and takes pictures with it
+
+    film = Film(episode, 2 * camera.width, camera.height)
+    seconds = float(episode.time[-1] - episode.time[0])
+    taken = np.arange(int(seconds * camera.pictures_per_second + 1e-9) + 1) / camera.pictures_per_second
+    for sample in np.unique(np.searchsorted(episode.time - episode.time[0], taken + 1e-9, side="right") - 1):
+        buffer = io.BytesIO()
+        Image.fromarray(film.pose(int(sample))).save(buffer, "JPEG", quality=QUALITY)
+        yield int(sample), buffer.getvalue()

@@ -1,0 +1,278 @@
+"""Figures of the results: loops, tracking, training and errors; one message each, readable in greyscale.
+
+A method keeps its colour, line and marker in all of them. No figure touches pyplot or its global state.
+"""
+
+import dataclasses
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator
+from numpy.typing import NDArray
+
+from twin.evaluation.paper import noise_label
+from twin.evaluation.track import Track
+from twin.report.tables import method_name, ordered, protocol_rows
+
+Array = NDArray[np.float64]
+
+INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
+MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
+START_SECONDS = 8.0
+"""Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Style:
+    """How one method is drawn."""
+
+    colour: str
+    line: Any
+    marker: str
+    width: float = 1.1
+
+
+STYLES = {
+    "ground truth": Style("#000000", (0, (4, 2)), "", 1.2),
+    "C-H": Style("#6f3fa0", (0, (6, 2, 1, 2)), "s"),
+    "AM": Style("#e2861b", (0, (5, 1.5)), "^"),
+    "AM-tuned": Style("#8a5a12", (0, (3, 1, 1, 1)), "v"),
+    "LSTM": Style("#2f8f5b", (0, (1, 1)), "D", 1.4),
+    "Direct RL": Style("#5f86b3", "-", "P", 0.9),
+    "RAM": Style("#c4161c", "-", "o", 1.5),
+}
+_OTHER = tuple(
+    Style(colour, (0, (2, 1)), marker)
+    for colour, marker in (
+        ("#30363d", "X"),
+        ("#868f99", "<"),
+        ("#52606d", ">"),
+        ("#a2703f", "h"),
+        ("#3b6d6d", "*"),
+    )
+)
+
+
+def style_of(method: str, methods: Sequence[str] = ()) -> Style:
+    """Return the style of a method; one without its own takes a grey by its place among `methods`."""
+    if method in STYLES:
+        return STYLES[method]
+    others = [name for name in methods if name not in STYLES]
+    return _OTHER[others.index(method) % len(_OTHER) if method in others else 0]
+
+
+def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()) -> Figure:
+    """Draw measured loops and the Coleman-Hodgdon fit over them.
+
+    Args:
+        loops: one (pull_mm (N,), bend_deg (N,)) per episode [mm], [deg].
+        fits: one (N,) response of the model to the same pull per episode [deg]; empty for loops alone.
+
+    Raises:
+        ValueError: there is not one fit per loop.
+    """
+    if fits and len(fits) != len(loops):
+        raise ValueError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
+    figure = Figure(figsize=(4.6, 4.0), layout="constrained")
+    axes = clean_axes(figure.subplots())
+    for pull, bend in loops:
+        axes.plot(pull, bend, color="#a9b1ba", linewidth=1.6, solid_joinstyle="round")
+    fit_style = STYLES["C-H"]
+    for (pull, _), fit in zip(loops, fits, strict=False):
+        axes.plot(pull, fit, color=fit_style.colour, linewidth=1.0, linestyle=(0, (4, 1.5)))
+    handles = [Line2D([], [], color="#a9b1ba", linewidth=1.6, label="twin")]
+    if fits:
+        handles.append(
+            Line2D([], [], color=fit_style.colour, linestyle=(0, (4, 1.5)), label="Coleman-Hodgdon fit")
+        )
+    figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
+    axes.set_xlabel("pulling distance [mm]")
+    axes.set_ylabel("bending angle [deg]")
+    return figure
+
+
+def tracking_figure(
+    track: Track, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
+) -> Figure:
+    """Draw truth and estimates over their errors, the whole record beside its first seconds (Figs. 5-10).
+
+    Args:
+        track: estimates along one record.
+        methods: which of them to draw, the most important last (it lies on top).
+        title: of the figure.
+        notes: what the legend says behind the name of a method.
+
+    Raises:
+        ValueError: the track has no estimates of one of the methods.
+    """
+    errors = {method: track.error_deg(method) for method in methods}
+    figure = Figure(figsize=(8.6, 4.3), layout="constrained")
+    grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
+    truth = STYLES["ground truth"]
+    for column in range(2):
+        upper, lower = clean_axes(grid[0, column]), clean_axes(grid[1, column])
+        upper.plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
+        for method in methods:
+            style = style_of(method, methods)
+            line = {"color": style.colour, "linestyle": style.line, "linewidth": style.width}
+            upper.plot(track.time, track.estimates[method], **line)
+            lower.plot(track.time, errors[method], **line)
+        upper.plot(
+            track.time, track.truth_deg, color=truth.colour, linestyle=truth.line, linewidth=truth.width
+        )
+        lower.axhline(0, color=truth.colour, linewidth=0.6)
+        lower.set_xlabel("time [s]")
+    start = track.time[0]
+    grid[0, 0].set_xlim(start, track.time[-1])
+    grid[0, 1].set_xlim(start, min(start + START_SECONDS, track.time[-1]))
+    grid[0, 1].set_title(f"the first {START_SECONDS:g} s", fontsize=8.5, color=MUTED, loc="left")
+    later = track.time >= start + START_SECONDS / 2
+    if later.any():
+        bound = 1.15 * max(float(np.abs(error[later]).max()) for error in errors.values())
+        grid[1, 0].set_ylim(-max(bound, 0.1), max(bound, 0.1))
+    grid[0, 0].set_ylabel("bending angle [deg]")
+    grid[1, 0].set_ylabel("error [deg]")
+    figure.align_ylabels(grid[:, 0])
+    grid[0, 0].set_title(title, fontsize=10, color=INK, loc="left", fontweight="bold")
+    handles = [
+        Line2D([], [], linestyle="", label="measurement", **MEASUREMENT),
+        Line2D([], [], color=truth.colour, linestyle=truth.line, label="ground truth"),
+        *(_handle(method, methods, (notes or {}).get(method, "")) for method in methods),
+    ]
+    columns = (len(handles) + 1) // 2 if notes else len(handles)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
+    return figure
+
+
+def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
+    """Draw the error that each agent pays per step over the samples it has learned from; lower is better.
+
+    Args:
+        curves: by agent, `samples` (M,) and `return` (M,), the mean reward per step, negative [deg^2].
+    """
+    figure = Figure(figsize=(5.6, 3.2), layout="constrained")
+    axes = clean_axes(figure.subplots())
+    agents = ordered(curves)
+    for agent in agents:
+        samples, cost = np.asarray(curves[agent]["samples"]), -np.asarray(curves[agent]["return"])
+        style = style_of(agent, agents)
+        axes.plot(samples / 1e3, cost, color=style.colour, linewidth=0.6, alpha=0.3)
+        smooth = _running_median(cost, max(len(cost) // 25, 1))
+        axes.plot(samples / 1e3, smooth, color=style.colour, linestyle=style.line, linewidth=1.6, label=agent)
+    if all((np.asarray(curve["return"]) < 0).all() for curve in curves.values()):
+        axes.set_yscale("log")
+    axes.set_xlabel("samples [thousands]")
+    axes.set_ylabel("cost per step (negative reward) [deg²]")
+    axes.legend(frameon=False, fontsize=8.5)
+    return figure
+
+
+def rmse_figure(rows: Sequence[dict[str, Any]]) -> Figure:
+    """Draw the RMSE of every method under every noise, with its 95 % interval; hollow marks are the paper's.
+
+    Args:
+        rows: of `evaluation.json`; those of the longest sample time are drawn.
+
+    Raises:
+        ValueError: there are no rows.
+    """
+    rows = protocol_rows(rows)
+    if not rows:
+        raise ValueError("no rows of evaluation.json: nothing to draw")
+    noises = sorted({(str(row["noise"]), float(row["level"])) for row in rows})
+    methods = ordered(method_name(row) for row in rows)
+    slot = 0.8 / len(methods)
+    offsets = {method: slot * (place + 0.5) - 0.4 for place, method in enumerate(methods)}
+    figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
+    axes = clean_axes(figure.subplots())
+    axes.grid(False, axis="x")
+    for row in rows:
+        method = method_name(row)
+        style = style_of(method, methods)
+        place = noises.index((str(row["noise"]), float(row["level"]))) + offsets[method]
+        low, high = row.get("rmse_ci95_deg") or (row["rmse_deg"], row["rmse_deg"])
+        axes.plot([place, place], [max(low, 1e-3), high], color=style.colour, linewidth=1.4)
+        axes.plot(place, row["rmse_deg"], style.marker, color=style.colour, markersize=5.5, zorder=3)
+        if row.get("paper_rmse_deg") is not None:
+            hollow: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.colour}
+            axes.plot(place - 0.38 * slot, row["paper_rmse_deg"], style.marker, markersize=5.5, **hollow)
+    for edge in np.arange(1, len(noises)) - 0.5:
+        axes.axvline(edge, color=GRID, linewidth=1)
+    axes.set_xlim(-0.5, len(noises) - 0.5)
+    axes.set_xticks(range(len(noises)), [noise_label(*noise).replace(", ", "\n") for noise in noises])
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(FixedLocator([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50]))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_ylabel("RMSE [deg]")
+    handles = [
+        Line2D(
+            [],
+            [],
+            linestyle="",
+            marker=style_of(m, methods).marker,
+            color=style_of(m, methods).colour,
+            label=m,
+        )
+        for m in methods
+    ]
+    if any(row.get("paper_rmse_deg") is not None for row in rows):
+        paper: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": MUTED}
+        handles.append(Line2D([], [], linestyle="", marker="o", label="hollow: the paper", **paper))
+    # One row keeps the order of the slots; a narrow figure has no room for it.
+    columns = len(handles) if figure.get_figwidth() > 1.2 * len(handles) else 5
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        fontsize=8.5,
+        handletextpad=0.1,
+        columnspacing=1.2,
+    )
+    return figure
+
+
+def to_svg(figure: Figure) -> str:
+    """Return a figure as SVG text; the same figure gives the same text."""
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": "endotwin"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
+    """Return a figure as a PNG file with `dpi` pixels per inch, without the version of who drew it."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def clean_axes(axes: Axes) -> Axes:
+    """Give axes the look of all figures: a light grid behind, no frame at the top and the right."""
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set(color="#b9c0c8", linewidth=0.8)
+    axes.tick_params(colors=MUTED, labelsize=8.5, length=0)
+    axes.xaxis.label.set(color=INK, fontsize=9.5)
+    axes.yaxis.label.set(color=INK, fontsize=9.5)
+    return axes
+
+
+def _handle(method: str, methods: Sequence[str], note: str = "") -> Line2D:
+    style = style_of(method, methods)
+    label = f"{method}: {note}" if note else method
+    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=1.6, label=label)
+
+
+def _running_median(values: Array, window: int) -> Array:
+    """Median of the last `window` values at each place (M,)."""
+    padded = np.concatenate([np.full(window - 1, values[0]), values])
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)

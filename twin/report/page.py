@@ -1,0 +1,271 @@
+"""One self-contained HTML page about a run: what was run, what came out, and the paper beside it."""
+
+import base64
+import contextlib
+import csv
+import dataclasses
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import imageio.v2 as imageio
+import jinja2
+import numpy as np
+import yaml
+from matplotlib.figure import Figure
+from PIL import Image
+
+from twin.evaluation.paper import TABLES
+from twin.evaluation.track import load_tracks
+from twin.files.assets import assets_folder
+from twin.files.atomic import write_whole
+from twin.hysteresis import HysteresisModel, load_model
+from twin.recording import read_dataset
+from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
+from twin.report.findings import findings
+from twin.report.paper_figures import paper_figures
+from twin.report.tables import paper_table, table_title
+
+Value = TypeVar("Value")
+
+LARGEST_VIDEO = 8 * 2**20
+"""A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
+
+_DRAWN = 2
+"""How many loops are drawn over each other: more cannot be told apart."""
+
+AGENTS = {"ram": "RAM", "direct": "Direct RL", "lstm": "LSTM"}
+_COMMANDS = {
+    "data/train": "generate --preset ureteroscope --stroke 2 4 --episodes 4 --seconds 60 --seed 1 "
+    "--out data/train",
+    "data/test": "generate --preset ureteroscope --stroke -1 1 --episodes 2 --seconds 60 --seed 2 "
+    "--out data/test",
+    "coleman_hodgdon.json": "identify data/train --out coleman_hodgdon.json",
+    "runs": "train data/train --model coleman_hodgdon.json --agent ram --protocol strict --out runs/ram",
+    "results/evaluation.json": "evaluate data/test --train data/train --model coleman_hodgdon.json "
+    "--policy runs/ram/policy.onnx --suite paper --seeds 20 --out results",
+    "bend.mp4": "render data/test --out bend.mp4",
+    "bend.png": "render data/test --out bend.png",
+}
+_COMMANDS["results/tracks.npz"] = _COMMANDS["results/evaluation.json"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """A picture of the page, or a film."""
+
+    source: str
+    """A `data:` address."""
+    caption: str
+    is_film: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Gap:
+    """Something that the run folder does not hold, and the command that makes it."""
+
+    sentence: str
+    command: str
+
+
+def write_report(folder: Path, path: Path) -> Path:
+    """Write the report of a run folder; what the folder lacks is named with the command that makes it.
+
+    Args:
+        folder: of a run, such as `make demo` leaves in `out/demo`.
+        path: the HTML file to write, whole or not at all.
+
+    Returns:
+        `path`.
+
+    Raises:
+        FileNotFoundError: there is no such folder, or none to write into.
+        ValueError: nothing in the folder belongs to a run.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"no folder {folder}")
+    if not any((folder / name).exists() for name in _COMMANDS):
+        raise ValueError(f"{folder} holds no run: expected one of {', '.join(_COMMANDS)}")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(assets_folder()),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests["gap"] = lambda part: isinstance(part, Gap)
+    page = environment.get_template("report.html.j2").render(_contents(folder))
+    write_whole(path, page)
+    return path
+
+
+def _contents(folder: Path) -> dict[str, Any]:
+    """Everything that the template shows, each part in full or as a `Gap`."""
+    evaluation = _part(folder, "results/evaluation.json", _evaluation)
+    model = _part(folder, "coleman_hodgdon.json", load_model)
+    fit = None if isinstance(model, Gap) else model
+    return {
+        "results": evaluation,
+        "model": model,
+        "facts": _facts(folder),
+        "bending": [_part(folder, "bend.png", _poses), _part(folder, "bend.mp4", _film)],
+        "loops": [_part(folder, f"data/{name}", lambda path: _loop(path, fit)) for name in ("train", "test")],
+        "tracking": _part(folder, "results/tracks.npz", _tracking),
+        "training": _part(folder, "runs", _training),
+        "commands": _commands_run(folder),
+    }
+
+
+def _commands_run(folder: Path) -> list[str]:
+    """The commands that made this run, where it says them; else those that make such a run."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        return [str(command) for command in json.loads((folder / "demo.json").read_text())["commands"]]
+    return list(dict.fromkeys(f"endotwin {command}" for command in _COMMANDS.values()))
+
+
+def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap:
+    """What `read` makes of a file or folder of the run, or why it is not there."""
+    command = f"endotwin {_COMMANDS[name]}"
+    if not (folder / name).exists():
+        return Gap(f"This run has no {name}.", command)
+    try:
+        return read(folder / name)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = " ".join(str(error).split()).replace(f"{folder}/", "")
+        return Gap(f"{name} cannot be shown: {reason or type(error).__name__}.", command)
+
+
+def _evaluation(path: Path) -> dict[str, Any]:
+    rows = json.loads(path.read_text())["rows"]
+    tables = [(table_title(table), paper_table(rows, table.noise, "html")) for table in TABLES]
+    caption = (
+        "RMSE against the clean truth, with the 95 % interval of its mean over noise seeds; "
+        "hollow marks are the paper's, measured on another endoscope."
+    )
+    return {
+        "findings": findings(rows),
+        "tables": [(title, body) for title, body in tables if body],
+        "rmse": _drawn(rmse_figure(rows), caption),
+    }
+
+
+def _poses(path: Path) -> Shown:
+    caption = (
+        "Poses along one record, and where they lie on its hysteresis loop. Poses 2 and 3 have the same pull "
+        "on the wires: how far the tip bends depends on where it came from."
+    )
+    return Shown(_address("image/png", path.read_bytes()), caption)
+
+
+def _film(path: Path) -> Shown:
+    caption = "The record replayed, and its loop as it is drawn."
+    if path.stat().st_size < LARGEST_VIDEO:
+        return Shown(_address("video/mp4", path.read_bytes()), caption, is_film=True)
+    film: Any = imageio.get_reader(path)
+    with contextlib.closing(film):
+        frames = [film.get_data(index) for index in np.linspace(0, film.count_frames() - 1, 6).astype(int)]
+    small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
+    strip = io.BytesIO()
+    Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
+    return Shown(_address("image/png", strip.getvalue()), f"Six moments of {path.name}, left to right.")
+
+
+def _loop(path: Path, model: HysteresisModel | None) -> Shown:
+    episodes = read_dataset(path)
+    loops = [(episode.pull_mm, episode.bend_deg) for episode in episodes]
+    fits = [] if model is None else [model.response(pull, bend[0]) for pull, bend in loops]
+    caption = f"The first {min(_DRAWN, len(loops))} of {len(loops)} records of {path.parent.name}/{path.name}"
+    if model is not None:
+        error = np.concatenate([fit - bend for (_, bend), fit in zip(loops, fits, strict=True)])
+        caption += f", and the identified model. Over all: RMSE {np.sqrt(np.mean(error**2)):.2f} deg"
+    return _drawn(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")
+
+
+def _tracking(path: Path) -> list[Shown]:
+    evaluation = path.with_name("evaluation.json")
+    rows = json.loads(evaluation.read_text())["rows"] if evaluation.is_file() else []
+    shown = [_drawn(*drawn) for drawn in paper_figures(load_tracks(path), rows).values()]
+    if not shown:
+        raise ValueError("it has none of the noises and methods of the paper's figures")
+    return shown
+
+
+def _training(path: Path) -> Shown:
+    curves = {}
+    for folder, agent in AGENTS.items():
+        progress = path / folder / "progress.csv"
+        if progress.is_file():
+            with progress.open(newline="") as file:
+                lines = list(csv.DictReader(file))
+            if not lines:
+                raise ValueError(f"{folder}/progress.csv has no lines")
+            columns = {"samples": "samples", "return": "mean_reward"}
+            curves[agent] = {
+                key: np.array([float(line[name]) for line in lines]) for key, name in columns.items()
+            }
+    if not curves:
+        raise ValueError("no agent in it has a progress.csv")
+    caption = "What each agent pays per step while it learns, thin as recorded, thick the running median."
+    return _drawn(training_figure(curves), caption)
+
+
+def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
+    """What was run, as (title, [(name, value)]), from every file of the run that says so."""
+    sources: dict[str, tuple[str, Callable[[str], Any]]] = {
+        "Run": ("demo.json", json.loads),
+        "Training records": ("data/train/dataset.json", _recipe),
+        "Test records": ("data/test/dataset.json", _recipe),
+        "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", json.loads),
+        "Evaluation protocol": ("results/evaluation.json", lambda text: json.loads(text)["protocol"]),
+    }
+    sources |= {agent: (f"runs/{name}/config.yaml", yaml.safe_load) for name, agent in AGENTS.items()}
+    facts = []
+    for title, (name, parse) in sources.items():
+        try:
+            entries = _flat(parse((folder / name).read_text()))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError):
+            continue  # a damaged file is reported by the part that needs it
+        if entries:
+            facts.append((title, entries))
+    return facts
+
+
+def _recipe(text: str) -> Any:
+    """What a simulated dataset was made from; of a measured one, which files it has."""
+    contents = json.loads(text)
+    return contents.get("recipe", contents)
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Names and values of nested mappings; a list of mappings, such as that of the files, by its length."""
+    entries = []
+    for key, value in values.items():
+        name = f"{prefix}{key}".replace("_", " ")
+        if isinstance(value, dict):
+            entries += _flat(value, f"{name}, ")
+        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+            entries.append((name, f"{len(value)}"))
+        elif isinstance(value, list) and value and all(isinstance(item, list) for item in value):
+            pairs = (", ".join(_text(part) for part in item) for item in value)
+            entries.append((name, ", ".join(f"[{pair}]" for pair in pairs)))
+        elif isinstance(value, list):
+            entries.append((name, ", ".join(_text(item) for item in value)))
+        else:
+            entries.append((name, _text(value)))
+    return entries
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _drawn(figure: Figure, caption: str) -> Shown:
+    return Shown(_address("image/svg+xml", to_svg(figure).encode()), caption)
+
+
+def _address(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

@@ -1,0 +1,52 @@
+"""The paper's Figs. 5 to 10 drawn from our tracks, each RMSE in the legend beside the published one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from twin.evaluation.paper import METHODS, noise_label, paper_value
+from twin.evaluation.track import Track
+from twin.report.figures import tracking_figure
+from twin.report.tables import protocol_rows
+
+FIGURES = (
+    (5, "gaussian", 1.0, ("Direct RL", "RAM")),
+    (6, "gaussian", 1.0, METHODS),
+    (7, "gaussian", 5.0, METHODS),
+    (8, "poisson", 0.1, METHODS),
+    (9, "poisson", 1.0, METHODS),
+    (10, "poisson", 2.0, METHODS),
+)
+"""Number in the paper, noise, level, and the methods that it shows."""
+
+
+def paper_figures(
+    tracks: Sequence[Track], rows: Sequence[dict[str, Any]] = ()
+) -> dict[int, tuple[Figure, str]]:
+    """Return figures with captions, by their numbers in the paper; what the tracks have not is left out.
+
+    Args:
+        tracks: one for each noise, from `evaluate`.
+        rows: of `evaluation.json`, of the records that the tracks are from; their RMSE goes into the legend.
+    """
+    by_noise = {(track.noise, track.level): track for track in tracks}
+    rmse = {(row["noise"], row["level"], row["method"]): row["rmse_deg"] for row in protocol_rows(rows)}
+    figures = {}
+    for number, noise, level, wanted in FIGURES:
+        track = by_noise.get((noise, level))
+        methods = [method for method in wanted if track is not None and method in track.estimates]
+        if track is None or not methods:
+            continue
+        notes = {}
+        for method in methods:
+            if (noise, level, method) in rmse:
+                published = paper_value(noise, level, method, "rmse_deg")
+                beside = "" if published is None else f" (paper {published + 1e-9:.2f})"
+                notes[method] = f"{rmse[noise, level, method]:.2f}{beside}"
+        label = noise_label(noise, level)
+        caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
+        if notes:
+            caption += " In the legend: RMSE over all test records and seeds [deg]."
+        figures[number] = (tracking_figure(track, methods, label, notes), caption)
+    return figures

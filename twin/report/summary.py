@@ -1,0 +1,283 @@
+"""The full benchmark as tables and figures: every method, every noise, and how far all are from the limit."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
+from numpy.typing import NDArray
+from tabulate import tabulate
+
+from twin.evaluation.paper import noise_label
+from twin.evaluation.track import Track
+from twin.report.figures import INK, MUTED, clean_axes, style_of, to_png_bytes
+from twin.report.paper_figures import paper_figures
+from twin.report.tables import paper_tables, place
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+Group = tuple[tuple[float, ...], str]
+
+BESIDE_THE_PAPER = ("C-H", "AM", "LSTM", "Direct RL", "RAM", "AM-tuned", "KalmanNet", "RAM (oracle)")
+"""Methods in the paper's tables: its own, and a few to measure them by."""
+LIMIT = "Ensemble (limit)"
+PHYSICS = ("Ensemble", LIMIT)
+"""Methods that know the physics: what others are measured against."""
+
+
+def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequence[Row] = ()) -> str:
+    """Return the benchmark in Markdown.
+
+    Args:
+        rows: of `evaluation.json`, of all sample times, strokes and twins.
+        bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
+        intervals: how often the set-membership filters held the truth.
+    """
+    times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
+    first = _groups(rows)[0]
+    parts = []
+    for T in times:
+        parts.append(f"### RMSE [deg] ± half its 95 % interval over noise seeds, {_name(first)}, T = {T:g} s")
+        parts.append(_noise_table(rows, T, first, "rmse_deg"))
+    parts.append(f"### RMSE [deg] after the first 5 s, {_name(first)}, T = {times[0]:g} s")
+    parts.append(_noise_table(rows, times[0], first, "rmse_steady_deg"))
+    for T in times:
+        parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
+        parts.append(_ratio_table(rows, T))
+    if bounds:
+        parts.append("### The limit over randomised twins, and the Cramér-Rao bound of normal twins [deg]")
+        parts.append(_bound_table(rows, bounds))
+    if intervals:
+        parts.append("### Runs in which the interval held the truth throughout, and its mean width")
+        parts.append(_interval_table(intervals))
+    beside = [row for row in rows if place(row) == first and row["method"] in BESIDE_THE_PAPER]
+    paper = paper_tables(beside, "markdown")
+    if paper:
+        parts.append("### The paper's tables, on these records")
+        parts.append(paper)
+    return "\n\n".join(parts) + "\n"
+
+
+def benchmark_figures(rows: Sequence[Row], tracks: Sequence[Track]) -> dict[str, bytes]:
+    """Return PNG files by name: RMSE by noise, distance to the limit by records, and the paper's figures.
+
+    Args:
+        rows: of `evaluation.json`.
+        tracks: of the first group of records at the longest sample time.
+    """
+    longest, first = max(float(row["sample_time_s"]) for row in rows), _groups(rows)[0]
+    shown = [row for row in rows if place(row) == first and float(row["sample_time_s"]) == longest]
+    figures = {
+        "rmse_by_noise.png": noise_figure(shown),
+        "times_the_limit.png": limit_figure(rows),
+        **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
+    }
+    return {name: to_png_bytes(figure) for name, figure in figures.items()}
+
+
+def times_the_limit(rows: Sequence[Row], sample_time_s: float, group: Group) -> dict[str, float]:
+    """Return how many times the limit's RMSE each method has: the geometric mean over noises.
+
+    Args:
+        rows: of `evaluation.json`.
+        sample_time_s: which sample time [s].
+        group: stroke [mm] and kind of twin.
+    """
+    chosen = [r for r in rows if float(r["sample_time_s"]) == sample_time_s and place(r) == group]
+    limit = {_noise(row): row["rmse_deg"] for row in chosen if row["method"] == LIMIT}
+    ratios: dict[str, list[float]] = {}
+    for row in chosen:
+        if _noise(row) in limit:
+            ratios.setdefault(row["method"], []).append(row["rmse_deg"] / limit[_noise(row)])
+    return {method: float(np.exp(np.mean(np.log(np.maximum(r, 1e-9))))) for method, r in ratios.items()}
+
+
+def noise_figure(rows: Sequence[Row]) -> Figure:
+    """Draw the RMSE of every method, a panel for each noise, the best on top, beside the limit."""
+    noises = list(dict.fromkeys(map(_noise, rows)))
+    ratios = times_the_limit(rows, float(rows[0]["sample_time_s"]), place(rows[0]))
+    methods = sorted(ratios, key=lambda method: -ratios[method])
+    columns = 5
+    lines = -(-len(noises) // columns)
+    figure = Figure(figsize=(11, 0.22 * len(methods) * lines + 1.4), layout="constrained")
+    grid = np.atleast_1d(figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False)).ravel()
+    values = {(_noise(row), row["method"]): row for row in rows}
+    for axes, noise in zip(grid, noises, strict=False):
+        clean_axes(axes)
+        limit = values[noise, LIMIT]["rmse_deg"] if (noise, LIMIT) in values else None
+        if limit is not None:
+            axes.axvline(limit, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+        for line, method in enumerate(methods):
+            row = values[noise, method]
+            low, high = row["rmse_ci95_deg"]
+            own = style_of(method)
+            colour = own.colour if method in ("RAM", "AM-tuned", "LSTM", "Direct RL", "AM", "C-H") else MUTED
+            colour = INK if method == LIMIT else colour
+            axes.plot([max(low, 1e-3), high], [line, line], color=colour, linewidth=1.4)
+            face = "white" if row["oracle"] else colour
+            axes.plot(row["rmse_deg"], line, "o", markersize=4.2, color=colour, markerfacecolor=face)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(FixedLocator([0.1, 0.3, 1, 3, 10]))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_title(noise_label(*noise), fontsize=8.5, color=INK, loc="left")
+        axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
+        axes.tick_params(labelsize=7.5, labelbottom=True)
+        axes.set_xlim(0.05, 30)
+        axes.set_ylim(-0.6, len(methods) - 0.4)
+    for axes in grid[len(noises) :]:
+        axes.set_visible(False)
+    figure.supxlabel(
+        "RMSE [deg], 95 % interval over seeds; dashed: the limit; hollow: oracle",
+        fontsize=8.5,
+        color=INK,
+    )
+    return figure
+
+
+def limit_figure(rows: Sequence[Row]) -> Figure:
+    """Draw, for every kind of record and both sample times, how many times the limit each method has."""
+    times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
+    groups = _groups(rows)
+    table = {(T, group): times_the_limit(rows, T, group) for T in times for group in groups}
+    methods = _by_ratio(rows, times, groups)
+    figure = Figure(
+        figsize=(3.2 + 0.62 * len(groups) * len(times), 0.27 * len(methods) + 1.9), layout="constrained"
+    )
+    panels = figure.subplots(1, len(times), sharey=True, squeeze=False)[0]
+    for axes, T in zip(panels, times, strict=True):
+        cells = np.array([[table[T, group].get(method, np.nan) for group in groups] for method in methods])
+        axes.imshow(np.log(cells), cmap="Greys", vmin=0, vmax=np.log(40), aspect="auto")
+        for (line, column), value in np.ndenumerate(cells):
+            dark = np.log(value) > 0.55 * np.log(40)
+            axes.text(
+                column,
+                line,
+                f"{value:.1f}" if value < 9.95 else f"{value:.0f}",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if dark else INK,
+            )
+        labels = [f"{twin} [{low:g}, {high:g}]" for (low, high), twin in groups]
+        axes.set_xticks(range(len(groups)), labels, rotation=60, ha="right", fontsize=7.5)
+        axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
+        axes.set_title(f"T = {T:g} s", fontsize=9, color=INK, loc="left")
+        axes.tick_params(length=0, colors=INK)
+        axes.spines[:].set_visible(False)
+    figure.suptitle(
+        "RMSE over the limit's, geometric mean over noises", fontsize=9.5, color=INK, x=0.01, ha="left"
+    )
+    return figure
+
+
+def _noise_table(rows: Sequence[Row], T: float, group: Group, index: str) -> str:
+    chosen = [row for row in rows if float(row["sample_time_s"]) == T and place(row) == group]
+    noises = list(dict.fromkeys(map(_noise, chosen)))
+    values = {(row["method"], _noise(row)): row for row in chosen}
+    methods = list(dict.fromkeys(row["method"] for row in chosen))
+    best = {
+        noise: min(
+            (m for m in methods if _deployable(values[m, noise])), key=lambda m: values[m, noise][index]
+        )
+        for noise in noises
+    }
+    lines = []
+    for method in methods:
+        cells = []
+        for noise in noises:
+            row = values[method, noise]
+            text = f"{row[index]:.3f}"
+            if index == "rmse_deg":
+                low, high = row["rmse_ci95_deg"]
+                text += f" ± {(high - low) / 2:.3f}"
+            cells.append(f"**{text}**" if best[noise] == method else text)
+        lines.append([f"{method}{' (oracle)' if row['oracle'] and 'oracle' not in method else ''}", *cells])
+    headers = ["method", *(noise_label(*noise) for noise in noises)]
+    align = ("left", *["right"] * len(noises))
+    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+
+
+def _ratio_table(rows: Sequence[Row], T: float) -> str:
+    groups = _groups(rows)
+    table = {group: times_the_limit(rows, T, group) for group in groups}
+    lines = [
+        [method, *(f"{table[group][method]:.2f}" if method in table[group] else "-" for group in groups)]
+        for method in _by_ratio(rows, [T], groups)
+    ]
+    headers = ["method", *(_name(group) for group in groups)]
+    align = ("left", *["right"] * len(groups))
+    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+
+
+def _bound_table(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
+    """The bound is a mean over twins as they are drawn: it stands beside twins that are."""
+    drawn = {
+        (tuple(row["stroke_mm"]), row["sample_time_s"], _noise(row)): row["rmse_deg"]
+        for row in rows
+        if row["method"] == LIMIT and row["twin"] in ("randomized", "measured")
+    }
+    noises = list(dict.fromkeys(map(_noise, bounds)))
+    lines: dict[Any, list[str]] = {}
+    for bound in bounds:
+        key = (tuple(bound["stroke_mm"]), bound["sample_time_s"])
+        low, high = bound["stroke_mm"]
+        line = lines.setdefault(key, [f"[{low:g}, {high:g}] mm", f"{bound['sample_time_s']:g} s"])
+        found = drawn.get((*key, _noise(bound)))
+        line.append(f"{'-' if found is None else f'{found:.3f}'} / {bound['rmse_deg']:.3f}")
+    headers = ["stroke", "T", *(f"{noise_label(*noise)}: limit / bound" for noise in noises)]
+    return str(tabulate(list(lines.values()), headers, tablefmt="pipe", disable_numparse=True))
+
+
+def _interval_table(intervals: Sequence[Row]) -> str:
+    groups = _groups(intervals)
+    lines = []
+    for row in intervals:
+        if place(row) == groups[0]:
+            same = [
+                other
+                for other in intervals
+                if all(other[name] == row[name] for name in ("method", "noise", "level", "sample_time_s"))
+            ]
+            cells = {place(other): other for other in same}
+            lines.append(
+                [
+                    row["method"],
+                    noise_label(*_noise(row)),
+                    f"{row['sample_time_s']:g} s",
+                    *(
+                        f"{100 * cells[group]['runs_contained']:.1f} %, {cells[group]['width_deg']:.2f} deg"
+                        for group in groups
+                    ),
+                ]
+            )
+    headers = ["method", "noise", "T", *(_name(group) for group in groups)]
+    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
+
+
+def _by_ratio(rows: Sequence[Row], times: Sequence[float], groups: Sequence[Group]) -> list[str]:
+    """Methods, the nearest to the limit first, by their mean over groups and sample times."""
+    ratios: dict[str, list[float]] = {}
+    for T in times:
+        for group in groups:
+            for method, ratio in times_the_limit(rows, T, group).items():
+                ratios.setdefault(method, []).append(np.log(ratio))
+    return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
+
+
+def _groups(rows: Sequence[Row]) -> list[Group]:
+    return list(dict.fromkeys(map(place, rows)))
+
+
+def _noise(row: Row) -> tuple[str, float]:
+    return str(row["noise"]), float(row["level"])
+
+
+def _name(group: Group) -> str:
+    (low, high), twin = group
+    return f"{twin}, [{low:g}, {high:g}] mm"
+
+
+def _deployable(row: Row) -> bool:
+    return not row["oracle"] and row["method"] not in PHYSICS

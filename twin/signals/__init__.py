@@ -1,0 +1,1 @@
+"""Signals over time: commands of the drive, noise of a sensor, the sensor itself."""

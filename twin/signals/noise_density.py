@@ -1,0 +1,155 @@
+"""The density of a noise as seen through an uncertain angle: what the best estimator makes of an innovation.
+
+An innovation is noise plus what is not yet known of the angle, here normal with standard deviation s. Its
+log-density has the slope -score(innovation); a filter moves its belief by that score (Masreliez 1975). For
+Gaussian noise the score is innovation / (R + s^2), the Kalman filter's.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import integrate, special, stats
+
+from twin.signals.noise import (
+    BACKGROUND_DEG2,
+    GAMMA_SHAPE,
+    OUTLIER_DEG,
+    STUDENT_FREEDOM,
+    noise_variance,
+)
+
+Array = NDArray[np.float64]
+
+_SPREADS = np.geomspace(0.03, 60.0, 30)  # s [deg]
+_INNOVATIONS = 150 * np.sinh(np.linspace(-7, 7, 2001)) / np.sinh(7)  # [deg], dense about zero
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseDensity:
+    """Score of innovations and its mean slope, tabled over the spread s of the belief."""
+
+    mean: float
+    """Of the noise [deg]."""
+    variance: float
+    """Of the noise [deg^2]; the tables are in units of it plus s^2, in which they vary little with s."""
+    scores: Array
+    """(spreads, innovations) minus the slope of the log-density, times that [deg]."""
+    informations: Array
+    """(spreads,) Fisher's information of an innovation about the angle, times that."""
+
+    def score(self, innovation_deg: Array, spread_deg: float) -> Array:
+        """Return the score (B,) [1 / deg] of innovations (B,), the belief's deviation being `spread_deg`."""
+        lower, share = _place(spread_deg)
+        row = (1 - share) * self.scores[lower] + share * self.scores[lower + 1]
+        return np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+
+    def information(self, spread_deg: float) -> float:
+        """Return Fisher's information of an innovation [1 / deg^2]: the mean slope of the score."""
+        lower, share = _place(spread_deg)
+        information = (1 - share) * self.informations[lower] + share * self.informations[lower + 1]
+        return float(information) / (self.variance + spread_deg**2)
+
+
+@functools.lru_cache
+def noise_density(kind: str, level: float) -> NoiseDensity:
+    """Return the density of a noise of `twin.signals.noise`.
+
+    Integer Poisson noise has the density of the dithered one: the lattice would give the angle away, and
+    nobody is to win by that.
+
+    Raises:
+        ValueError: the kind has no density here.
+    """
+    if kind not in _MIXTURES:
+        raise ValueError(f"no density of {kind!r} noise; valid: {', '.join(_MIXTURES)}")
+    weights, places, variances, widths = np.broadcast_arrays(*_MIXTURES[kind](level))
+    scores = np.empty((len(_SPREADS), len(_INNOVATIONS)))
+    informations = np.empty(len(_SPREADS))
+    for row, spread in enumerate(_SPREADS):
+        density, slope = _mixture(_INNOVATIONS[:, None] - places, variances + spread**2, widths)
+        density, slope = density @ weights, slope @ weights
+        known = np.flatnonzero(density > 1e-14)
+        first, last = known[0], known[-1]
+        scores[row, first : last + 1] = -slope[first : last + 1] / np.maximum(
+            density[first : last + 1], 1e-14
+        )
+        # Where nothing ever falls, the score stays what it was.
+        scores[row, :first], scores[row, last + 1 :] = scores[row, first], scores[row, last]
+        informations[row] = integrate.trapezoid(scores[row] ** 2 * density, _INNOVATIONS)
+    variance = noise_variance(kind, level)
+    unit = variance + _SPREADS**2
+    mean = float(np.sum(weights * places))
+    return NoiseDensity(mean, variance, scores * unit[:, None], informations * unit)
+
+
+def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
+    """Density and slope of components, each a normal law, or one smeared evenly over a width."""
+    deviation = np.sqrt(variance)
+    if not width.any():
+        density = np.exp(-(away**2) / (2 * variance)) / np.sqrt(2 * np.pi) / deviation
+        return density, -away / variance * density
+    upper, lower = (away + width / 2) / deviation, (away - width / 2) / deviation
+    # The far side of a normal law keeps its digits: both ends are taken there.
+    side = np.where(away > 0, -1.0, 1.0)
+    density = np.abs(special.ndtr(side * upper) - special.ndtr(side * lower)) / width
+    bells = (np.exp(-(upper**2) / 2) - np.exp(-(lower**2) / 2)) / np.sqrt(2 * np.pi) / deviation
+    return density, bells / width
+
+
+def _place(spread_deg: float) -> tuple[int, float]:
+    """The tabled spread below one, and how far it is on the way to the next, by its logarithm."""
+    position = np.log(max(spread_deg, _SPREADS[0]) / _SPREADS[0]) / np.log(_SPREADS[1] / _SPREADS[0])
+    lower = min(int(position), len(_SPREADS) - 2)
+    return lower, min(float(position) - lower, 1.0)
+
+
+_Mixture = tuple[Any, Any, Any, Any]  # weights, places, variances and widths of the components
+
+
+def _poisson(level: float) -> _Mixture:
+    counts = np.arange(int(stats.poisson(level).ppf(1 - 1e-12)) + 2)
+    return stats.poisson(level).pmf(counts), counts, 0.0, 1.0
+
+
+def _laplace(level: float) -> _Mixture:
+    """A Laplace law is a normal one whose variance is exponential, of mean R (Andrews and Mallows 1974)."""
+    edges = np.concatenate([[0.0], np.geomspace(1e-6, 40, 200), [np.inf]])
+    weights = -np.diff(np.exp(-edges))
+    return weights, 0.0, level * np.concatenate([[5e-7], np.sqrt(edges[1:-2] * edges[2:-1]), [41.0]]), 0.0
+
+
+def _student(level: float) -> _Mixture:
+    """Student's law is a normal one whose precision is gamma-distributed."""
+    precision = stats.gamma(STUDENT_FREEDOM / 2, scale=2 / STUDENT_FREEDOM)
+    edges = np.concatenate([[0.0], np.geomspace(1e-6, 20, 200), [np.inf]])
+    middle = np.concatenate([[5e-7], np.sqrt(edges[1:-2] * edges[2:-1]), [20.0]])
+    scale = level * (STUDENT_FREEDOM - 2) / STUDENT_FREEDOM
+    return np.diff(precision.cdf(edges)), 0.0, scale / middle, 0.0
+
+
+def _salt_and_pepper(level: float) -> _Mixture:
+    weights = np.array([level / 2, 1 - level, level / 2])
+    return weights, np.array([-OUTLIER_DEG, 0.0, OUTLIER_DEG]), BACKGROUND_DEG2, 0.0
+
+
+def _gamma(level: float) -> _Mixture:
+    """Narrow even bins: there is no mixture of normal laws with an edge."""
+    law = stats.gamma(GAMMA_SHAPE, scale=np.sqrt(level / GAMMA_SHAPE))
+    edges = np.sqrt(level) * np.concatenate([np.linspace(0, 8, 500), np.linspace(8, 20, 60)[1:]])
+    return np.diff(law.cdf(edges)), (edges[1:] + edges[:-1]) / 2, 0.0, np.diff(edges)
+
+
+_MIXTURES: dict[str, Callable[[float], _Mixture]] = {
+    "gaussian": lambda level: (1.0, np.zeros(1), level, 0.0),
+    "poisson": _poisson,
+    "poisson-dithered": _poisson,
+    "laplace": _laplace,
+    "student-t": _student,
+    "uniform": lambda level: (1.0, np.zeros(1), 0.0, np.sqrt(12 * level)),
+    "salt-and-pepper": _salt_and_pepper,
+    "gamma": _gamma,
+}

@@ -1,0 +1,64 @@
+"""The sensor of the bending angle: readings at its own rate, noisy, rounded, late, and held in between."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.preset.preset import Preset
+
+Array = NDArray[np.float64]
+
+_COINCIDENT = 1e-6
+"""Instants closer than this share of the shortest sample time are one: sums of periods miss by rounding."""
+
+
+def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) -> Array:
+    """Return what the sensor reports at each sample.
+
+    Reading j is of the bend at time[0] + j `sensor_period`, linear between samples (of sample j where the
+    period is 0). Gaussian noise of `sensor_noise` is added to it, the sum is rounded to `sensor_resolution`,
+    arrives `sensor_latency` later and is reported until the next one arrives. Before the first arrival the
+    sensor reports the reading of time[0]: the endoscope had rested there for long enough.
+
+    Args:
+        preset: the parameters of the sensor.
+        time: (N,) instants of the samples [s], increasing.
+        bend: (N,) true bending angle [rad].
+        rng: where the noise comes from: one number for each reading that is reported, if there is noise.
+
+    Returns:
+        (N,) reported bending angle [rad]; the true one, bit for bit, where the sensor's parameters are all 0.
+
+    Raises:
+        ValueError: `time` does not increase, or the shapes differ or are not (N,) with N of at least 1.
+    """
+    if time.ndim != 1 or time.shape != bend.shape or not len(time):
+        raise ValueError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")
+    if not (np.diff(time) > 0).all():
+        raise ValueError("time must increase from sample to sample")
+    instant, reported = _readings(preset, time)
+
+    reading = np.interp(instant, time, bend)
+    if preset.sensor_noise:
+        reading += preset.sensor_noise * rng.standard_normal(len(reading))
+    if preset.sensor_resolution > np.spacing(np.abs(reading).max()):  # a finer step rounds nothing
+        reading = preset.sensor_resolution * np.round(reading / preset.sensor_resolution)
+    return reading[reported]
+
+
+def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return when the readings that are reported were taken (R,), and which is at each sample (N,)."""
+    rounding = 4 * float(np.spacing(np.abs(time).max()))
+    tolerance = max(_COINCIDENT * float(np.diff(time).min(initial=1.0)), rounding)
+    taken = time - preset.sensor_latency + tolerance  # what was taken by then has arrived at each sample
+    if not preset.sensor_period:
+        sample, reported = np.unique(
+            np.maximum(np.searchsorted(time, taken, side="right") - 1, 0), return_inverse=True
+        )
+        return time[sample], reported
+
+    period = max(preset.sensor_period, tolerance)  # shorter ones cannot be told apart
+    number, reported = np.unique(np.maximum(np.floor((taken - time[0]) / period), 0), return_inverse=True)
+    instant = time[0] + number * period
+    # An instant that coincides with a sample is moved exactly there, or rounding would leak into the reading.
+    sample = time[np.minimum(np.searchsorted(time, instant - tolerance), len(time) - 1)]
+    return np.where(np.abs(sample - instant) <= tolerance, sample, instant), reported

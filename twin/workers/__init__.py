@@ -1,0 +1,1 @@
+"""Where work is done side by side: processes of this machine, or a Dask cluster."""

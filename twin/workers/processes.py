@@ -1,0 +1,41 @@
+"""Worker processes of this machine, which end with the process that started them."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+
+
+@contextlib.contextmanager
+def local_workers(count: int) -> Iterator[Executor]:
+    """Context manager: an executor of processes, which end with this one however it ends.
+
+    Args:
+        count: how many processes.
+    """
+    # Fresh processes: a fork would copy whatever threads and libraries this one has loaded.
+    fresh = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(count, fresh, initializer=_begin_worker) as executor:
+        try:
+            yield executor
+        except BaseException:
+            for process in multiprocessing.active_children():  # nobody wants what is half done
+                process.terminate()
+            executor.shutdown(cancel_futures=True)
+            raise
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent, and end when it is gone: an orphan would wait for work for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
