@@ -1,5 +1,1 @@
-"""Everything learned: agents, environments, PPO training, policies in ONNX, and the LSTM baseline."""
-
-from rl.environment import register_environments
-
-register_environments()
+"""Everything learned: environments, PPO, training of networks, export; nothing is imported at once."""

@@ -1,6 +1,6 @@
 """The estimation task as environments: one for Gymnasium, and one batched over many episodes for training."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
@@ -8,13 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from rl.agents import Agent, make_agent
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.learned.direct import DIRECT, make_agent
+from twin.estimation.learned.policy import Agent
+from twin.estimation.learned.ram import RAM, ReinforcementActiveModel
 from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
-ENVIRONMENT_ID = "EndoTwin/Estimation-v0"
+AGENTS: dict[str | None, Callable[[ActiveModel], Agent]] = {
+    RAM.agent: ReinforcementActiveModel,
+    DIRECT.agent: make_agent,
+}
+"""Agents that a policy steers, by their words on the command line."""
 _OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
 
 
@@ -124,14 +130,16 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self,
         records: Sequence[tuple[Array, Array]] | None = None,
         model: ColemanHodgdon | None = None,
-        agent: str = "ram",
+        agent: str | None = RAM.agent,
         sample_time: float = 0.1,
         render_mode: str | None = None,
     ):
+        if agent not in AGENTS:
+            raise ValueError(f"unknown agent {agent!r}; valid: {', '.join(map(str, AGENTS))}")
         model = model or PAPER_MODEL
         pull, bend = stack_records(records or [_model_record(model, sample_time)])
         self.batch = BatchEnvironment(
-            TrainingTask(pull, bend), make_agent(agent, ActiveModel(model, sample_time)), count=1
+            TrainingTask(pull, bend), AGENTS[agent](ActiveModel(model, sample_time)), count=1
         )
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
@@ -163,9 +171,3 @@ def _model_record(model: ColemanHodgdon, sample_time: float) -> tuple[Array, Arr
     """One minute of the model's own loop on the paper's training stroke."""
     pull = 3 + np.sin(2 * np.pi * np.arange(round(60 / sample_time)) * sample_time / 8)
     return pull, model.response(pull, 60.0)
-
-
-def register_environments() -> None:
-    """Make `ENVIRONMENT_ID` known to Gymnasium."""
-    if ENVIRONMENT_ID not in gymnasium.registry:
-        gymnasium.register(ENVIRONMENT_ID, entry_point="rl.environment:EstimationEnvironment")

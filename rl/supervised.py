@@ -1,4 +1,4 @@
-"""What the learned filters share: a run in one folder, descent by Adam (Kingma and Ba 2015), their files.
+"""Supervised training of recurrent filters: a run in one folder, descent by Adam (Kingma and Ba 2015).
 
 The filters are trained with the truth of the training records as the answer. What they learn from and what
 they minimise is theirs.
@@ -7,27 +7,21 @@ they minimise is theirs.
 import csv
 import dataclasses
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from twin.estimation.active_model import ActiveModel
-from twin.files.atomic import WholeFile
+from twin.files.atomic import write_whole
 from twin.files.run_folder import claim_folder
-from twin.hysteresis import HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
-Trained = TypeVar("Trained")
-Kind = TypeVar("Kind", bound="Network")
 OnProgress = Callable[[int, int, float], None]
 """Told iterations done, iterations in all and the latest minus mean square error [deg^2]."""
 GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
-CHUNK = 200_000  # samples, over all records, that pass through a network at once: some 100 MB
-LEAST_VARIANCE = 1e-6  # R [deg^2] below which a network is told this: it divides by sqrt(R)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,43 +46,41 @@ class SequenceTraining:
     """Of the weights and the noise."""
 
 
-class Network(torch.nn.Module):
-    """A module of one size that travels between processes as bytes, not as torch's shared memory."""
+class TorchNetwork:
+    """A module of torch on arrays of NumPy, as a running estimator calls it.
 
-    def __init__(self, hidden: int):
-        super().__init__()
+    Attributes:
+        module: takes and returns tensors, as the exported graph does.
+        hidden: units of its recurrent layer.
+    """
+
+    def __init__(self, module: torch.nn.Module, hidden: int) -> None:
+        self.module = module
         self.hidden = hidden
 
-    def __reduce__(self) -> tuple[Callable[..., "Network"], tuple[type[Self], int, bytes]]:
-        """Pickle the weights as the bytes of a file."""
-        buffer = io.BytesIO()
-        torch.save(self.state_dict(), buffer)
-        return _arrive, (type(self), self.hidden, buffer.getvalue())
-
-
-def _arrive(kind: type[Network], hidden: int, weights: bytes) -> Network:
-    """Rebuild a network in the process that it was sent to."""
-    torch.set_num_threads(1)  # processes are many: their threads would only wait for each other
-    network = kind(hidden)
-    network.load_state_dict(torch.load(io.BytesIO(weights), weights_only=True))
-    return network
+    @torch.inference_mode()
+    def __call__(self, seen: Array, memory: NDArray[np.float32]) -> tuple[Array, NDArray[np.float32]]:
+        """Return what the network says, and what it remembers."""
+        said, remembered = self.module(tensor32(seen), tensor32(memory))
+        return said.numpy().astype(float), remembered.numpy()
 
 
 def train_once(
     path: Path,
     configuration: dict[str, Any],
     seed: int,
-    train: Callable[[], tuple[dict[str, Any], Sequence[tuple[int, float]]]],
-    load: Callable[[Path], Trained],
-) -> Trained:
-    """Train into the folder of a file (`config.yaml`, `progress.csv` and the file); a finished run is loaded.
+    train: Callable[[], tuple[Sequence[tuple[int, float]], Callable[[], None]]],
+) -> Path:
+    """Train into the folder of a file (`config.yaml`, `progress.csv` and the file), unless it is there.
 
     Args:
         path: the file, which is there when the run is finished.
         configuration: what the run depends on.
         seed: of the weights; `train` makes its own numbers.
-        train: returns the contents of the file, and the mean reward [deg^2] after so many samples.
-        load: reads the file.
+        train: returns the mean reward [deg^2] after so many samples, and what writes the file.
+
+    Returns:
+        The file.
 
     Raises:
         ValueError: the folder holds a run of another configuration.
@@ -98,12 +90,13 @@ def train_once(
     if not path.is_file():
         torch.set_num_threads(1)  # the networks are small
         torch.manual_seed(seed)
-        contents, curve = train()
-        with (path.parent / "progress.csv").open("w", newline="") as file:
-            csv.writer(file).writerows([("samples", "mean_reward"), *((s, f"{r:.6g}") for s, r in curve)])
-        with WholeFile(path) as whole:
-            torch.save(contents, whole)
-    return load(path)
+        curve, export = train()
+        rows = [("samples", "mean_reward"), *((samples, f"{reward:.6g}") for samples, reward in curve)]
+        text = io.StringIO()
+        csv.writer(text).writerows(rows)
+        write_whole(path.parent / "progress.csv", text.getvalue())
+        export()  # the last: where the file is, the run is finished
+    return path
 
 
 def descend(
@@ -143,52 +136,6 @@ def descend(
         if on_progress:
             on_progress(iteration, iterations, curve[-1][1])
     return curve
-
-
-def contents_of(
-    agent: str, network: Network, active_model: ActiveModel, configuration: dict[str, Any]
-) -> dict[str, Any]:
-    """Return what the file of a learned filter holds: all that it needs to run, and how it was trained."""
-    return {
-        "agent": agent,
-        "hidden": network.hidden,
-        "weights": network.state_dict(),
-        "model": model_to_dict(active_model.model),
-        "sample_time": active_model.sample_time,
-        "configuration": configuration,
-    }
-
-
-def read_file(path: Path, agent: str, kind: type[Kind]) -> tuple[Kind, HysteresisModel, float]:
-    """Read the network, the model and the sample time [s] from a file that `train_once` wrote.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is damaged, or of another agent.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(f"no file {path}; `endotwin train --agent {agent}` writes one")
-    try:
-        contents = torch.load(path, weights_only=True)
-        if contents["agent"] != agent:
-            raise ValueError(f"it holds the agent {contents['agent']!r}")
-        network = kind(contents["hidden"])
-        network.load_state_dict(contents["weights"])
-        return network, model_from_dict(contents["model"]), float(contents["sample_time"])
-    except Exception as error:  # torch raises many classes for a file that it cannot read
-        raise ValueError(f"{path} is no network written by `endotwin train --agent {agent}`") from error
-
-
-def deviation(variance: ArrayLike) -> Array:
-    """Return sqrt(R) [deg], the unit that a network sees angles in."""
-    return np.sqrt(np.maximum(np.asarray(variance, dtype=float), LEAST_VARIANCE))
-
-
-def chunks(samples: int, batch: int) -> Iterator[slice]:
-    """Cut all samples but the first into stretches that a network can take at once for a batch of records."""
-    length = max(CHUNK // batch, 1)
-    for begin in range(1, samples, length):
-        yield slice(begin, min(begin + length, samples))
 
 
 def tensor32(values: ArrayLike) -> torch.Tensor:

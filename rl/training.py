@@ -2,12 +2,9 @@
 
 import contextlib
 import csv
-import dataclasses
 import io
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,94 +12,29 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from rl.agents import check_agent_name, make_agent
-from rl.environment import BatchEnvironment
+from rl.environment import AGENTS, BatchEnvironment
+from rl.options import TrainingOptions
 from rl.policy import export_policy
+from rl.run import run_configuration
+from rl.trainers import OnProgress, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.learned.direct import DIRECT
+from twin.estimation.learned.policy import POLICY_FILE
+from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
 from twin.files.atomic import write_whole
 from twin.files.run_folder import claim_folder
-from twin.hysteresis import model_to_dict
-from twin.signals.noise import draw_noise
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
 
 
-@dataclasses.dataclass(frozen=True)
-class Training:
-    """How a policy is trained. Defaults are the paper's Table I and its protocol."""
-
-    agent: str = "ram"
-    """`ram`, or `direct` for direct RL."""
-    episodes: int = 2000
-    """Episodes in all."""
-    learning_rate: float = 2.5e-4
-    """Of Adam."""
-    horizon: int = 1024
-    """Samples between two updates, over all environments."""
-    discount: float = 0.99
-    """Discount factor gamma."""
-    minibatch: int = 128
-    """Samples in one gradient step."""
-    clip: float = 0.2
-    """Clip factor of PPO."""
-    environments: int = 32
-    """Episodes that run side by side."""
-    reward_scale: float = 0.05
-    """Factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function, which
-    shares a clipped gradient with the policy, of the order of one."""
-    noise: str = "gaussian"
-    """Measurement noise during training."""
-    noise_level: float = 0.1
-    """Its level: R = 0.1 in the paper."""
-    initial_error_deg: float = 20.0
-    """The initial estimate is off by up to this [deg]."""
-    seed: int = 0
-    """Of the network, the exploration and the noise."""
-
-    def __post_init__(self) -> None:
-        """Refuse a training that cannot run.
-
-        Raises:
-            ValueError: a number is out of range, or the horizon does not divide evenly.
-        """
-        check_agent_name(self.agent)
-        for name in _POSITIVE:
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} = {getattr(self, name)}: must be positive and finite")
-        if not 0 <= self.initial_error_deg < math.inf:
-            raise ValueError(f"initial_error_deg = {self.initial_error_deg}: must be finite, not negative")
-        if self.minibatch < 2:
-            raise ValueError(f"minibatch = {self.minibatch}: must be at least 2")
-        draw_noise(self.noise, self.noise_level, (1,), np.random.default_rng(0))
-        if not 0 < self.discount <= 1:
-            raise ValueError(f"discount = {self.discount}: must be above 0 and at most 1")
-        if self.horizon % self.environments or self.horizon % self.minibatch:
-            raise ValueError(
-                f"horizon = {self.horizon}: must be a multiple of environments = {self.environments} "
-                f"and of minibatch = {self.minibatch}"
-            )
-
-
-_POSITIVE = (
-    "episodes",
-    "learning_rate",
-    "horizon",
-    "minibatch",
-    "clip",
-    "environments",
-    "noise_level",
-    "reward_scale",
-)
-
-
 def train_policy(
     records: Sequence[tuple[Array, Array]],
     active_model: ActiveModel,
-    training: Training,
+    training: TrainingOptions,
     folder: Path,
-    on_progress: Callable[[int, int, float], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Path:
     """Train a policy and write `policy.onnx`, `config.yaml`, `progress.csv` and checkpoints into a folder.
 
@@ -125,14 +57,14 @@ def train_policy(
     torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
     folder.mkdir(parents=True, exist_ok=True)
     configuration = run_configuration(records, active_model, training)
-    policy_path = folder / "policy.onnx"
+    policy_path = folder / POLICY_FILE
     claim_folder(folder, configuration)
     if policy_path.is_file():
         return policy_path
 
     pull, bend = stack_records(records)
     task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
-    agent = make_agent(training.agent, active_model)
+    agent = AGENTS[training.agent](active_model)
     total = training.episodes * (pull.shape[1] - 1)
     environment = BatchEnvironment(task, agent, training.environments, training.seed, training.reward_scale)
     ppo = _newest_checkpoint(folder, environment, training.seed) or _new_ppo(environment, training)
@@ -143,28 +75,7 @@ def train_policy(
     return policy_path
 
 
-def run_configuration(
-    records: Sequence[tuple[Array, Array]], active_model: ActiveModel, training: Any
-) -> dict[str, Any]:
-    """Return what a run depends on, as plain values: the contents of `config.yaml`."""
-    return {
-        "training": dataclasses.asdict(training),
-        "active_model": {
-            "model": model_to_dict(active_model.model),
-            "sample_time": active_model.sample_time,
-            "process_variance": list(active_model.process_variance),
-            "measurement_variance": float(np.asarray(active_model.measurement_variance)),
-            "initial_variance": list(active_model.initial_variance),
-        },
-        "records": {
-            "count": len(records),
-            "samples": [len(pull) for pull, _ in records],
-            "mean_bend_deg": float(np.mean([bend.mean() for _, bend in records])),
-        },
-    }
-
-
-def _new_ppo(environment: BatchEnvironment, training: Training) -> PPO:
+def _new_ppo(environment: BatchEnvironment, training: TrainingOptions) -> PPO:
     return PPO(
         "MlpPolicy",
         environment,
@@ -240,3 +151,7 @@ class _Progress(BaseCallback):
         self.file.close()
         if self.on_progress:
             self.on_progress(self.total, self.total, self.latest)
+
+
+for _method in (RAM, DIRECT):
+    register_trainer(Trainer(_method, train_policy, "samples", counts_samples=True))

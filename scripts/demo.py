@@ -26,7 +26,7 @@ class Demo:
     out: Path = Path("out/demo")
     """Run folder; what an earlier demo left in it is removed."""
     episodes: int = 2000
-    """Episodes of PPO for RAM and for direct RL: the paper's number."""
+    """Episodes of PPO, the paper's number; a network takes as large a share of its own steps."""
     records: int = 5
     """Records of the training set, and as many of the test set: one of each kind of signal."""
     seconds: float = 60.0
@@ -40,6 +40,9 @@ class Demo:
 
 def demo(args: Demo) -> Summary:
     """Run every stage and write `report.html`."""
+    from twin.estimation.learned.policy import POLICY_FILE
+    from twin.estimation.registry import method_specs
+
     for name in ("episodes", "records", "seconds", "seeds"):
         if not getattr(args, name) > 0:
             raise ValueError(f"--{name} {getattr(args, name)}: must be positive")
@@ -47,24 +50,25 @@ def demo(args: Demo) -> Summary:
     out = shlex.quote(str(folder))  # as it stands in the commands
     data, model, runs = f"{out}/data", f"{out}/coleman_hodgdon.json", f"{out}/runs"
     generate = f"generate --preset ureteroscope --episodes {args.records} --seconds {args.seconds:g}"
-    learn = f"train {data}/train --model {model} --protocol strict --seed {args.seed}"
-    ppo = f"--episodes {args.episodes}"
-    given = f"--policy {runs}/ram/policy.onnx {runs}/direct/policy.onnx --lstm {runs}/lstm/lstm.pt"
+    learn = (
+        f"train {data}/train --model {model} --protocol strict --seed {args.seed} --episodes {args.episodes}"
+    )
+    training = [spec.training for spec in method_specs() if spec.training and spec.in_paper_suite]
+    train = {made.agent: f"{learn} --agent {made.agent} --out {runs}/{made.agent}" for made in training}
+    policies = [made.agent for made in training if made.file == POLICY_FILE]
+    given = " ".join(f"{runs}/{made.agent}/{made.file}" for made in training)
     stages: dict[str, list[str]] = {
         "training data": [f"{generate} --stroke 2 4 --seed {args.seed} --out {data}/train"],
         "test data": [f"{generate} --stroke -1 1 --seed {args.seed + 1} --out {data}/test"],
         "identification": [f"identify {data}/train --seed {args.seed} --out {model}"],
         "pictures": [f"render {data}/test --out {out}/bend.png"],
-        "training": [
-            f"{learn} --agent ram {ppo} --out {runs}/ram",
-            f"{learn} --agent direct {ppo} --out {runs}/direct",
-        ],
-        "LSTM, film": [
-            f"{learn} --agent lstm --out {runs}/lstm",
+        "training": [train[agent] for agent in policies],
+        "networks, film": [
+            *(command for agent, command in train.items() if agent not in policies),
             f"render {data}/test --speed 4 --size 960 540 --out {out}/bend.mp4",
         ],
         "evaluation": [
-            f"evaluate {data}/test --train {data}/train --model {model} {given} "
+            f"evaluate {data}/test --train {data}/train --model {model} --policy {given} "
             f"--suite paper --seeds {args.seeds} --seed {args.seed} --out {out}/results"
         ],
     }

@@ -4,22 +4,23 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from rl.agents import AGENTS
-from rl.gru import GRU_FILE, train_gru
-from rl.kalman_net import KALMAN_NET_FILE, KalmanNetTraining, train_kalman_net
-from rl.lstm import LSTM_FILE, train_lstm
-from rl.supervised import SequenceTraining
-from rl.training import Training, train_policy
+from rl.options import TrainingOptions
 from scripts.command import Summary, TrainingProgress, output_folder, run_verb
-from twin.estimation.active_model import ActiveModel
-from twin.evaluation.reading import true_records
-from twin.hysteresis import load_model
+from twin.estimation.registry import find_trainable, trainable_specs
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
+
+
+def agents_in_words(default: str = "") -> str:
+    """Return the agents that there are, each with its purpose, for the help of the command line."""
+    listed = (
+        f"{agent}: {spec.training.purpose}" for agent, spec in trainable_specs().items() if spec.training
+    )
+    return "; ".join(listed)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,34 +33,36 @@ class Train:
     """coleman_hodgdon.json of the reference model."""
     out: Path
     """Run folder: policy.onnx or the network's file, config.yaml, progress.csv, checkpoints of a policy."""
-    agent: Literal["ram", "direct", "lstm", "gru", "kalman-net"] = "ram"
-    """Reinforcement active modeling, direct RL without the active model, the LSTM baseline, a GRU that knows
-    the noise and the model, or the active model with a learned gain (KalmanNet)."""
+    agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
+    """Learned method, one of:"""
     protocol: Literal["strict", "free"] = "strict"
     """strict: trained under Gaussian noise of R = 0.1 alone, as in the paper; free: noise as given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
-    episodes: int = Training.episodes
-    """Episodes of PPO in all."""
-    learning_rate: float = Training.learning_rate
-    horizon: int = Training.horizon
+    episodes: int = TrainingOptions.episodes
+    """Episodes of PPO in all; a network takes as large a share of its own steps as this is of the default."""
+    learning_rate: float = TrainingOptions.learning_rate
+    """Of PPO."""
+    horizon: int = TrainingOptions.horizon
     """Samples between two updates, over all environments."""
-    discount: float = Training.discount
-    minibatch: int = Training.minibatch
+    discount: float = TrainingOptions.discount
+    """Discount factor of PPO."""
+    minibatch: int = TrainingOptions.minibatch
     """Samples in one gradient step."""
-    clip: float = Training.clip
+    clip: float = TrainingOptions.clip
     """Clip factor of PPO."""
-    environments: int = Training.environments
+    environments: int = TrainingOptions.environments
     """Episodes that run side by side."""
-    noise: str = Training.noise
+    noise: str = TrainingOptions.noise
     """Measurement noise during training (protocol free)."""
-    noise_level: float = Training.noise_level
+    noise_level: float = TrainingOptions.noise_level
     """Its level [deg^2 or deg] (protocol free)."""
-    reward_scale: float = Training.reward_scale
+    reward_scale: float = TrainingOptions.reward_scale
     """Factor on the reward, eq. 11."""
-    initial_error_deg: float = Training.initial_error_deg
+    initial_error_deg: float = TrainingOptions.initial_error_deg
     """The initial estimate is off by up to this [deg]."""
     seed: int = 0
+    """Of the network, the exploration and the noise."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -69,28 +72,23 @@ def train(args: Train) -> Summary:
     given = {name: getattr(args, name) for name in STRICT}
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
+    find_trainable(args.agent)
+    names = [field.name for field in dataclasses.fields(TrainingOptions)]
+    options = TrainingOptions(**{name: getattr(args, name) for name in names})
+
+    from rl.trainers import find_trainer
+    from twin.estimation.active_model import ActiveModel
+    from twin.evaluation.reading import true_records
+    from twin.hysteresis import load_model
+
     active_model = ActiveModel(
         load_model(args.model), args.sample_time, measurement_variance=args.noise_level
     )
     records = true_records(args.data, args.sample_time)
     folder = output_folder(args.out)
-    progress = TrainingProgress(f"train {args.agent}", "samples" if args.agent in AGENTS else "steps")
-    drawn: dict[str, Any] = {"noise": args.noise, "noise_level": args.noise_level, "seed": args.seed}
-
-    if args.agent == "lstm":
-        train_lstm(records, active_model, SequenceTraining(**drawn), folder, progress)
-        path = folder / LSTM_FILE
-    elif args.agent == "gru":
-        train_gru(records, active_model, SequenceTraining(**drawn), folder, progress)
-        path = folder / GRU_FILE
-    elif args.agent == "kalman-net":
-        gain = KalmanNetTraining(**drawn, initial_error_deg=args.initial_error_deg)
-        train_kalman_net(records, active_model, gain, folder, progress)
-        path = folder / KALMAN_NET_FILE
-    else:
-        names = [field.name for field in dataclasses.fields(Training)]
-        ppo = Training(**{name: getattr(args, name) for name in names})
-        path = train_policy(records, active_model, ppo, folder, progress)
+    trainer = find_trainer(args.agent)
+    progress = TrainingProgress(f"train {args.agent}", trainer.unit)
+    path = trainer.train(records, active_model, options, folder, progress)
     return Summary(
         f"{path}: {args.agent} trained on {len(records)} records", {"out": str(path), "agent": args.agent}
     )

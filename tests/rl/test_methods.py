@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-
 from rl.methods import PolicyEstimator, oracle_method, policy_method
+
 from rl.policy import Policy
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.case import Case
 from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor
 from twin.estimation.online import OnlineEstimator
-from twin.evaluation.case import Case
 from twin.evaluation.method import as_method
 
 SEEDS = 8

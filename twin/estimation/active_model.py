@@ -5,14 +5,16 @@ random walk.
 """
 
 import dataclasses
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, condition, propagate
-from twin.hysteresis import HysteresisModel
+from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
 ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
@@ -70,3 +72,51 @@ class ActiveModel(Estimator[Belief]):
     def bend_deg(self, state: Belief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
         return state.mean[0]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return model and variances as plain values, as a trained file holds them; R must be one number."""
+        return {
+            "model": model_to_dict(self.model),
+            "sample_time": self.sample_time,
+            "process_variance": list(self.process_variance),
+            "measurement_variance": float(np.asarray(self.measurement_variance)),
+            "initial_variance": list(self.initial_variance),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the filter of what `to_dict` returned.
+
+        Raises:
+            KeyError: a value is missing.
+            ValueError: a value is no number, or the model's parameters cannot be.
+        """
+        return cls(
+            model_from_dict(values["model"]),
+            float(values["sample_time"]),
+            process_variance=_pair(values["process_variance"]),
+            measurement_variance=float(values["measurement_variance"]),
+            initial_variance=_pair(values["initial_variance"]),
+        )
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    first, second = values
+    return float(first), float(second)
+
+
+register_method(
+    MethodSpec(
+        name="AM",
+        rank=10,
+        family="filter",
+        told="R",
+        build=lambda known: ActiveModel(known.reference, known.sample_time),
+        models=(ColemanHodgdon.name,),
+        in_paper_suite=True,
+        paper_column=1,
+        paper_figures=(6, 7, 8, 9, 10),
+        beside_paper=True,
+        style=Style("#e2861b", (0, (5, 1.5)), "^"),
+    )
+)

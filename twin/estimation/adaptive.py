@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from twin.estimation.active_model import ANGLE, ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, innovation_of
+from twin.estimation.registry import MethodSpec, register_method
+from twin.estimation.tuning import TUNED
 
 Array = NDArray[np.float64]
 ITERATIONS = 5
@@ -90,3 +92,16 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
     def bend_deg(self, state: AdaptiveBelief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
         return state.state.mean[0]
+
+
+register_method(
+    MethodSpec(
+        name="VB",
+        rank=36,
+        family="tuned filter",
+        told="R, to begin with",
+        build=lambda known: AdaptiveActiveModel(TUNED.filter(known)),
+        models=(TUNED.model,),
+        fits=(TUNED,),
+    )
+)

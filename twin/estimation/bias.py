@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief, condition
+from twin.estimation.registry import MethodSpec, register_method
+from twin.estimation.tuning import TUNED
 
 Array = NDArray[np.float64]
 BIASED_ANGLE = np.array([1.0, 0.0, 1.0])  # the sensor sees the angle and the bias
@@ -55,3 +57,16 @@ class BiasedActiveModel(ActiveModel):
             belief.mean, belief.covariance, BIASED_ANGLE, measurement_deg, self.measurement_variance
         )
         return Belief(mean, covariance, belief.memory)
+
+
+register_method(
+    MethodSpec(
+        name="AM with bias",
+        rank=37,
+        family="tuned filter",
+        told="R",
+        build=lambda known: TUNED.filter(known, BiasedActiveModel),
+        models=(TUNED.model,),
+        fits=(TUNED,),
+    )
+)

@@ -15,13 +15,15 @@ best, but for the finite number of members; a nonlinear one can do somewhat bett
 """
 
 import dataclasses
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator, Sensor
-from twin.signals.noise_density import NoiseDensity
+
+if TYPE_CHECKING:
+    from twin.signals.noise_density import NoiseDensity
 
 Array = NDArray[np.float64]
 NARROW = 0.5  # of the noise's standard deviation: narrower beliefs are moved by the score
@@ -43,7 +45,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
     """(M, N) angle of each member at each sample of the command [deg]."""
     measurement_variance: float = 0.1
     """R [deg^2]."""
-    density: NoiseDensity | None = None
+    density: "NoiseDensity | None" = None
     """What else is known of the noise; without it, it is taken as normal, of mean zero and variance R."""
 
     def with_sensor(self, sensor: Sensor) -> Self:

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.optimize import linprog
 
 from twin.hysteresis import HysteresisModel
 
@@ -93,6 +91,8 @@ def bound_model_error(
     if increment_deg_per_s > 0:
         lengths = [found.size for _, found in errors]
         programme = _with_f(move, error, lengths, sample_time, increment_deg_per_s)
+    from scipy.optimize import linprog  # imported when used: a table of methods needs none of it
+
     slope, floor, *f = linprog(**programme, method="highs").x
     # Rounding of the programme must not break the bound on the records themselves.
     w = error - sample_time * np.asarray(f) if f else error
@@ -126,6 +126,8 @@ def _with_f(
     move: Array, error: Array, lengths: Sequence[int], sample_time: float, increment: float
 ) -> dict[str, object]:
     """The same with slope |dl| + floor >= |e - T f|, over all f whose changes within a record are bounded."""
+    from scipy import sparse
+
     count = len(error)
     bound = sparse.csr_array(np.stack([move, np.ones(count)], axis=1))
     f = sparse.eye_array(count, format="csr")

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief, propagate
+from twin.estimation.registry import MethodSpec, register_method
+from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
 
@@ -44,3 +46,15 @@ class KalmanActiveModel(ActiveModel):
         mean = np.einsum("ijb,jb->ib", transition, belief.mean)
         mean[0] += drive  # u_k = [drive, 0]
         return Belief(mean, propagate(belief.covariance, transition, np.diag(self.process_variance)), memory)
+
+
+register_method(
+    MethodSpec(
+        name="KF",
+        rank=11,
+        family="filter",
+        told="R",
+        build=lambda known: KalmanActiveModel(known.reference, known.sample_time),
+        models=(ColemanHodgdon.name,),
+    )
+)

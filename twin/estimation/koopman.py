@@ -18,13 +18,16 @@ linear in the pull: it stays finite there. A fit that does not forget is refused
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.gaussian import Belief, condition
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.registry import MethodSpec, register_method
+from twin.estimation.tuning import TrainingEpisodes, draw_training_episodes, innovation_log_likelihood
 
 Array = NDArray[np.float64]
 Record = tuple[Array, Array]  # (N,) pull [mm] and (N,) true angle [deg]
@@ -159,6 +162,27 @@ def fit_koopman(
     return fitted[choices.index(stable[int(np.argmin(scores))])]
 
 
+def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanFilter:
+    """Return the filter with the process and initial variance that make the measurements most likely.
+
+    The residual of its fit is far too small a process variance: it says what one step misses, not that the
+    next step misses the same.
+    """
+    from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
+
+    def with_variances(logarithms: Array) -> KoopmanFilter:
+        process, initial = np.exp(np.clip(logarithms, -30, 20)).tolist()
+        return dataclasses.replace(koopman, process_variance=process, initial_variance=initial)
+
+    def cost(logarithms: Array) -> float:
+        return -innovation_log_likelihood(with_variances(logarithms), *episodes[:3])
+
+    start = np.log([koopman.process_variance, koopman.initial_variance])
+    simplex = np.vstack([start, start + 2 * np.eye(2)])
+    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 150, "initial_simplex": simplex}
+    return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
+
+
 def _fit(records: Sequence[Record], delays: int, ridge: float, symmetric: bool) -> KoopmanFilter:
     """Least squares of the angle's increment on the lifted features, each scaled to unit mean square."""
     features, targets = zip(*(_regression(*record, delays, symmetric) for record in records), strict=True)
@@ -222,3 +246,35 @@ def _left_out_rmse_deg(records: Sequence[Record], delays: int, ridge: float, sym
     with np.errstate(over="ignore", invalid="ignore"):
         rmse = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     return rmse if np.isfinite(rmse) else np.inf
+
+
+@dataclasses.dataclass(frozen=True)
+class KoopmanFit:
+    """Variances of the lifted model that make the measured training records most likely.
+
+    Attributes:
+        key: name in the file of fits.
+    """
+
+    key: str = "koopman"
+
+    def find(self, knowledge: Knowledge) -> dict[str, Any]:
+        """Return the process and the initial variance [deg^2]."""
+        episodes = draw_training_episodes(knowledge.task, knowledge.seed)
+        tuned = tune_koopman(fit_koopman(knowledge.records), episodes)
+        return {"process_variance": tuned.process_variance, "initial_variance": tuned.initial_variance}
+
+
+VARIANCES = KoopmanFit()
+
+register_method(
+    MethodSpec(
+        name="Koopman",
+        rank=38,
+        family="tuned filter",
+        told="R",
+        build=lambda known: dataclasses.replace(fit_koopman(known.records), **known.found(VARIANCES)),
+        fits=(VARIANCES,),
+        records=True,
+    )
+)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ANGLE, ActiveModel
 from twin.estimation.gaussian import Belief, condition, innovation_of
+from twin.estimation.registry import MethodSpec, register_method
+from twin.estimation.tuning import TUNED
 
 Array = NDArray[np.float64]
 HUBER_THRESHOLD = 1.345  # 95 % as efficient as least squares where the noise is Gaussian (Huber 1964)
@@ -50,3 +52,16 @@ def huber_variance(distance: Array, spread: Array, variance: Array, threshold: f
     """
     inflated = np.nan_to_num(distance) * np.sqrt(variance) / threshold - spread
     return np.maximum(variance, inflated)
+
+
+register_method(
+    MethodSpec(
+        name="Huber",
+        rank=35,
+        family="tuned filter",
+        told="R",
+        build=lambda known: TUNED.filter(known, RobustActiveModel),
+        models=(TUNED.model,),
+        fits=(TUNED,),
+    )
+)

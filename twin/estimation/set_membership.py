@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.ellipsoid import ROUNDING, Ellipsoid, add_segment, around_box, cut
-from twin.estimation.error_bound import ErrorBound
+from twin.estimation.error_bound import ErrorBound, bound_model_error, geometric_error_bound
 from twin.estimation.estimator import Estimator, Sensor, time_first
-from twin.hysteresis import HysteresisModel
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.registry import MethodSpec, register_method
+from twin.hysteresis import ColemanHodgdon, HysteresisModel
 
 Array = NDArray[np.float64]
 LEAST = 1e-6  # half width that bounds of zero are taken to have: a flat set has no ellipsoid [deg], [deg / s]
@@ -155,3 +157,42 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
             state = self.step(state, pull[k], pull[k - 1], measurement[k])
             low[k], high[k] = self.interval(state)
         return low.T, high.T
+
+
+def _found(knowledge: Knowledge) -> ErrorBound:
+    return bound_model_error(knowledge.reference, knowledge.records, knowledge.sample_time)
+
+
+def _from_records(knowledge: Knowledge) -> SetMembershipFilter:
+    return SetMembershipFilter(knowledge.reference, knowledge.sample_time, _found(knowledge))
+
+
+def _from_geometry(knowledge: Knowledge) -> SetMembershipFilter:
+    assert knowledge.smallest_wire_offset is not None
+    bound = geometric_error_bound(knowledge.smallest_wire_offset, _found(knowledge).floor_deg)
+    return SetMembershipFilter(knowledge.reference, knowledge.sample_time, bound)
+
+
+register_method(
+    MethodSpec(
+        name="ESMF",
+        rank=20,
+        family="set-membership filter",
+        told="the largest magnitude of the noise",
+        build=_from_records,
+        models=(ColemanHodgdon.name,),
+        records=True,
+    )
+)
+register_method(
+    MethodSpec(
+        name="ESMF (geometry)",
+        rank=21,
+        family="set-membership filter",
+        told="the largest magnitude of the noise",
+        build=_from_geometry,
+        models=(ColemanHodgdon.name,),
+        records=True,
+        wire_offset=True,
+    )
+)

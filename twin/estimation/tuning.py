@@ -1,26 +1,26 @@
-"""Tuning the active model on training data: by likelihood of its innovations (Schweppe 1965), or by RMSE.
+"""Tuning of filters on training data by the likelihood of their innovations (Schweppe 1965).
 
-The paper leaves Q small on purpose. A reader asks what the same filter does when it is tuned, or with the
-best constant gain: both are found here, on the training records and the training noise alone.
+The paper leaves Q small on purpose. A reader asks what the same filter does when it is tuned: its variances
+are found here, on the training records and the training noise alone.
 """
 
 import dataclasses
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize
+from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor, time_first
-from twin.estimation.gaussian import innovation_of
-from twin.estimation.koopman import KoopmanFilter
+from twin.estimation.gaussian import Belief, innovation_of
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.registry import MethodSpec, Style, register_method
 from twin.estimation.task import TrainingTask
+from twin.estimation.unscented import UnscentedActiveModel
+from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 
 Array = NDArray[np.float64]
 TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is tuned on
-FIRST_STEP = 0.5  # of the search for a constant gain, in actions of [-1, 1]
 
 
 class TrainingEpisodes(NamedTuple):
@@ -65,6 +65,7 @@ def tune_active_model(
         initial_bend_deg: (B,) initial estimates, wrong as they are in training [deg].
         fit_measurement_variance: whether R is fitted too; the result is then an `UntoldActiveModel`.
     """
+    from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
 
     def with_variances(logarithms: Array) -> ActiveModel:
         q_bend, q_error, p_bend, p_error, *r = np.exp(np.clip(logarithms, -30, 20)).tolist()
@@ -86,28 +87,25 @@ def tune_active_model(
     return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
 
 
-def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanFilter:
-    """Return the filter with the process and initial variance that make the measurements most likely.
+class GaussianFilter(Protocol):
+    """A filter with a Gaussian belief whose newest angle is the first state."""
 
-    The residual of its fit is far too small a process variance: it says what one step misses, not that the
-    next step misses the same.
-    """
+    @property
+    def measurement_variance(self) -> ArrayLike:
+        """R [deg^2]."""
 
-    def with_variances(logarithms: Array) -> KoopmanFilter:
-        process, initial = np.exp(np.clip(logarithms, -30, 20)).tolist()
-        return dataclasses.replace(koopman, process_variance=process, initial_variance=initial)
+    def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
+        """Return the belief at the first sample."""
 
-    def cost(logarithms: Array) -> float:
-        return -innovation_log_likelihood(with_variances(logarithms), *episodes[:3])
+    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
+        """Advance the belief by one sample."""
 
-    start = np.log([koopman.process_variance, koopman.initial_variance])
-    simplex = np.vstack([start, start + 2 * np.eye(2)])
-    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 150, "initial_simplex": simplex}
-    return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
+    def update(self, belief: Belief, measurement_deg: Array) -> Belief:
+        """Condition the belief on a measurement."""
 
 
 def innovation_log_likelihood(
-    filter_: ActiveModel | KoopmanFilter, pull_mm: Array, measurement_deg: Array, initial_bend_deg: Array
+    filter_: GaussianFilter, pull_mm: Array, measurement_deg: Array, initial_bend_deg: Array
 ) -> float:
     """Return the log-likelihood of all measurements after the first, summed over (B, N) records."""
     pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
@@ -125,30 +123,88 @@ def innovation_log_likelihood(
     return total
 
 
-def tune_constant_gain(active_model: ActiveModel, task: TrainingTask, seed: int) -> ConstantGain:
-    """Return the filter with the constant gain of least RMSE on noisy training records.
+@dataclasses.dataclass(frozen=True)
+class LikelihoodFit:
+    """Variances of an active model that make the measured training records most likely.
 
-    It sees what RAM sees in training, the truth of the training records included. Both gains are searched
-    from the middle of [0, 1], as RAM's actions are bounded.
-
-    Args:
-        active_model: the filter that the gain is added to.
-        task: training records and their noise.
-        seed: of the episodes drawn.
+    Attributes:
+        key: name in the file of fits.
+        model: name of the model of hysteresis.
+        unscented: whether the filter is an unscented one.
+        measurement_variance: whether R is fitted too, and kept whatever the sensor is said to be.
     """
-    episodes = draw_training_episodes(task, seed)
 
-    def with_gain(action: Array) -> ConstantGain:
-        bend, error = ((np.clip(action, -1, 1) + 1) / 2).tolist()
-        return ConstantGain(**vars(active_model), gain=(bend, error))
+    key: str
+    model: str
+    unscented: bool = False
+    measurement_variance: bool = False
 
-    def cost(action: Array) -> float:
-        estimate = with_gain(action).estimate(
-            episodes.pull_mm, episodes.measurement_deg, episodes.initial_bend_deg
+    def find(self, knowledge: Knowledge) -> dict[str, Any]:
+        """Return the variances by the names of the fields of `ActiveModel`."""
+        kind = UnscentedActiveModel if self.unscented else ActiveModel
+        episodes = draw_training_episodes(knowledge.task, knowledge.seed)
+        found = tune_active_model(
+            kind(knowledge.models[self.model], knowledge.sample_time),
+            episodes.pull_mm,
+            episodes.measurement_deg,
+            episodes.initial_bend_deg,
+            fit_measurement_variance=self.measurement_variance,
         )
-        rmse = float(np.sqrt(np.mean((estimate - episodes.bend_deg)[:, 1:] ** 2)))
-        return rmse + 10 * float(np.maximum(np.abs(action) - 1, 0).sum())  # no way out of the bounds
+        names = ("process_variance", "measurement_variance", "initial_variance")
+        return {name: np.asarray(getattr(found, name)).tolist() for name in names}
 
-    simplex = FIRST_STEP * np.array([[0, 0], [1, 0], [0, 1]])
-    options = {"xatol": 0.01, "fatol": 1e-4, "maxfev": 120, "initial_simplex": simplex}
-    return with_gain(minimize(cost, np.zeros(2), method="Nelder-Mead", options=options).x)
+    def filter(self, knowledge: Knowledge, kind: type[ActiveModel] = ActiveModel) -> ActiveModel:
+        """Return a filter of some kind with the variances that were found."""
+        found = knowledge.found(self)
+        return kind(
+            knowledge.models[self.model],
+            knowledge.sample_time,
+            process_variance=tuple(found["process_variance"]),
+            measurement_variance=float(found["measurement_variance"]),
+            initial_variance=tuple(found["initial_variance"]),
+        )
+
+
+TUNED = LikelihoodFit("coleman-hodgdon", ColemanHodgdon.name)
+"""Of the paper's active model; filters of its kind take the same variances."""
+
+
+def _register(
+    name: str, rank: float, fit: LikelihoodFit, kind: type[ActiveModel] = ActiveModel, **more: Any
+) -> None:
+    register_method(
+        MethodSpec(
+            name=name,
+            rank=rank,
+            family="tuned filter",
+            told="nothing: R is fitted" if fit.measurement_variance else "R",
+            build=lambda known: fit.filter(known, kind),
+            models=(fit.model,),
+            fits=(fit,),
+            **more,
+        )
+    )
+
+
+_register(
+    "AM-tuned",
+    30,
+    TUNED,
+    in_paper_suite=True,
+    beside_paper=True,
+    style=Style("#8a5a12", (0, (3, 1, 1, 1)), "v"),
+)
+_register(
+    "AM-tuned (Q, R)",
+    31,
+    LikelihoodFit("coleman-hodgdon, Q and R", ColemanHodgdon.name, measurement_variance=True),
+    UntoldActiveModel,
+)
+_register("AM-tuned (Bouc-Wen)", 32, LikelihoodFit("bouc-wen", BoucWen.name))
+_register(
+    "UKF-tuned (Bouc-Wen)",
+    33,
+    LikelihoodFit("bouc-wen, unscented", BoucWen.name, unscented=True),
+    UnscentedActiveModel,
+)
+_register("AM-tuned (P-I)", 34, LikelihoodFit("prandtl-ishlinskii", PrandtlIshlinskii.name))

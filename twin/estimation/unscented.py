@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief
+from twin.estimation.registry import MethodSpec, register_method
+from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
 
@@ -89,3 +91,15 @@ def cholesky(covariance: Array) -> Array:
     np.divide(covariance[1, 0], root[0, 0], out=root[1, 0], where=root[0, 0] > 0)
     root[1, 1] = np.sqrt(np.maximum(covariance[1, 1] - root[1, 0] ** 2, 0))
     return root
+
+
+register_method(
+    MethodSpec(
+        name="UKF",
+        rank=12,
+        family="filter",
+        told="R",
+        build=lambda known: UnscentedActiveModel(known.reference, known.sample_time),
+        models=(ColemanHodgdon.name,),
+    )
+)

@@ -1,36 +1,18 @@
-"""What a method is given: measurements of a group of records under drawn noise."""
+"""Cases of a comparison: the measurements of a group of records under drawn noise."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimation.case import Case
 from twin.estimation.estimator import Sensor
-from twin.evaluation.protocol import SUITES, Condition, Protocol
+from twin.evaluation.protocol import RECORDED, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.signals.noise import NOISES, draw_noise, noise_bound, noise_variance
 
 Array = NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True)
-class Case:
-    """What a method is given: B runs over records, each with its own draw of a noise."""
-
-    pull_mm: Array
-    """(B, N) commanded pulling distance [mm]."""
-    measurement_deg: Array
-    """(B, N) measured bending angle [deg]; NaN where there is none."""
-    initial_bend_deg: Array
-    """(B,) initial estimate, wrong on purpose [deg]."""
-    sensor: Sensor
-    """Variance and largest magnitude of each run's noise, which the filters are told."""
-    noises: tuple[Condition, ...] = ()
-    """Kind and level of each run's noise: for the limit alone, which knows all of it."""
-    truth_deg: Array | None = None
-    """(B, N) true angle [deg], given to oracles alone."""
 
 
 def make_case(
@@ -43,15 +25,14 @@ def make_case(
         protocol: noises, seeds and initial error.
         conditions: noises, if not all of the protocol's suite.
     """
-    conditions = conditions or SUITES[protocol.suite]
+    conditions = conditions or protocol.conditions
     samples = max(len(record.pull_mm) for _, record in records)
     pulls, measurements, truths = [], [], []
     for number, record in records:
         rest = samples - len(record.pull_mm)
-        noise = np.stack(
-            [_draws(kind, level, number, len(record.pull_mm), protocol) for kind, level in conditions]
+        measured = np.concatenate(
+            [_measurements(condition, number, record, protocol) for condition in conditions]
         )
-        measured = np.where(record.seen, record.bend_deg + noise, np.nan).reshape(-1, len(record.pull_mm))
         measurements.append(np.pad(measured, ((0, 0), (0, rest)), constant_values=np.nan))
         pulls.append(np.broadcast_to(np.pad(record.pull_mm, (0, rest), mode="edge"), measurements[-1].shape))
         truths.append(
@@ -67,7 +48,7 @@ def make_case(
         pull_mm=np.concatenate(pulls),
         measurement_deg=np.concatenate(measurements),
         initial_bend_deg=truth[:, 0] + protocol.initial_error_deg,
-        sensor=Sensor(of_each_run(noise_variance), of_each_run(noise_bound)),
+        sensor=Sensor(of_each_run(_variance), of_each_run(_bound)),
         noises=tuple(condition for condition in conditions for _ in range(protocol.seeds)) * len(records),
         truth_deg=truth,
     )
@@ -81,6 +62,17 @@ def group_records(records: Sequence[EvaluationRecord]) -> list[list[tuple[int, E
     return list(groups.values())
 
 
+def _measurements(condition: Condition, number: int, record: EvaluationRecord, protocol: Protocol) -> Array:
+    """(seeds, N) measured angle [deg]: the truth and drawn noise, or what the sensor of the record saw."""
+    kind, level = condition
+    if kind == RECORDED:
+        if record.measured_deg is None:
+            raise ValueError(f"{record.name}: the record holds no measurement")
+        return record.measured_deg[None]
+    noise = _draws(kind, level, number, len(record.pull_mm), protocol)
+    return np.where(record.seen, record.bend_deg + noise, np.nan)
+
+
 def _draws(noise: str, level: float, record: int, samples: int, protocol: Protocol) -> Array:
     """(seeds, N) noise [deg]; each seed has its own stream, whatever their number."""
     kind = list(NOISES).index(noise)
@@ -89,3 +81,11 @@ def _draws(noise: str, level: float, record: int, samples: int, protocol: Protoc
         for seed in range(protocol.seeds)
     ]
     return np.stack([draw_noise(noise, level, (samples,), rng) for rng in streams])
+
+
+def _variance(kind: str, level: float) -> float:
+    return level if kind == RECORDED else noise_variance(kind, level)
+
+
+def _bound(kind: str, level: float) -> float:
+    return np.inf if kind == RECORDED else noise_bound(kind, level)

@@ -13,8 +13,9 @@ from twin.evaluation.case import group_records, make_case
 from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices
 from twin.evaluation.paper import paper_value
-from twin.evaluation.protocol import STEADY_SECONDS, SUITES, Condition, Protocol
+from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ def evaluate(
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
-) -> tuple[list[dict[str, Any]], list[Track]]:
+) -> tuple[list[Score], list[Track]]:
     """Run every method under every noise of the suite.
 
     Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
@@ -41,7 +42,7 @@ def evaluate(
         executor: where groups are worked on side by side; without it, here, one after the other.
 
     Returns:
-        Rows of `evaluation.json`, and for each noise the tracks of all methods on the first record and seed.
+        Scores, and for each noise the tracks of all methods on the first record and seed.
     """
     groups = list(group_records(records))
     results: list[Any] = [None] * len(groups)
@@ -65,14 +66,14 @@ def evaluate(
 
 def _evaluate_group(
     records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
-) -> tuple[list[dict[str, Any]], list[Track]]:
-    conditions = SUITES[protocol.suite]
+) -> tuple[list[Score], list[Track]]:
+    conditions = protocol.conditions
     shown = make_case(records, protocol)
     case = dataclasses.replace(shown, truth_deg=None)
     truth = shown.truth_deg
     assert truth is not None
     tracked = np.arange(len(conditions)) * protocol.seeds  # first record, first seed of each noise
-    rows: dict[tuple[str, float], list[dict[str, Any]]] = {condition: [] for condition in conditions}
+    rows: dict[Condition, list[Score]] = {condition: [] for condition in conditions}
     tracks: dict[str, Array] = {}
     for method in methods:
         estimate = method.estimate(shown if method.oracle else case)
@@ -101,7 +102,7 @@ def _row(
     errors: list[Array],
     records: Sequence[tuple[int, EvaluationRecord]],
     protocol: Protocol,
-) -> dict[str, Any]:
+) -> Score:
     """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
     noise, level = condition
 
@@ -117,17 +118,17 @@ def _row(
         raise FloatingPointError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
-    return {
-        "noise": noise,
-        "level": level,
-        "sample_time_s": protocol.sample_time_s,
-        "stroke_mm": list(first.stroke_mm),
-        "twin": first.twin,
-        "method": method.name,
-        "oracle": method.oracle,
+    return Score(
+        noise=noise,
+        level=level,
+        sample_time_s=protocol.sample_time_s,
+        stroke_mm=first.stroke_mm,
+        twin=first.twin,
+        method=method.name,
+        oracle=method.oracle,
         **{name: float(values.mean()) for name, values in indices.items()},
-        "rmse_steady_deg": float(late["rmse_deg"].mean()),
-        "rmse_ci95_deg": [low, high],
-        "seeds": protocol.seeds,
-        "paper_rmse_deg": None if method.oracle else paper_value(noise, level, method.name, "rmse_deg"),
-    }
+        rmse_steady_deg=float(late["rmse_deg"].mean()),
+        rmse_ci95_deg=(low, high),
+        seeds=protocol.seeds,
+        paper_rmse_deg=None if method.oracle else paper_value(noise, level, method.name, "rmse_deg"),
+    )

@@ -1,41 +1,57 @@
-"""A method of the comparison: an estimator under its name in the tables, run on a case."""
+"""A method of the comparison, ready to run: an estimator under its name in the tables."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimation.case import Case, CaseEstimator
 from twin.estimation.estimator import Estimator
-from twin.evaluation.case import Case
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.registry import MethodSpec
 
 Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """An estimator under its name in the tables."""
+    """A function of a case under a name.
+
+    Attributes:
+        name: in the tables.
+        estimate: returns (B, N) estimated angles [deg].
+        oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
+    """
 
     name: str
-    estimate: Callable[[Case], Array]
-    """Returns (B, N) estimated angles [deg]."""
+    estimate: CaseEstimator
     oracle: bool = False
-    """Whether it is shown the truth: such a row is labelled, and no deployable result."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Filtering:
-    """An estimator, told of its sensor, on a case: what most methods do."""
+    """An estimator that is told of its sensor and run on a case.
+
+    Attributes:
+        estimator: before it is told.
+    """
 
     estimator: Estimator[Any]
 
     def __call__(self, case: Case) -> Array:
         """Return (B, N) estimated angles [deg]."""
-        told = self.estimator.with_sensor(case.sensor)
-        return told.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
+        filter_ = self.estimator.with_sensor(case.sensor)
+        return filter_.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
 
 
 def as_method(name: str, estimator: Estimator[Any]) -> Method:
     """Return the method of an estimator that sees no truth."""
     return Method(name, Filtering(estimator))
+
+
+def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
+    """Return a declared method, built from what is known before the test."""
+    built = spec.build(knowledge)
+    run: CaseEstimator = Filtering(built) if isinstance(built, Estimator) else built
+    return Method(spec.name, run, spec.oracle)

@@ -1,4 +1,7 @@
-"""The figures that the RAM paper published: Table II (Gaussian noise) and Table III (Poisson noise).
+"""Published figures of the RAM paper: Table II (Gaussian noise) and Table III (Poisson noise).
+
+The columns are, from the left, the static model, the active model, the LSTM and the proposed method; a method
+declares its column (`MethodSpec.paper_column`).
 
 The static model cannot depend on the noise of a sensor that it does not read, yet the paper's C-H column
 varies, and its rows at R = 1 and lambda = 2 are equal: they are quoted here as printed.
@@ -6,22 +9,26 @@ varies, and its rows at R = 1 and lambda = 2 are equal: they are quoted here as 
 
 import dataclasses
 
-METHODS = ("C-H", "AM", "LSTM", "RAM")
+from twin.estimation.registry import method_spec
+
 INDICES = ("mae_deg", "rmse_deg", "md_deg", "var_deg2")
 
 
 @dataclasses.dataclass(frozen=True)
 class PaperTable:
-    """One of the paper's tables of results."""
+    """One of the paper's tables of results.
+
+    Attributes:
+        number: in the paper.
+        noise: kind of the measurement noise, as in `evaluation.json`.
+        symbol: of the noise level, in the paper.
+        values: by level and index, one value for each column.
+    """
 
     number: str
-    """Its number in the paper."""
     noise: str
-    """Kind of the measurement noise, as in `evaluation.json`."""
     symbol: str
-    """The paper's symbol of the noise level."""
     values: dict[float, dict[str, tuple[float, float, float, float]]]
-    """By level and index, one value for each of `METHODS`."""
 
 
 TABLES = (
@@ -78,15 +85,18 @@ def paper_value(noise: str, level: float, method: str, index: str) -> float | No
     Args:
         noise: kind of the noise, `gaussian` or `poisson`.
         level: covariance R [deg^2] or expectation lambda [deg].
-        method: one of `METHODS`.
+        method: name in the tables.
         index: one of `INDICES`.
 
     Returns:
         The figure in the unit that ends the name of the index.
     """
+    spec = method_spec(method)
+    if spec is None or spec.paper_column is None or index not in INDICES:
+        return None
     for table in TABLES:
-        if table.noise == noise and level in table.values and method in METHODS and index in INDICES:
-            return table.values[level][index][METHODS.index(method)]
+        if table.noise == noise and level in table.values:
+            return table.values[level][index][spec.paper_column]
     return None
 
 

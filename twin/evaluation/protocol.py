@@ -5,6 +5,8 @@ import math
 
 Condition = tuple[str, float]
 """Kind and level of a measurement noise."""
+RECORDED = "recorded"
+"""Noise that a recorded measurement has, whatever its law."""
 STEADY_SECONDS = 5.0
 """Left out of `rmse_steady_deg` [s]: the time in which the paper's AM loses the initial error."""
 
@@ -32,15 +34,23 @@ SUITES = {
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """How methods are compared; the defaults are the paper's, where it says."""
+    """Conditions under which methods are compared; the defaults are the paper's, where it says.
+
+    Attributes:
+        suite: one of `SUITES`, which says the noises.
+        seeds: draws of each noise.
+        sample_time_s: T [s].
+        initial_error_deg: how far the initial estimate is off [deg].
+        seed: of the draws.
+        recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
+    """
 
     suite: str = "paper"
     seeds: int = 20
-    """Draws of the noise."""
     sample_time_s: float = 0.1
     initial_error_deg: float = 20.0
-    """How far the initial estimate is off."""
     seed: int = 0
+    recorded_variance: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse a protocol that cannot run.
@@ -56,3 +66,15 @@ class Protocol:
             raise ValueError(f"initial_error_deg = {self.initial_error_deg}: must be a finite number")
         if not 0 < self.sample_time_s < math.inf:
             raise ValueError(f"sample time {self.sample_time_s} s: must be positive and finite")
+        if self.recorded_variance is not None:
+            if not 0 < self.recorded_variance < math.inf:
+                raise ValueError(f"recorded_variance = {self.recorded_variance}: must be positive and finite")
+            if self.seeds != 1:
+                raise ValueError(f"seeds = {self.seeds}: recorded measurements are one draw")
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Kinds and levels of the noises; of recorded measurements, their variance."""
+        if self.recorded_variance is not None:
+            return ((RECORDED, self.recorded_variance),)
+        return SUITES[self.suite]

@@ -29,10 +29,16 @@ def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
         ValueError: a file is damaged, or the sample time does not fit it.
     """
     episodes = [episode for path in paths for episode in read_dataset(path)]
-    return [
-        episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
-        for episode in episodes
-    ]
+    return [at_sample_time(episode, sample_time) for episode in episodes]
+
+
+def at_sample_time(episode: Episode, sample_time: float) -> Episode:
+    """Return an episode at even samples: a simulated one thinned, a measured one interpolated.
+
+    Raises:
+        ValueError: the sample time does not fit it.
+    """
+    return episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
 
 
 def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:
@@ -53,7 +59,7 @@ def evaluation_records(paths: Sequence[Path], sample_time: float) -> list[Evalua
         ValueError: a file is damaged, the sample time does not fit it, or fewer than two angles are known.
     """
     episodes = read_episodes(paths, sample_time)
-    return [_evaluation_record(episode, number) for number, episode in enumerate(episodes)]
+    return [evaluation_record(episode, number) for number, episode in enumerate(episodes)]
 
 
 def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
@@ -79,7 +85,12 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
     return moving
 
 
-def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
+def evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
+    """Return the test record of an episode at even samples; `number` names it where it has no name.
+
+    Raises:
+        ValueError: fewer than two angles are known.
+    """
     seen = np.isfinite(episode.measured_bend) if episode.is_measured else np.ones(len(episode.time), bool)
     if seen.sum() < 2:
         raise ValueError(
@@ -95,6 +106,7 @@ def _evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
         stroke_mm=(float(low), float(high)),
         twin=_twin(episode),
         name=_name(episode, number),
+        measured_deg=episode.measured_bend_deg[first:],
     )
 
 

@@ -3,7 +3,6 @@
 A method keeps its colour, line and marker in all of them. No figure touches pyplot or its global state.
 """
 
-import dataclasses
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,9 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
+from twin.estimation.registry import Style, method_spec
 from twin.evaluation.paper import noise_label
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track
-from twin.report.tables import method_name, ordered, protocol_rows
+from twin.report.tables import ordered, protocol_scores
 
 Array = NDArray[np.float64]
 
@@ -28,25 +29,9 @@ START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Style:
-    """How one method is drawn."""
-
-    colour: str
-    line: Any
-    marker: str
-    width: float = 1.1
-
-
-STYLES = {
-    "ground truth": Style("#000000", (0, (4, 2)), "", 1.2),
-    "C-H": Style("#6f3fa0", (0, (6, 2, 1, 2)), "s"),
-    "AM": Style("#e2861b", (0, (5, 1.5)), "^"),
-    "AM-tuned": Style("#8a5a12", (0, (3, 1, 1, 1)), "v"),
-    "LSTM": Style("#2f8f5b", (0, (1, 1)), "D", 1.4),
-    "Direct RL": Style("#5f86b3", "-", "P", 0.9),
-    "RAM": Style("#c4161c", "-", "o", 1.5),
-}
+FIT_COLOUR = "#6f3fa0"
+TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
+"""The true angle."""
 _OTHER = tuple(
     Style(colour, (0, (2, 1)), marker)
     for colour, marker in (
@@ -61,10 +46,17 @@ _OTHER = tuple(
 
 def style_of(method: str, methods: Sequence[str] = ()) -> Style:
     """Return the style of a method; one without its own takes a grey by its place among `methods`."""
-    if method in STYLES:
-        return STYLES[method]
-    others = [name for name in methods if name not in STYLES]
+    own = own_style(method)
+    if own is not None:
+        return own
+    others = [name for name in methods if own_style(name) is None]
     return _OTHER[others.index(method) % len(_OTHER) if method in others else 0]
+
+
+def own_style(method: str) -> Style | None:
+    """Return the style that a method declares, if it does."""
+    spec = method_spec(method)
+    return None if spec is None else spec.style
 
 
 def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()) -> Figure:
@@ -83,14 +75,11 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
     axes = clean_axes(figure.subplots())
     for pull, bend in loops:
         axes.plot(pull, bend, color="#a9b1ba", linewidth=1.6, solid_joinstyle="round")
-    fit_style = STYLES["C-H"]
     for (pull, _), fit in zip(loops, fits, strict=False):
-        axes.plot(pull, fit, color=fit_style.colour, linewidth=1.0, linestyle=(0, (4, 1.5)))
+        axes.plot(pull, fit, color=FIT_COLOUR, linewidth=1.0, linestyle=(0, (4, 1.5)))
     handles = [Line2D([], [], color="#a9b1ba", linewidth=1.6, label="twin")]
     if fits:
-        handles.append(
-            Line2D([], [], color=fit_style.colour, linestyle=(0, (4, 1.5)), label="Coleman-Hodgdon fit")
-        )
+        handles.append(Line2D([], [], color=FIT_COLOUR, linestyle=(0, (4, 1.5)), label="Coleman-Hodgdon fit"))
     figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
     axes.set_xlabel("pulling distance [mm]")
     axes.set_ylabel("bending angle [deg]")
@@ -114,7 +103,7 @@ def tracking_figure(
     errors = {method: track.error_deg(method) for method in methods}
     figure = Figure(figsize=(8.6, 4.3), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
-    truth = STYLES["ground truth"]
+    truth = TRUTH
     for column in range(2):
         upper, lower = clean_axes(grid[0, column]), clean_axes(grid[1, column])
         upper.plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
@@ -173,35 +162,34 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
     return figure
 
 
-def rmse_figure(rows: Sequence[dict[str, Any]]) -> Figure:
+def rmse_figure(scores: Sequence[Score]) -> Figure:
     """Draw the RMSE of every method under every noise, with its 95 % interval; hollow marks are the paper's.
 
     Args:
-        rows: of `evaluation.json`; those of the longest sample time are drawn.
+        scores: of an evaluation; those of the longest sample time are drawn.
 
     Raises:
-        ValueError: there are no rows.
+        ValueError: there is none.
     """
-    rows = protocol_rows(rows)
-    if not rows:
+    scores = protocol_scores(scores)
+    if not scores:
         raise ValueError("no rows of evaluation.json: nothing to draw")
-    noises = sorted({(str(row["noise"]), float(row["level"])) for row in rows})
-    methods = ordered(method_name(row) for row in rows)
+    noises = sorted({score.condition for score in scores})
+    methods = ordered(score.label for score in scores)
     slot = 0.8 / len(methods)
     offsets = {method: slot * (place + 0.5) - 0.4 for place, method in enumerate(methods)}
     figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
     axes = clean_axes(figure.subplots())
     axes.grid(False, axis="x")
-    for row in rows:
-        method = method_name(row)
-        style = style_of(method, methods)
-        place = noises.index((str(row["noise"]), float(row["level"]))) + offsets[method]
-        low, high = row.get("rmse_ci95_deg") or (row["rmse_deg"], row["rmse_deg"])
+    for score in scores:
+        style = style_of(score.label, methods)
+        place = noises.index(score.condition) + offsets[score.label]
+        low, high = score.rmse_ci95_deg
         axes.plot([place, place], [max(low, 1e-3), high], color=style.colour, linewidth=1.4)
-        axes.plot(place, row["rmse_deg"], style.marker, color=style.colour, markersize=5.5, zorder=3)
-        if row.get("paper_rmse_deg") is not None:
+        axes.plot(place, score.rmse_deg, style.marker, color=style.colour, markersize=5.5, zorder=3)
+        if score.paper_rmse_deg is not None:
             hollow: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.colour}
-            axes.plot(place - 0.38 * slot, row["paper_rmse_deg"], style.marker, markersize=5.5, **hollow)
+            axes.plot(place - 0.38 * slot, score.paper_rmse_deg, style.marker, markersize=5.5, **hollow)
     for edge in np.arange(1, len(noises)) - 0.5:
         axes.axvline(edge, color=GRID, linewidth=1)
     axes.set_xlim(-0.5, len(noises) - 0.5)
@@ -222,7 +210,7 @@ def rmse_figure(rows: Sequence[dict[str, Any]]) -> Figure:
         )
         for m in methods
     ]
-    if any(row.get("paper_rmse_deg") is not None for row in rows):
+    if any(score.paper_rmse_deg is not None for score in scores):
         paper: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": MUTED}
         handles.append(Line2D([], [], linestyle="", marker="o", label="hollow: the paper", **paper))
     # One row keeps the order of the slots; a narrow figure has no room for it.

@@ -4,6 +4,7 @@ import base64
 import contextlib
 import csv
 import dataclasses
+import functools
 import io
 import json
 from collections.abc import Callable
@@ -17,7 +18,10 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
+from twin.estimation.learned.policy import POLICY_FILE
+from twin.estimation.registry import proposed_method, trainable_specs
 from twin.evaluation.paper import TABLES
+from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
@@ -36,20 +40,32 @@ LARGEST_VIDEO = 8 * 2**20
 _DRAWN = 2
 """How many loops are drawn over each other: more cannot be told apart."""
 
-AGENTS = {"ram": "RAM", "direct": "Direct RL", "lstm": "LSTM"}
-_COMMANDS = {
-    "data/train": "generate --preset ureteroscope --stroke 2 4 --episodes 4 --seconds 60 --seed 1 "
-    "--out data/train",
-    "data/test": "generate --preset ureteroscope --stroke -1 1 --episodes 2 --seconds 60 --seed 2 "
-    "--out data/test",
-    "coleman_hodgdon.json": "identify data/train --out coleman_hodgdon.json",
-    "runs": "train data/train --model coleman_hodgdon.json --agent ram --protocol strict --out runs/ram",
-    "results/evaluation.json": "evaluate data/test --train data/train --model coleman_hodgdon.json "
-    "--policy runs/ram/policy.onnx --suite paper --seeds 20 --out results",
-    "bend.mp4": "render data/test --out bend.mp4",
-    "bend.png": "render data/test --out bend.png",
-}
-_COMMANDS["results/tracks.npz"] = _COMMANDS["results/evaluation.json"]
+
+def _agents() -> dict[str, str]:
+    """Names of the methods that can be trained, by the folder of their run."""
+    return {agent: spec.name for agent, spec in trainable_specs().items()}
+
+
+@functools.cache
+def _commands() -> dict[str, str]:
+    """Command that makes each part of a run folder."""
+    agent = proposed_method().agent
+    learn = f"train data/train --model coleman_hodgdon.json --agent {agent} --protocol strict"
+    evaluate = (
+        "evaluate data/test --train data/train --model coleman_hodgdon.json "
+        f"--policy runs/{agent}/{POLICY_FILE} --suite paper --seeds 20 --out results"
+    )
+    generate = "generate --preset ureteroscope --seconds 60"
+    return {
+        "data/train": f"{generate} --stroke 2 4 --episodes 4 --seed 1 --out data/train",
+        "data/test": f"{generate} --stroke -1 1 --episodes 2 --seed 2 --out data/test",
+        "coleman_hodgdon.json": "identify data/train --out coleman_hodgdon.json",
+        "runs": f"{learn} --out runs/{agent}",
+        "results/evaluation.json": evaluate,
+        "bend.mp4": "render data/test --out bend.mp4",
+        "bend.png": "render data/test --out bend.png",
+        "results/tracks.npz": evaluate,
+    }
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,8 +102,8 @@ def write_report(folder: Path, path: Path) -> Path:
     """
     if not folder.is_dir():
         raise FileNotFoundError(f"no folder {folder}")
-    if not any((folder / name).exists() for name in _COMMANDS):
-        raise ValueError(f"{folder} holds no run: expected one of {', '.join(_COMMANDS)}")
+    if not any((folder / name).exists() for name in _commands()):
+        raise ValueError(f"{folder} holds no run: expected one of {', '.join(_commands())}")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(assets_folder()),
         autoescape=True,
@@ -122,12 +138,12 @@ def _commands_run(folder: Path) -> list[str]:
     """The commands that made this run, where it says them; else those that make such a run."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         return [str(command) for command in json.loads((folder / "demo.json").read_text())["commands"]]
-    return list(dict.fromkeys(f"endotwin {command}" for command in _COMMANDS.values()))
+    return list(dict.fromkeys(f"endotwin {command}" for command in _commands().values()))
 
 
 def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap:
     """What `read` makes of a file or folder of the run, or why it is not there."""
-    command = f"endotwin {_COMMANDS[name]}"
+    command = f"endotwin {_commands()[name]}"
     if not (folder / name).exists():
         return Gap(f"This run has no {name}.", command)
     try:
@@ -138,16 +154,16 @@ def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap
 
 
 def _evaluation(path: Path) -> dict[str, Any]:
-    rows = json.loads(path.read_text())["rows"]
-    tables = [(table_title(table), paper_table(rows, table.noise, "html")) for table in TABLES]
+    scores, _ = read_scores(path)
+    tables = [(table_title(table), paper_table(scores, table.noise, "html")) for table in TABLES]
     caption = (
         "RMSE against the clean truth, with the 95 % interval of its mean over noise seeds; "
         "hollow marks are the paper's, measured on another endoscope."
     )
     return {
-        "findings": findings(rows),
+        "findings": findings(scores),
         "tables": [(title, body) for title, body in tables if body],
-        "rmse": _drawn(rmse_figure(rows), caption),
+        "rmse": _drawn(rmse_figure(scores), caption),
     }
 
 
@@ -185,8 +201,8 @@ def _loop(path: Path, model: HysteresisModel | None) -> Shown:
 
 def _tracking(path: Path) -> list[Shown]:
     evaluation = path.with_name("evaluation.json")
-    rows = json.loads(evaluation.read_text())["rows"] if evaluation.is_file() else []
-    shown = [_drawn(*drawn) for drawn in paper_figures(load_tracks(path), rows).values()]
+    scores = read_scores(evaluation)[0] if evaluation.is_file() else []
+    shown = [_drawn(*drawn) for drawn in paper_figures(load_tracks(path), scores).values()]
     if not shown:
         raise ValueError("it has none of the noises and methods of the paper's figures")
     return shown
@@ -194,7 +210,7 @@ def _tracking(path: Path) -> list[Shown]:
 
 def _training(path: Path) -> Shown:
     curves = {}
-    for folder, agent in AGENTS.items():
+    for folder, agent in _agents().items():
         progress = path / folder / "progress.csv"
         if progress.is_file():
             with progress.open(newline="") as file:
@@ -220,7 +236,7 @@ def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
         "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", json.loads),
         "Evaluation protocol": ("results/evaluation.json", lambda text: json.loads(text)["protocol"]),
     }
-    sources |= {agent: (f"runs/{name}/config.yaml", yaml.safe_load) for name, agent in AGENTS.items()}
+    sources |= {agent: (f"runs/{name}/config.yaml", yaml.safe_load) for name, agent in _agents().items()}
     facts = []
     for title, (name, parse) in sources.items():
         try:

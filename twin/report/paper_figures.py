@@ -1,40 +1,40 @@
 """The paper's Figs. 5 to 10 drawn from our tracks, each RMSE in the legend beside the published one."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from matplotlib.figure import Figure
 
-from twin.evaluation.paper import METHODS, noise_label, paper_value
+from twin.estimation.registry import method_specs
+from twin.evaluation.paper import noise_label, paper_value
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.figures import tracking_figure
-from twin.report.tables import protocol_rows
+from twin.report.tables import protocol_scores
 
 FIGURES = (
-    (5, "gaussian", 1.0, ("Direct RL", "RAM")),
-    (6, "gaussian", 1.0, METHODS),
-    (7, "gaussian", 5.0, METHODS),
-    (8, "poisson", 0.1, METHODS),
-    (9, "poisson", 1.0, METHODS),
-    (10, "poisson", 2.0, METHODS),
+    (5, "gaussian", 1.0),
+    (6, "gaussian", 1.0),
+    (7, "gaussian", 5.0),
+    (8, "poisson", 0.1),
+    (9, "poisson", 1.0),
+    (10, "poisson", 2.0),
 )
-"""Number in the paper, noise, level, and the methods that it shows."""
+"""Number in the paper, noise and level; a method declares in which it is shown."""
 
 
-def paper_figures(
-    tracks: Sequence[Track], rows: Sequence[dict[str, Any]] = ()
-) -> dict[int, tuple[Figure, str]]:
+def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict[int, tuple[Figure, str]]:
     """Return figures with captions, by their numbers in the paper; what the tracks have not is left out.
 
     Args:
         tracks: one for each noise, from `evaluate`.
-        rows: of `evaluation.json`, of the records that the tracks are from; their RMSE goes into the legend.
+        scores: of the records that the tracks are from; their RMSE goes into the legend.
     """
     by_noise = {(track.noise, track.level): track for track in tracks}
-    rmse = {(row["noise"], row["level"], row["method"]): row["rmse_deg"] for row in protocol_rows(rows)}
+    rmse = {(*score.condition, score.method): score.rmse_deg for score in protocol_scores(scores)}
     figures = {}
-    for number, noise, level, wanted in FIGURES:
+    for number, noise, level in FIGURES:
         track = by_noise.get((noise, level))
+        wanted = [spec.name for spec in method_specs() if number in spec.paper_figures]
         methods = [method for method in wanted if track is not None and method in track.estimates]
         if track is None or not methods:
             continue

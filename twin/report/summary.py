@@ -9,49 +9,46 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 from tabulate import tabulate
 
+from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.paper import noise_label
+from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
-from twin.report.figures import INK, MUTED, clean_axes, style_of, to_png_bytes
+from twin.report.figures import INK, MUTED, clean_axes, own_style, to_png_bytes
 from twin.report.paper_figures import paper_figures
-from twin.report.tables import paper_tables, place
+from twin.report.tables import paper_tables
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-Group = tuple[tuple[float, ...], str]
-
-BESIDE_THE_PAPER = ("C-H", "AM", "LSTM", "Direct RL", "RAM", "AM-tuned", "KalmanNet", "RAM (oracle)")
-"""Methods in the paper's tables: its own, and a few to measure them by."""
-LIMIT = "Ensemble (limit)"
-PHYSICS = ("Ensemble", LIMIT)
-"""Methods that know the physics: what others are measured against."""
+"""A bound or an interval, as `evaluation.json` holds it."""
 
 
-def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequence[Row] = ()) -> str:
+def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: Sequence[Row] = ()) -> str:
     """Return the benchmark in Markdown.
 
     Args:
-        rows: of `evaluation.json`, of all sample times, strokes and twins.
+        scores: of all sample times, strokes and twins.
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
         intervals: how often the set-membership filters held the truth.
     """
-    times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
-    first = _groups(rows)[0]
+    times = sorted({score.sample_time_s for score in scores}, reverse=True)
+    first = _groups(scores)[0]
     parts = []
     for T in times:
         parts.append(f"### RMSE [deg] ± half its 95 % interval over noise seeds, {_name(first)}, T = {T:g} s")
-        parts.append(_noise_table(rows, T, first, "rmse_deg"))
+        parts.append(_noise_table(scores, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {_name(first)}, T = {times[0]:g} s")
-    parts.append(_noise_table(rows, times[0], first, "rmse_steady_deg"))
+    parts.append(_noise_table(scores, times[0], first, "rmse_steady_deg"))
     for T in times:
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
-        parts.append(_ratio_table(rows, T))
+        parts.append(_ratio_table(scores, T))
     if bounds:
         parts.append("### The limit over randomised twins, and the Cramér-Rao bound of normal twins [deg]")
-        parts.append(_bound_table(rows, bounds))
+        parts.append(_bound_table(scores, bounds))
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
-    beside = [row for row in rows if place(row) == first and row["method"] in BESIDE_THE_PAPER]
+    named = {spec.name for spec in method_specs() if spec.beside_paper}
+    beside = [score for score in scores if score.group == first and score.method in named]
     paper = paper_tables(beside, "markdown")
     if paper:
         parts.append("### The paper's tables, on these records")
@@ -59,64 +56,63 @@ def benchmark_tables(rows: Sequence[Row], bounds: Sequence[Row], intervals: Sequ
     return "\n\n".join(parts) + "\n"
 
 
-def benchmark_figures(rows: Sequence[Row], tracks: Sequence[Track]) -> dict[str, bytes]:
+def benchmark_figures(scores: Sequence[Score], tracks: Sequence[Track]) -> dict[str, bytes]:
     """Return PNG files by name: RMSE by noise, distance to the limit by records, and the paper's figures.
 
     Args:
-        rows: of `evaluation.json`.
+        scores: of an evaluation.
         tracks: of the first group of records at the longest sample time.
     """
-    longest, first = max(float(row["sample_time_s"]) for row in rows), _groups(rows)[0]
-    shown = [row for row in rows if place(row) == first and float(row["sample_time_s"]) == longest]
+    longest, first = max(score.sample_time_s for score in scores), _groups(scores)[0]
+    shown = [score for score in scores if score.group == first and score.sample_time_s == longest]
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
-        "times_the_limit.png": limit_figure(rows),
+        "times_the_limit.png": limit_figure(scores),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
     return {name: to_png_bytes(figure) for name, figure in figures.items()}
 
 
-def times_the_limit(rows: Sequence[Row], sample_time_s: float, group: Group) -> dict[str, float]:
+def times_the_limit(scores: Sequence[Score], sample_time_s: float, group: Group) -> dict[str, float]:
     """Return how many times the limit's RMSE each method has: the geometric mean over noises.
 
     Args:
-        rows: of `evaluation.json`.
+        scores: of an evaluation.
         sample_time_s: which sample time [s].
         group: stroke [mm] and kind of twin.
     """
-    chosen = [r for r in rows if float(r["sample_time_s"]) == sample_time_s and place(r) == group]
-    limit = {_noise(row): row["rmse_deg"] for row in chosen if row["method"] == LIMIT}
+    chosen = [score for score in scores if score.sample_time_s == sample_time_s and score.group == group]
+    limit = {score.condition: score.rmse_deg for score in chosen if _is_limit(score.method)}
     ratios: dict[str, list[float]] = {}
-    for row in chosen:
-        if _noise(row) in limit:
-            ratios.setdefault(row["method"], []).append(row["rmse_deg"] / limit[_noise(row)])
+    for score in chosen:
+        if score.condition in limit:
+            ratios.setdefault(score.method, []).append(score.rmse_deg / limit[score.condition])
     return {method: float(np.exp(np.mean(np.log(np.maximum(r, 1e-9))))) for method, r in ratios.items()}
 
 
-def noise_figure(rows: Sequence[Row]) -> Figure:
+def noise_figure(scores: Sequence[Score]) -> Figure:
     """Draw the RMSE of every method, a panel for each noise, the best on top, beside the limit."""
-    noises = list(dict.fromkeys(map(_noise, rows)))
-    ratios = times_the_limit(rows, float(rows[0]["sample_time_s"]), place(rows[0]))
+    noises = list(dict.fromkeys(score.condition for score in scores))
+    ratios = times_the_limit(scores, scores[0].sample_time_s, scores[0].group)
     methods = sorted(ratios, key=lambda method: -ratios[method])
     columns = 5
     lines = -(-len(noises) // columns)
     figure = Figure(figsize=(11, 0.22 * len(methods) * lines + 1.4), layout="constrained")
     grid = np.atleast_1d(figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False)).ravel()
-    values = {(_noise(row), row["method"]): row for row in rows}
+    values = {(score.condition, score.method): score for score in scores}
+    limits = {score.condition: score.rmse_deg for score in scores if _is_limit(score.method)}
     for axes, noise in zip(grid, noises, strict=False):
         clean_axes(axes)
-        limit = values[noise, LIMIT]["rmse_deg"] if (noise, LIMIT) in values else None
-        if limit is not None:
-            axes.axvline(limit, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+        if noise in limits:
+            axes.axvline(limits[noise], color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
         for line, method in enumerate(methods):
-            row = values[noise, method]
-            low, high = row["rmse_ci95_deg"]
-            own = style_of(method)
-            colour = own.colour if method in ("RAM", "AM-tuned", "LSTM", "Direct RL", "AM", "C-H") else MUTED
-            colour = INK if method == LIMIT else colour
+            score = values[noise, method]
+            low, high = score.rmse_ci95_deg
+            own = own_style(method)
+            colour = INK if _is_limit(method) else MUTED if own is None else own.colour
             axes.plot([max(low, 1e-3), high], [line, line], color=colour, linewidth=1.4)
-            face = "white" if row["oracle"] else colour
-            axes.plot(row["rmse_deg"], line, "o", markersize=4.2, color=colour, markerfacecolor=face)
+            face = "white" if score.oracle else colour
+            axes.plot(score.rmse_deg, line, "o", markersize=4.2, color=colour, markerfacecolor=face)
         axes.set_xscale("log")
         axes.xaxis.set_major_locator(FixedLocator([0.1, 0.3, 1, 3, 10]))
         axes.xaxis.set_major_formatter("{x:g}")
@@ -136,12 +132,12 @@ def noise_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def limit_figure(rows: Sequence[Row]) -> Figure:
+def limit_figure(scores: Sequence[Score]) -> Figure:
     """Draw, for every kind of record and both sample times, how many times the limit each method has."""
-    times = sorted({float(row["sample_time_s"]) for row in rows}, reverse=True)
-    groups = _groups(rows)
-    table = {(T, group): times_the_limit(rows, T, group) for T in times for group in groups}
-    methods = _by_ratio(rows, times, groups)
+    times = sorted({score.sample_time_s for score in scores}, reverse=True)
+    groups = _groups(scores)
+    table = {(T, group): times_the_limit(scores, T, group) for T in times for group in groups}
+    methods = _by_ratio(scores, times, groups)
     figure = Figure(
         figsize=(3.2 + 0.62 * len(groups) * len(times), 0.27 * len(methods) + 1.9), layout="constrained"
     )
@@ -172,14 +168,17 @@ def limit_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _noise_table(rows: Sequence[Row], T: float, group: Group, index: str) -> str:
-    chosen = [row for row in rows if float(row["sample_time_s"]) == T and place(row) == group]
-    noises = list(dict.fromkeys(map(_noise, chosen)))
-    values = {(row["method"], _noise(row)): row for row in chosen}
-    methods = list(dict.fromkeys(row["method"] for row in chosen))
+def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) -> str:
+    chosen = [score for score in scores if score.sample_time_s == T and score.group == group]
+    noises = list(dict.fromkeys(score.condition for score in chosen))
+    values = {(score.method, score.condition): score for score in chosen}
+    methods = list(dict.fromkeys(score.method for score in chosen))
+    deployable = {method for (method, _), score in values.items() if _deployable(score)}
     best = {
         noise: min(
-            (m for m in methods if _deployable(values[m, noise])), key=lambda m: values[m, noise][index]
+            (method for method in methods if method in deployable),
+            key=lambda method: getattr(values[method, noise], index),
+            default=None,
         )
         for noise in noises
     }
@@ -187,36 +186,36 @@ def _noise_table(rows: Sequence[Row], T: float, group: Group, index: str) -> str
     for method in methods:
         cells = []
         for noise in noises:
-            row = values[method, noise]
-            text = f"{row[index]:.3f}"
+            score = values[method, noise]
+            text = f"{getattr(score, index):.3f}"
             if index == "rmse_deg":
-                low, high = row["rmse_ci95_deg"]
+                low, high = score.rmse_ci95_deg
                 text += f" ± {(high - low) / 2:.3f}"
             cells.append(f"**{text}**" if best[noise] == method else text)
-        lines.append([f"{method}{' (oracle)' if row['oracle'] and 'oracle' not in method else ''}", *cells])
+        lines.append([score.label, *cells])
     headers = ["method", *(noise_label(*noise) for noise in noises)]
     align = ("left", *["right"] * len(noises))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
-def _ratio_table(rows: Sequence[Row], T: float) -> str:
-    groups = _groups(rows)
-    table = {group: times_the_limit(rows, T, group) for group in groups}
+def _ratio_table(scores: Sequence[Score], T: float) -> str:
+    groups = _groups(scores)
+    table = {group: times_the_limit(scores, T, group) for group in groups}
     lines = [
         [method, *(f"{table[group][method]:.2f}" if method in table[group] else "-" for group in groups)]
-        for method in _by_ratio(rows, [T], groups)
+        for method in _by_ratio(scores, [T], groups)
     ]
     headers = ["method", *(_name(group) for group in groups)]
     align = ("left", *["right"] * len(groups))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
-def _bound_table(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
+def _bound_table(scores: Sequence[Score], bounds: Sequence[Row]) -> str:
     """The bound is a mean over twins as they are drawn: it stands beside twins that are."""
     drawn = {
-        (tuple(row["stroke_mm"]), row["sample_time_s"], _noise(row)): row["rmse_deg"]
-        for row in rows
-        if row["method"] == LIMIT and row["twin"] in ("randomized", "measured")
+        (score.stroke_mm, score.sample_time_s, score.condition): score.rmse_deg
+        for score in scores
+        if _is_limit(score.method) and score.twin in ("randomized", "measured")
     }
     noises = list(dict.fromkeys(map(_noise, bounds)))
     lines: dict[Any, list[str]] = {}
@@ -231,16 +230,16 @@ def _bound_table(rows: Sequence[Row], bounds: Sequence[Row]) -> str:
 
 
 def _interval_table(intervals: Sequence[Row]) -> str:
-    groups = _groups(intervals)
+    groups = list(dict.fromkeys(map(_place, intervals)))
     lines = []
     for row in intervals:
-        if place(row) == groups[0]:
+        if _place(row) == groups[0]:
             same = [
                 other
                 for other in intervals
                 if all(other[name] == row[name] for name in ("method", "noise", "level", "sample_time_s"))
             ]
-            cells = {place(other): other for other in same}
+            cells = {_place(other): other for other in same}
             lines.append(
                 [
                     row["method"],
@@ -256,18 +255,22 @@ def _interval_table(intervals: Sequence[Row]) -> str:
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
 
 
-def _by_ratio(rows: Sequence[Row], times: Sequence[float], groups: Sequence[Group]) -> list[str]:
+def _by_ratio(scores: Sequence[Score], times: Sequence[float], groups: Sequence[Group]) -> list[str]:
     """Methods, the nearest to the limit first, by their mean over groups and sample times."""
     ratios: dict[str, list[float]] = {}
     for T in times:
         for group in groups:
-            for method, ratio in times_the_limit(rows, T, group).items():
+            for method, ratio in times_the_limit(scores, T, group).items():
                 ratios.setdefault(method, []).append(np.log(ratio))
     return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
 
 
-def _groups(rows: Sequence[Row]) -> list[Group]:
-    return list(dict.fromkeys(map(place, rows)))
+def _groups(scores: Sequence[Score]) -> list[Group]:
+    return list(dict.fromkeys(score.group for score in scores))
+
+
+def _place(row: Row) -> Group:
+    return tuple(map(float, row["stroke_mm"])), str(row["twin"])
 
 
 def _noise(row: Row) -> tuple[str, float]:
@@ -279,5 +282,12 @@ def _name(group: Group) -> str:
     return f"{twin}, [{low:g}, {high:g}] mm"
 
 
-def _deployable(row: Row) -> bool:
-    return not row["oracle"] and row["method"] not in PHYSICS
+def _is_limit(method: str) -> bool:
+    spec = method_spec(method)
+    return spec is not None and spec.is_limit
+
+
+def _deployable(score: Score) -> bool:
+    """Whether it competes: neither an oracle nor an ensemble, which others are measured against."""
+    spec = method_spec(score.method)
+    return not score.oracle and (spec is None or spec.family != "ensemble")

@@ -9,7 +9,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import integrate
 
 Array = NDArray[np.float64]
 
@@ -137,7 +136,7 @@ def _salt_and_pepper_information(level: float) -> float:
     bells = weights * np.exp(-(away**2) / (2 * BACKGROUND_DEG2)) / np.sqrt(2 * np.pi * BACKGROUND_DEG2)
     density, slope = bells.sum(axis=1), -(bells * away / BACKGROUND_DEG2).sum(axis=1)
     score = np.divide(slope**2, density, out=np.zeros_like(slope), where=density > 0)
-    return float(integrate.trapezoid(score, noise))
+    return float(np.trapezoid(score, noise))
 
 
 def _gamma(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:

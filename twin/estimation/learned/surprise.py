@@ -1,4 +1,4 @@
-"""What a model of hysteresis foretells along whole records, for networks that learn from what it does not."""
+"""One-step prediction errors of a model of hysteresis, measurement by measurement, along whole records."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 def surprises(
     model: HysteresisModel, pull_mm: Array, measurement_deg: Array, memory: Array
 ) -> tuple[Array, Array]:
-    """Return what the model does not foretell of each measurement from the one before it.
+    """Return each measurement less the model's prediction of it from the measurement before.
 
     Args:
         model: of hysteresis.
@@ -31,19 +31,6 @@ def surprises(
     flat = path[:, :-1].reshape(len(path), before.size)
     foretold, _ = model.step(before.ravel(), flat, pull.ravel(), previous.ravel())
     return measurement_deg[1:] - foretold.reshape(before.shape), path[:, -1]
-
-
-def check_affine(model: HysteresisModel) -> None:
-    """Refuse a model that the gain cannot be trained through.
-
-    Raises:
-        ValueError: its step is not affine in the angle.
-    """
-    if not model.affine:
-        raise ValueError(
-            f"the model {model.name!r} is not affine in the angle, as the gain of KalmanNet needs to be "
-            "trained through it; valid: 'coleman-hodgdon', 'prandtl-ishlinskii'"
-        )
 
 
 def affine_steps(model: HysteresisModel, pull_mm: Array) -> tuple[Array, Array]:

@@ -1,0 +1,206 @@
+"""The paper's comparison: its methods and yardsticks on given records, what is missing trained."""
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rl.options import TrainingOptions
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.learned.policy import POLICY_FILE, load_policy
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.registry import MethodSpec, find_trainable, method_specs
+from twin.evaluation.compare import evaluate
+from twin.evaluation.method import Method, build_method
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.reading import evaluation_records, true_records
+from twin.evaluation.recorded import write_estimates
+from twin.evaluation.score import Score, to_rows
+from twin.evaluation.track import Track, save_tracks
+from twin.files.atomic import write_whole
+from twin.hysteresis import ColemanHodgdon
+from twin.suite.fitting import needed_fits
+
+OnProgress = Callable[[int, int], None]
+OnTraining = Callable[[int, int, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class PaperSuite:
+    """Everything that the comparison is run on.
+
+    Attributes:
+        folder: for results and for what is trained.
+        data: test records.
+        model: reference model.
+        protocol: noises, seeds, sample time and initial error.
+        train: training records; without them, nothing is trained or tuned.
+        trained: trained file of each agent that is given.
+        methods: names of the methods to compare; all of the suite, if empty.
+        episodes: of PPO for what is not given.
+        source: path of the model, as the results state it.
+        write_estimates: whether each record is written anew with the estimates of its own measurements.
+        recorded_variance: R that is told for these [deg^2].
+    """
+
+    folder: Path
+    data: tuple[Path, ...]
+    model: ColemanHodgdon
+    protocol: Protocol
+    train: Path | None = None
+    trained: dict[str, Path] = dataclasses.field(default_factory=dict)
+    methods: tuple[str, ...] = ()
+    episodes: int = TrainingOptions.episodes
+    source: str = ""
+    write_estimates: bool = False
+    recorded_variance: float = 0.1
+
+    @property
+    def specs(self) -> list[MethodSpec]:
+        """Methods that may be compared: of the suite, and every one that is named or whose file is given."""
+        if self.methods:
+            return [spec for spec in method_specs() if spec.name in self.methods]
+        return [spec for spec in method_specs() if spec.in_paper_suite or spec.agent in self.trained]
+
+
+@dataclasses.dataclass(frozen=True)
+class PaperResult:
+    """Results of the comparison.
+
+    Attributes:
+        scores: of every method.
+        tracks: estimates along the first record, for each noise.
+        methods: names of what was compared.
+        records: number of test records.
+        estimates: files that were written with estimates.
+    """
+
+    scores: list[Score]
+    tracks: list[Track]
+    methods: list[str]
+    records: int
+    estimates: list[Path]
+
+
+def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float) -> dict[str, Path]:
+    """Return trained files by agent, and refuse one that was trained for something else.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: two are of one agent, one is of another sample time, or was trained beside another filter.
+    """
+    files: dict[str, Path] = {}
+    for path in paths:
+        agent = read_trained_file(path).agent
+        spec = find_trainable(agent)
+        assert spec.training is not None
+        if agent in files:
+            raise ValueError(f"{path}: a second policy of the agent {agent!r}")
+        estimator: Any = spec.training.load(path)
+        trained_at = float(estimator.sample_time)
+        if abs(trained_at - sample_time) > 1e-9:
+            raise ValueError(
+                f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
+            )
+        if spec.training.file == POLICY_FILE and spec.told == "R":
+            beside = load_policy(path).active_model
+            here = ActiveModel(model, sample_time, measurement_variance=beside.measurement_variance)
+            if beside != here:
+                raise ValueError(f"{path} was trained beside another model or filter than the one given")
+        files[agent] = path
+    return files
+
+
+def run_paper_suite(
+    suite: PaperSuite, progress: OnProgress, training_progress: Callable[[str, str], OnTraining]
+) -> PaperResult:
+    """Train what is missing, compare, and write `evaluation.json` and `tracks.npz`.
+
+    Args:
+        suite: what to compare.
+        progress: told how many of how many groups of records are done.
+        training_progress: begins to show the progress of a training, counted in some unit.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: records do not fit, or a run folder holds another training.
+    """
+    T = suite.protocol.sample_time_s
+    test = evaluation_records(suite.data, T)
+    knowledge = Knowledge(
+        sample_time=T,
+        models={ColemanHodgdon.name: suite.model},
+        records=true_records([suite.train], T) if suite.train else (),
+        seed=suite.protocol.seed,
+        trained=dict(suite.trained),
+    )
+    if knowledge.records:
+        knowledge = _train_missing(suite, knowledge, training_progress)
+    ready = [spec for spec in suite.specs if spec.is_ready(knowledge)]
+    fits = {fit.key: fit.find(knowledge) for fit in needed_fits(ready)}
+    knowledge = dataclasses.replace(knowledge, fits=fits)
+    methods = [build_method(spec, knowledge) for spec in ready]
+    if not methods:
+        raise ValueError(f"nothing to compare: {_needs(suite, knowledge)}")
+    scores, tracks = evaluate(test, methods, suite.protocol, progress)
+    write_whole(suite.folder / "evaluation.json", _contents(suite, scores, len(test)))
+    save_tracks(suite.folder / "tracks.npz", tracks)
+    return PaperResult(scores, tracks, [spec.name for spec in ready], len(test), _estimates(suite, methods))
+
+
+def _train_missing(
+    suite: PaperSuite, knowledge: Knowledge, training_progress: Callable[[str, str], OnTraining]
+) -> Knowledge:
+    """Train the learned methods whose files are not given, beside the results."""
+    from rl.trainers import find_trainer  # what is given needs no torch
+
+    trained = dict(knowledge.trained)
+    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    for agent in dict.fromkeys(spec.agent for spec in suite.specs if spec.agent):
+        if agent not in trained:
+            trainer = find_trainer(agent)
+            options = TrainingOptions(agent=agent, episodes=suite.episodes, seed=suite.protocol.seed)
+            shown = training_progress(f"train {agent}", trainer.unit)
+            trained[agent] = trainer.train(
+                knowledge.records, active_model, options, suite.folder / agent, shown
+            )
+    return dataclasses.replace(knowledge, trained=trained)
+
+
+def _estimates(suite: PaperSuite, methods: Sequence[Method]) -> list[Path]:
+    if not suite.write_estimates:
+        return []
+    folder = suite.folder / "estimates"
+    folder.mkdir(exist_ok=True)
+    protocol = suite.protocol
+    return write_estimates(
+        suite.data,
+        methods,
+        protocol.sample_time_s,
+        suite.recorded_variance,
+        folder,
+        protocol.initial_error_deg,
+    )
+
+
+def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
+    filter_ = ActiveModel(suite.model, suite.protocol.sample_time_s)
+    protocol = {
+        **dataclasses.asdict(suite.protocol),
+        "records": records,
+        "phi": "measured innovation; rows with oracle = true use the clean truth instead",
+        "filters_told": "the variance of the noise as R",
+        "process_variance": list(filter_.process_variance),
+        "initial_variance": list(filter_.initial_variance),
+        "model": suite.source,
+        "policies": [str(path) for path in suite.trained.values()],
+    }
+    contents = {"protocol": protocol, "rows": to_rows(scores)}
+    return json.dumps(contents, indent=2, allow_nan=False) + "\n"
+
+
+def _needs(suite: PaperSuite, knowledge: Knowledge) -> str:
+    names = ", ".join(spec.name for spec in suite.specs if not spec.is_ready(knowledge))
+    return f"{names} need training records, or a trained file"

@@ -1,0 +1,66 @@
+"""What methods may know before they are tested: identified models, training records, fits, trained files."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.task import TrainingTask, stack_records
+from twin.hysteresis import ColemanHodgdon, HysteresisModel
+
+Array = NDArray[np.float64]
+Record = tuple[Array, Array]
+"""`(pull_mm (N,), bend_deg (N,))` of a training record, with its true angle."""
+
+
+class Fit(Protocol):
+    """Numbers that are found on the training records, once for all methods that use them."""
+
+    @property
+    def key(self) -> str:
+        """Its name in the file of fits."""
+
+    def find(self, knowledge: "Knowledge") -> dict[str, Any]:
+        """Return the numbers, as JSON can hold them; it runs in a worker process."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Knowledge:
+    """What is known at one sample time.
+
+    Attributes:
+        sample_time: T [s].
+        models: identified models of hysteresis, by name.
+        records: training records at this sample time; empty where there are none.
+        seed: of what is drawn for fits.
+        fits: what each `Fit` has found, by its key.
+        trained: file of each trained agent.
+        ensembles: files of twins along the test's commands.
+        smallest_wire_offset: that a twin may have [m].
+    """
+
+    sample_time: float
+    models: Mapping[str, HysteresisModel]
+    records: Sequence[Record] = ()
+    seed: int = 0
+    fits: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    trained: Mapping[str, Path] = dataclasses.field(default_factory=dict)
+    ensembles: tuple[Path, ...] = ()
+    smallest_wire_offset: float | None = None
+
+    @property
+    def reference(self) -> HysteresisModel:
+        """The paper's reference model, of Coleman and Hodgdon."""
+        return self.models[ColemanHodgdon.name]
+
+    @property
+    def task(self) -> TrainingTask:
+        """The training records under the paper's training noise."""
+        return TrainingTask(*stack_records(self.records))
+
+    def found(self, fit: Fit) -> dict[str, Any]:
+        """Return what a fit has found, or find it now."""
+        return self.fits[fit.key] if fit.key in self.fits else fit.find(self)

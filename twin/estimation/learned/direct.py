@@ -1,0 +1,97 @@
+"""Direct RL (Fig. 4 of the RAM paper): a policy takes the place of the active model."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.learned.policy import POLICY_FILE, PolicyEstimator, load_policy
+from twin.estimation.learned.scale import from_log_scale, to_log_scale
+from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.hysteresis import ColemanHodgdon
+
+Array = NDArray[np.float64]
+ANGLE_LIMIT_DEG = 25.0  # largest change of the angle that it can make in one sample
+
+
+class DirectEstimator:
+    """Direct RL (Fig. 4): the policy replaces the active model and predicts the change of the angle itself.
+
+    It sees y_k - theta_(k-1) and the increment of the pulling distance, and has no model and no covariance.
+    """
+
+    observation_size = 2
+    action_size = 1
+
+    def __init__(self) -> None:
+        self._bend: Array = np.zeros(1)
+
+    @property
+    def bend_deg(self) -> Array:
+        """(B,) estimates [deg]."""
+        return self._bend.copy()
+
+    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
+        """Start B estimators at their (B,) initial estimates [deg]."""
+        self._bend = np.array(initial_bend_deg, dtype=float)
+
+    def observe(
+        self,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        oracle_deg: Array | None = None,
+    ) -> Array:
+        """Return y - theta on a symmetric log scale, and the increment of the pull [0.1 mm]: (B, 2)."""
+        reference = measurement_deg if oracle_deg is None else oracle_deg
+        residual = np.nan_to_num(reference - self._bend)
+        return np.stack([to_log_scale(residual), (pull_mm - previous_pull_mm) * 10], axis=-1)
+
+    def act(self, action: Array) -> Array:
+        """Move the angle by (B, 1) actions, on the logarithmic scale of the residual, and return it [deg]."""
+        change = from_log_scale(np.clip(action[:, 0], -1, 1) * np.log1p(ANGLE_LIMIT_DEG))
+        self._bend = self._bend + change
+        return self.bend_deg
+
+
+def make_agent(active_model: ActiveModel) -> DirectEstimator:
+    """Return an agent; it has no use for the active model."""
+    return DirectEstimator()
+
+
+def load(path: Path) -> PolicyEstimator:
+    """Read a trained policy.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file is no trained policy of this agent.
+    """
+    policy = load_policy(path)
+    if policy.agent_name != DIRECT.agent:
+        raise ValueError(f"{path} holds the agent {policy.agent_name!r}, not {DIRECT.agent!r}")
+    return PolicyEstimator(policy, policy.active_model, make_agent)
+
+
+def _build(knowledge: Knowledge) -> PolicyEstimator:
+    policy = load_policy(knowledge.trained["direct"])
+    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    return PolicyEstimator(policy, active_model, make_agent)
+
+
+DIRECT = register_method(
+    MethodSpec(
+        name="Direct RL",
+        rank=53,
+        family="learned",
+        told="nothing",
+        build=_build,
+        models=(ColemanHodgdon.name,),
+        training=Training("direct", POLICY_FILE, load, "direct RL, without the active model, by PPO"),
+        in_paper_suite=True,
+        paper_figures=(5,),
+        beside_paper=True,
+        style=Style("#5f86b3", "-", "P", 0.9),
+    )
+)

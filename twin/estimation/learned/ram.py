@@ -1,0 +1,126 @@
+"""Reinforcement active modeling (RAM, eq. 10): a policy sets a second gain on the active model's residual."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.case import CaseEstimator
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.learned.policy import POLICY_FILE, OracleRun, PolicyEstimator, load_policy
+from twin.estimation.learned.scale import to_log_scale
+from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.hysteresis import ColemanHodgdon
+
+Array = NDArray[np.float64]
+ERROR_GAIN_LIMIT = 1.0  # largest K_RAM of the model error f [1 / s]
+
+
+class ReinforcementActiveModel:
+    """RAM (eq. 10): after the active model's update the policy sets a second gain on the residual.
+
+        phi = y - theta_AM(k|k),    X_RAM = X_AM + K_RAM phi
+
+    phi is the *measured* residual, the only one that a deployed estimator has. The policy sees it in units of
+    the standard deviation sqrt(R) that the filter is told: what is large for one sensor is noise for another.
+    The action holds the two numbers of K_RAM: of the angle, in [0, 1], so that the update is a convex step
+    towards the measurement, and of the model's error, in [0, 1] per second. X_RAM feeds the next prediction.
+    """
+
+    observation_size = 1
+    action_size = 2
+
+    def __init__(self, active_model: ActiveModel):
+        self.active_model = active_model
+        self.residual: Array = np.zeros(1)
+        self._noise_deg = np.sqrt(active_model.measurement_variance)
+
+    @property
+    def bend_deg(self) -> Array:
+        """(B,) estimates [deg]."""
+        return self.belief.mean[0].copy()
+
+    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
+        """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
+        self.belief = self.active_model.start(pull_mm, initial_bend_deg)
+
+    def observe(
+        self,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        oracle_deg: Array | None = None,
+    ) -> Array:
+        """Run the active model by one sample; returns phi / sqrt(R) on a symmetric log scale: (B, 1).
+
+        Without a measurement there is no residual: phi is zero.
+        """
+        self.belief = self.active_model.step(self.belief, pull_mm, previous_pull_mm, measurement_deg)
+        reference = measurement_deg if oracle_deg is None else oracle_deg
+        self.residual = np.nan_to_num(reference - self.belief.mean[0])
+        return to_log_scale(self.residual / self._noise_deg)[:, None]
+
+    def act(self, action: Array) -> Array:
+        """Apply K_RAM = [(a0 + 1) / 2, (a1 + 1) / 2 per second] and return the (B,) estimates [deg]."""
+        gain = (np.clip(action, -1, 1) + 1) / 2 * np.array([1.0, ERROR_GAIN_LIMIT])
+        self.belief = self.belief._replace(mean=self.belief.mean + gain.T * self.residual)
+        return self.bend_deg
+
+
+def load(path: Path) -> PolicyEstimator:
+    """Read a trained policy, beside the filter that it was trained with.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file is no trained policy of this agent.
+    """
+    policy = load_policy(path)
+    if policy.agent_name != RAM.agent:
+        raise ValueError(f"{path} holds the agent {policy.agent_name!r}, not {RAM.agent!r}")
+    return PolicyEstimator(policy, policy.active_model, ReinforcementActiveModel)
+
+
+def _build(knowledge: Knowledge) -> PolicyEstimator:
+    policy = load_policy(knowledge.trained["ram"])
+    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    return PolicyEstimator(policy, active_model, ReinforcementActiveModel)
+
+
+def _build_oracle(knowledge: Knowledge) -> CaseEstimator:
+    return OracleRun(_build(knowledge))
+
+
+RAM = register_method(
+    MethodSpec(
+        name="RAM",
+        rank=54,
+        family="learned",
+        told="R",
+        build=_build,
+        models=(ColemanHodgdon.name,),
+        training=Training("ram", POLICY_FILE, load, "reinforcement active modeling, by PPO"),
+        in_paper_suite=True,
+        proposed=True,
+        paper_column=3,
+        paper_figures=(5, 6, 7, 8, 9, 10),
+        beside_paper=True,
+        style=Style("#c4161c", "-", "o", 1.5),
+    )
+)
+"""With the measured residual, the only one that a deployed estimator has."""
+
+register_method(
+    MethodSpec(
+        name="RAM (oracle)",
+        rank=56,
+        family="learned",
+        told="R, and the truth in its residual, as the paper's text reads",
+        build=_build_oracle,
+        models=(ColemanHodgdon.name,),
+        trained_as=RAM.agent,
+        in_paper_suite=True,
+        oracle=True,
+        beside_paper=True,
+    )
+)

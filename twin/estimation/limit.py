@@ -1,0 +1,120 @@
+"""The limit of the benchmark: along each command an ensemble of twins, weighed by the measurements."""
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.case import Case
+from twin.estimation.ensemble import EnsembleFilter
+from twin.estimation.registry import MethodSpec, register_method
+from twin.signals.noise import noise_variance
+
+Array = NDArray[np.float64]
+_SAME = 1e-9  # two pulls that differ by less are one [mm]
+_LEAST = 10  # samples for which a record must follow a command
+
+
+@dataclasses.dataclass(frozen=True)
+class Ensembles:
+    """Ensembles along the commands of a test, as one function of a case.
+
+    Attributes:
+        paths: files of ensembles, one for each command.
+        sample_time: T of the cases, a multiple of that of the files [s].
+        knows_density: whether it is told the density of the noise, or its variance alone.
+    """
+
+    paths: tuple[Path, ...]
+    sample_time: float
+    knows_density: bool = True
+
+    def __call__(self, case: Case) -> Array:
+        """Return (B, N) estimated angles [deg].
+
+        Raises:
+            ValueError: a run follows a command that there is no ensemble of.
+        """
+        from twin.signals.noise_density import noise_density  # SciPy: imported when used
+
+        estimate = np.empty_like(case.measurement_deg)
+        for runs, members_deg in self._alike(case):
+            kind, level = case.noises[runs[0]]
+            density = noise_density(kind, level) if self.knows_density else None
+            filters = EnsembleFilter(members_deg, noise_variance(kind, level), density)
+            samples = members_deg.shape[1]
+            estimate[runs, :samples] = filters.estimate(
+                case.pull_mm[runs, :samples],
+                case.measurement_deg[runs, :samples],
+                case.initial_bend_deg[runs],
+            )
+            estimate[runs, samples:] = estimate[runs, samples - 1 : samples]
+        return estimate
+
+    def along(self, pull_mm: Array) -> Array:
+        """Return the ensemble (M, n) along a command (N,) [deg].
+
+        A record may begin later than the command that was simulated, where its first angles were missing, and
+        may be padded at its end: the ensemble whose command it follows for the longest time is cut to both.
+
+        Raises:
+            ValueError: the record follows none.
+        """
+        best = np.empty((0, 0))
+        for known, members_deg in self._loaded:
+            for late in map(int, np.flatnonzero(np.abs(known - pull_mm[0]) < _SAME)):
+                samples = min(len(known) - late, len(pull_mm))
+                here = slice(late, late + samples)
+                if samples > best.shape[1] and np.abs(known[here] - pull_mm[:samples]).max() < _SAME:
+                    best = members_deg[:, here]
+        if best.shape[1] < _LEAST:
+            raise ValueError("a record follows a command that no ensemble was simulated along")
+        return best
+
+    @functools.cached_property
+    def _loaded(self) -> list[tuple[Array, Array]]:
+        """Pull (N,) [mm] and members (M, N) [deg] of every command, read once."""
+        loaded = []
+        for path in self.paths:
+            with np.load(path, allow_pickle=False) as arrays:
+                every = round(self.sample_time / float(arrays["sample_time"]))
+                loaded.append((arrays["pull_mm"][::every], arrays["bend_deg"][:, ::every]))
+        return loaded
+
+    def _alike(self, case: Case) -> list[tuple[list[int], Array]]:
+        """Runs that share command, noise and missing measurements: their filters share one covariance."""
+        groups: dict[tuple[Any, ...], list[int]] = {}
+        for run, pull in enumerate(case.pull_mm):
+            missing = np.isnan(case.measurement_deg[run]).tobytes()
+            groups.setdefault((pull.tobytes(), missing, case.noises[run]), []).append(run)
+        ensembles: dict[bytes, Array] = {}
+        for (pull_bytes, _, _), runs in groups.items():
+            if pull_bytes not in ensembles:
+                ensembles[pull_bytes] = self.along(case.pull_mm[runs[0]])
+        return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
+
+
+register_method(
+    MethodSpec(
+        name="Ensemble",
+        rank=60,
+        family="ensemble",
+        told="R",
+        build=lambda known: Ensembles(known.ensembles, known.sample_time, knows_density=False),
+        ensembles=True,
+    )
+)
+register_method(
+    MethodSpec(
+        name="Ensemble (limit)",
+        rank=61,
+        family="ensemble",
+        told="the density of the noise",
+        build=lambda known: Ensembles(known.ensembles, known.sample_time),
+        ensembles=True,
+        is_limit=True,
+    )
+)

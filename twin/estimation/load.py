@@ -1,0 +1,46 @@
+"""Loading any trained estimator, without torch: NumPy and ONNX Runtime run it."""
+
+from pathlib import Path
+from typing import Any
+
+from twin.estimation.estimator import Estimator
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.registry import find_trainable
+from twin.hysteresis import HysteresisModel, model_from_dict
+
+
+def load_estimator(path: str | Path) -> Estimator[Any]:
+    """Read a trained estimator of any kind: a policy, a network, a learned gain.
+
+    The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); tell
+    it the noise of your sensor by `with_sensor`.
+
+    Args:
+        path: the file that training wrote, such as `policy.onnx` or `lstm.onnx`.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, or not a file that training wrote.
+    """
+    path = Path(path)
+    agent = read_trained_file(path).agent
+    try:
+        spec = find_trainable(agent)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    assert spec.training is not None
+    return spec.training.load(path)
+
+
+def model_of(path: str | Path) -> HysteresisModel:
+    """Return the model of hysteresis that a trained file was trained with.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, or not a file that training wrote.
+    """
+    description = read_trained_file(Path(path)).description
+    try:
+        return model_from_dict(description["active_model"]["model"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} does not tell the model that it was trained with") from error

@@ -1,0 +1,193 @@
+"""The method table: every estimator, declared once, in the file where it lives.
+
+Tables, figures, suites, `endotwin train` and `endotwin evaluate` read it. A new estimator is one new file in
+this package, or below it, that calls `register_method`. This module is light: it loads nothing but Python.
+"""
+
+import dataclasses
+import importlib
+import pkgutil
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from twin.estimation.case import CaseEstimator
+    from twin.estimation.estimator import Estimator
+    from twin.estimation.knowledge import Fit, Knowledge
+
+Family = Literal["model", "filter", "set-membership filter", "tuned filter", "learned", "ensemble"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Style:
+    """Colour, line and marker of a method in figures.
+
+    Attributes:
+        colour: as `#rrggbb`.
+        line: a line style of matplotlib.
+        marker: a marker of matplotlib; none where it is empty.
+        width: of the line [points].
+    """
+
+    colour: str
+    line: Any
+    marker: str
+    width: float = 1.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Training:
+    """Training of a learned method, as the command line and a run folder name it.
+
+    Attributes:
+        agent: word of `endotwin train --agent`.
+        file: name of the trained file in a run folder.
+        load: reads such a file.
+        purpose: a few words for the help of the command line.
+    """
+
+    agent: str
+    file: str
+    load: "Callable[[Path], Estimator[Any]]"
+    purpose: str
+
+
+@dataclasses.dataclass(frozen=True)
+class MethodSpec:
+    """Declaration of one method: all that tables, figures and commands need to know of it.
+
+    Attributes:
+        name: in tables, figures and files.
+        rank: place in tables, the smallest first.
+        family: kind of method.
+        told: what it is told of the noise, in a few words.
+        build: makes the estimator, or a function of a whole `Case`, from what may be known before the test.
+        models: names of the identified models of hysteresis that it needs.
+        fits: numbers that are found on the training records, which it needs.
+        records: whether it needs the training records themselves.
+        wire_offset: whether it needs the smallest wire offset that a twin may have.
+        ensembles: whether it needs ensembles of twins along the test's commands.
+        training: how it is trained; None for what is not learned.
+        trained_as: agent whose trained file it runs on; that of `training`, if not given.
+        in_paper_suite: whether the suite `paper` has it; the suite `full` has every method.
+        proposed: whether it is the method that the paper proposes.
+        oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
+        is_limit: whether other methods are measured against it.
+        paper_column: its column in the paper's Tables II and III, from the left, if it has one.
+        paper_figures: figures of the paper that show it.
+        beside_paper: whether the full suite shows it in the paper's tables too.
+        style: in figures; a grey one by its place where it has none of its own.
+    """
+
+    name: str
+    rank: float
+    family: Family
+    told: str
+    build: "Callable[[Knowledge], Estimator[Any] | CaseEstimator]"
+    models: tuple[str, ...] = ()
+    fits: "tuple[Fit, ...]" = ()
+    records: bool = False
+    wire_offset: bool = False
+    ensembles: bool = False
+    training: Training | None = None
+    trained_as: str | None = None
+    in_paper_suite: bool = False
+    proposed: bool = False
+    oracle: bool = False
+    is_limit: bool = False
+    paper_column: int | None = None
+    paper_figures: tuple[int, ...] = ()
+    beside_paper: bool = False
+    style: Style | None = None
+
+    @property
+    def agent(self) -> str | None:
+        """Agent whose trained file it runs on; None for what is not learned."""
+        return self.training.agent if self.training else self.trained_as
+
+    def is_ready(self, knowledge: "Knowledge") -> bool:
+        """Return whether all that it needs is known; its fits are found from the records."""
+        return (
+            all(model in knowledge.models for model in self.models)
+            and (bool(knowledge.records) or not (self.records or self.fits))
+            and (bool(knowledge.ensembles) or not self.ensembles)
+            and (knowledge.smallest_wire_offset is not None or not self.wire_offset)
+            and (self.agent is None or self.agent in knowledge.trained)
+        )
+
+
+_SPECS: dict[str, MethodSpec] = {}
+_SEARCHED: list[str] = []
+
+
+def register_method(spec: MethodSpec) -> MethodSpec:
+    """Add a method to the table and return it.
+
+    Raises:
+        ValueError: another method has this name, or another one is trained under this agent.
+    """
+    if spec.name in _SPECS:
+        raise ValueError(f"method {spec.name!r} is registered already")
+    taken = {known.training.agent for known in _SPECS.values() if known.training}
+    if spec.training and spec.training.agent in taken:
+        raise ValueError(f"agent {spec.training.agent!r} of {spec.name!r} is registered already")
+    _SPECS[spec.name] = spec
+    return spec
+
+
+def method_specs() -> list[MethodSpec]:
+    """Return all methods, in the order of tables."""
+    _search()
+    return sorted(_SPECS.values(), key=lambda spec: spec.rank)
+
+
+def method_spec(name: str) -> MethodSpec | None:
+    """Return the method of a name; None for one that is not in the table, as in a file of another version."""
+    _search()
+    return _SPECS.get(name)
+
+
+def find_method(name: str) -> MethodSpec:
+    """Return the method of a name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    spec = method_spec(name)
+    if spec is None:
+        raise ValueError(f"unknown method {name!r}; valid: {', '.join(s.name for s in method_specs())}")
+    return spec
+
+
+def trainable_specs() -> dict[str, MethodSpec]:
+    """Return the methods that can be trained, by agent."""
+    return {spec.training.agent: spec for spec in method_specs() if spec.training}
+
+
+def find_trainable(agent: str) -> MethodSpec:
+    """Return the method that is trained under an agent.
+
+    Raises:
+        ValueError: there is none.
+    """
+    specs = trainable_specs()
+    if agent not in specs:
+        raise ValueError(f"unknown agent {agent!r}; valid: {', '.join(specs)}")
+    return specs[agent]
+
+
+def proposed_method() -> MethodSpec:
+    """Return the method that the paper proposes."""
+    return next(spec for spec in method_specs() if spec.proposed)
+
+
+def _search() -> None:
+    """Import every module of `twin.estimation`, each of which registers its methods."""
+    if _SEARCHED:
+        return
+    package = importlib.import_module("twin.estimation")
+    for module in pkgutil.walk_packages(package.__path__, "twin.estimation."):
+        importlib.import_module(module.name)
+    _SEARCHED.append("twin.estimation")

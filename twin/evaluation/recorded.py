@@ -1,0 +1,101 @@
+"""Recorded measurements: their noise as the file tells it, and estimates written beside them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from twin.episode import Episode
+from twin.evaluation.case import make_case
+from twin.evaluation.method import Method
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.reading import at_sample_time, evaluation_record
+from twin.recording import EpisodeWriter, episode_files, read_episode
+from twin.recording.estimate import estimate_message, estimate_topic
+from twin.recording.messages import to_nanoseconds
+
+DEFAULT_VARIANCE = 0.1
+"""R of a sensor that nothing is known of: that of the paper's training [deg^2]."""
+
+
+def recorded_variance(episode: Episode) -> float | None:
+    """Return the variance of the noise in the measurements of a simulated episode [deg^2].
+
+    It is that of the sensor's own noise, of its rounding (a step^2 / 12), and of what the recipe adds.
+    None, where the episode does not tell: it was measured, or its measurements have no noise.
+    """
+    preset = episode.metadata.get("preset")
+    if episode.is_measured or not isinstance(preset, dict):
+        return None
+    noise, step = (float(preset.get(name, 0.0)) for name in ("sensor_noise", "sensor_resolution"))
+    variance = np.degrees(noise) ** 2 + np.degrees(step) ** 2 / 12 + _added(episode)
+    return float(variance) if variance > 0 else None
+
+
+def _added(episode: Episode) -> float:
+    """Variance that the recipe of an episode adds to the measurements [deg^2]."""
+    try:
+        recipe = yaml.safe_load(episode.attachments.get("recipe.yaml", b""))
+        return float(recipe["sensor"]["variance_deg2"])
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        return 0.0
+
+
+def common_variance(paths: Sequence[Path]) -> tuple[float, bool]:
+    """Return R of the measurements of all records together, and whether every record tells it [deg^2].
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: a file is damaged.
+    """
+    found = [recorded_variance(read_episode(file)) for path in paths for file in episode_files(path)]
+    known = [variance for variance in found if variance is not None]
+    return (float(np.mean(known)) if known else DEFAULT_VARIANCE), len(known) == len(found)
+
+
+def write_estimates(
+    paths: Sequence[Path],
+    methods: Sequence[Method],
+    sample_time: float,
+    variance: float,
+    folder: Path,
+    initial_error_deg: float = 20.0,
+) -> list[Path]:
+    """Write each record anew with what methods make of its recorded measurements, as `/estimate/METHOD`.
+
+    Args:
+        paths: folders of MCAP files, or files.
+        methods: oracles among them are left out.
+        sample_time: T of the estimates [s]; the record keeps its own samples.
+        variance: R that the methods are told [deg^2].
+        folder: where the files go, under the names of the records; it exists.
+        initial_error_deg: how far the initial estimate is off [deg].
+
+    Returns:
+        The files.
+
+    Raises:
+        ValueError: a file is damaged, two have one name, or the sample time does not fit.
+    """
+    protocol = Protocol("paper", 1, sample_time, initial_error_deg, recorded_variance=variance)
+    written: list[Path] = []
+    for file in (file for path in paths for file in episode_files(path)):
+        episode = read_episode(file)
+        record = evaluation_record(at_sample_time(episode, sample_time), 0)
+        case = make_case([(0, record)], protocol)
+        begin = len(at_sample_time(episode, sample_time).time) - len(record.pull_mm)
+        time = episode.time[0] + sample_time * (begin + np.arange(len(record.pull_mm)))
+        target = folder / file.name
+        if target in written:
+            raise ValueError(f"two records are called {file.name}: their estimates would be one file")
+        with EpisodeWriter(target) as writer:
+            writer.write(episode)
+            for method in methods:
+                if method.oracle:
+                    continue
+                topic, estimate = estimate_topic(method.name), method.estimate(case)[0]
+                for nanoseconds, bend_deg in zip(to_nanoseconds(time), estimate.tolist(), strict=True):
+                    writer.add_message(topic, estimate_message(bend_deg), nanoseconds)
+        written.append(target)
+    return written

@@ -1,0 +1,155 @@
+"""A score: one row of `evaluation.json`, and the one reader that validates such a file."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+LARGEST = 256 * 2**20
+"""Size that no file of results comes near [bytes]."""
+
+Group = tuple[tuple[float, ...], str]
+"""Stroke [mm] and kind of twin."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Score:
+    """Errors of one method under one noise, over the records of one stroke and kind of twin.
+
+    Attributes:
+        noise: kind of the measurement noise.
+        level: its level [deg^2 or deg].
+        sample_time_s: T [s].
+        stroke_mm: lowest and highest pulling distance [mm].
+        twin: kind of twin, `measured`, or the name of a preset.
+        method: name in the tables.
+        oracle: whether the method was shown the truth.
+        mae_deg: mean absolute error [deg].
+        rmse_deg: root mean square error [deg].
+        md_deg: mean |e - mean e| [deg].
+        md_printed_deg2: the same as the paper prints it [deg^2].
+        var_deg2: variance of the error [deg^2].
+        bias_deg: mean error [deg].
+        rmse_steady_deg: RMSE without the first 5 s [deg].
+        rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds [deg].
+        seeds: draws of the noise that the figures are means over.
+        paper_rmse_deg: RMSE that the paper published, if it has this row [deg].
+    """
+
+    noise: str
+    level: float
+    sample_time_s: float
+    stroke_mm: tuple[float, ...] = ()
+    twin: str = ""
+    method: str
+    oracle: bool
+    mae_deg: float
+    rmse_deg: float
+    md_deg: float
+    md_printed_deg2: float | None = None
+    var_deg2: float
+    bias_deg: float
+    rmse_steady_deg: float
+    rmse_ci95_deg: tuple[float, float]
+    seeds: int
+    paper_rmse_deg: float | None = None
+
+    @property
+    def condition(self) -> tuple[str, float]:
+        """Kind and level of the noise."""
+        return self.noise, self.level
+
+    @property
+    def group(self) -> Group:
+        """Stroke [mm] and kind of twin."""
+        return self.stroke_mm, self.twin
+
+    @property
+    def label(self) -> str:
+        """Name of the method; one that saw the clean truth is labelled as an oracle."""
+        labelled = self.oracle and "oracle" not in self.method.lower()
+        return f"{self.method} (oracle)" if labelled else self.method
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the row as `evaluation.json` holds it."""
+        return dataclasses.asdict(self) | {
+            "stroke_mm": list(self.stroke_mm),
+            "rmse_ci95_deg": list(self.rmse_ci95_deg),
+        }
+
+    @classmethod
+    def from_dict(cls, row: Mapping[str, Any]) -> Self:
+        """Return the score of a row; keys that other versions add are passed over.
+
+        Raises:
+            ValueError: a key is missing, or a value is of the wrong kind.
+        """
+        values = {}
+        for field in dataclasses.fields(cls):
+            if field.name in row:
+                values[field.name] = _read(field.name, row[field.name])
+            elif field.default is dataclasses.MISSING:
+                raise ValueError(f"a row has no {field.name}")
+        return cls(**values)
+
+
+def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
+    """Return the scores and the protocol of an `evaluation.json`.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no such file, or a row is damaged.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    if path.stat().st_size > LARGEST:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes: results have at most {LARGEST}")
+    try:
+        contents = json.loads(path.read_bytes())
+        rows, protocol = contents["rows"], contents["protocol"]
+        if not isinstance(rows, list) or not isinstance(protocol, dict):
+            raise TypeError("rows is no list, or protocol no object")
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is not the results of an evaluation") from error
+    scores = []
+    for number, row in enumerate(rows):
+        try:
+            scores.append(Score.from_dict(row if isinstance(row, dict) else {}))
+        except ValueError as error:
+            raise ValueError(f"{path}: row {number}: {error}") from None
+    return scores, protocol
+
+
+def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
+    """Return the rows of `evaluation.json`."""
+    return [score.to_dict() for score in scores]
+
+
+_TEXTS = ("noise", "twin", "method")
+
+
+def _read(name: str, value: Any) -> Any:
+    """One value of a row, of its kind."""
+    if name in _TEXTS:
+        if isinstance(value, str):
+            return value
+    elif name == "oracle":
+        if isinstance(value, bool):
+            return value
+    elif name in ("paper_rmse_deg", "md_printed_deg2") and value is None:
+        return None
+    elif name in ("stroke_mm", "rmse_ci95_deg"):
+        if isinstance(value, list | tuple) and len(value) == 2 and all(map(_is_number, value)):
+            return tuple(map(float, value))
+    elif name == "seeds":
+        if isinstance(value, int) and not isinstance(value, bool) and value > 0:
+            return value
+    elif _is_number(value):
+        return float(value)
+    raise ValueError(f"{name} = {value!r:.40}: of the wrong kind")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
