@@ -31,7 +31,7 @@ def measurement_itself(case):
 
 
 def pick(rows, method, noise, level):
-    (row,) = [r for r in rows if (r["method"], r["noise"], r["level"]) == (method, noise, level)]
+    (row,) = [r for r in rows if (r.method, r.noise, r.level) == (method, noise, level)]
     return row
 
 
@@ -40,13 +40,13 @@ def test_trusting_the_measurement_scores_the_moments_of_the_noise(two_records):
     for noise, level in PAPER_CONDITIONS:
         row = pick(rows, "y", noise, level)
         mean = level if noise == "poisson" else 0.0
-        assert row["bias_deg"] == pytest.approx(mean, abs=0.03)
-        assert row["var_deg2"] == pytest.approx(level, rel=0.03)
-        assert row["rmse_deg"] == pytest.approx(np.sqrt(level + mean**2), rel=0.02)
-        low, high = row["rmse_ci95_deg"]
-        assert low < row["rmse_deg"] < high
+        assert row.bias_deg == pytest.approx(mean, abs=0.03)
+        assert row.var_deg2 == pytest.approx(level, rel=0.03)
+        assert row.rmse_deg == pytest.approx(np.sqrt(level + mean**2), rel=0.02)
+        low, high = row.rmse_ci95_deg
+        assert low < row.rmse_deg < high
     dithered = pick(rows, "y", "poisson-dithered", 1.0)
-    assert dithered["var_deg2"] == pytest.approx(1 + 1 / 12, rel=0.03)
+    assert dithered.var_deg2 == pytest.approx(1 + 1 / 12, rel=0.03)
 
 
 def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
@@ -59,7 +59,7 @@ def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
         return estimate
 
     rows, _ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
-    assert all(row["rmse_deg"] == 0 for row in rows)
+    assert all(row.rmse_deg == 0 for row in rows)
     np.testing.assert_allclose(seen[0], np.repeat([record.bend_deg[0] + 20 for record in two_records], 5 * 6))
 
 
@@ -76,7 +76,7 @@ def test_only_an_oracle_is_shown_the_truth(two_records):
     rows, _ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
     assert shown["a"] is None
     assert shown["b"] is not None
-    assert {row["method"]: row["oracle"] for row in rows} == {"a": False, "b": True}
+    assert {row.method: row.oracle for row in rows} == {"a": False, "b": True}
 
 
 def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
@@ -84,9 +84,9 @@ def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
     rows, _ = evaluate(two_records, methods, PROTOCOL)
     again, _ = evaluate(two_records, methods, PROTOCOL)
     assert rows == again
-    assert pick(rows, "one", "gaussian", 1.0)["mae_deg"] == pick(rows, "two", "gaussian", 1.0)["mae_deg"]
+    assert pick(rows, "one", "gaussian", 1.0).mae_deg == pick(rows, "two", "gaussian", 1.0).mae_deg
     other, _ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
-    assert other[0]["mae_deg"] != rows[0]["mae_deg"]
+    assert other[0].mae_deg != rows[0].mae_deg
 
 
 def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
@@ -110,8 +110,8 @@ def test_steady_index_leaves_the_first_five_seconds_out(two_records):
         return estimate
 
     rows, _ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
-    assert rows[0]["rmse_steady_deg"] == pytest.approx(1.0)
-    assert rows[0]["rmse_deg"] > 4
+    assert rows[0].rmse_steady_deg == pytest.approx(1.0)
+    assert rows[0].rmse_deg > 4
 
 
 def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
@@ -127,8 +127,8 @@ def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
     rows, _ = evaluate(
         two_records, [Method("RAM", measurement_itself), Method("y", measurement_itself)], PROTOCOL
     )
-    assert pick(rows, "RAM", "gaussian", 1.0)["paper_rmse_deg"] == 0.6354
-    assert pick(rows, "y", "gaussian", 1.0)["paper_rmse_deg"] is None
+    assert pick(rows, "RAM", "gaussian", 1.0).paper_rmse_deg == 0.6354
+    assert pick(rows, "y", "gaussian", 1.0).paper_rmse_deg is None
     assert paper_value("poisson", 2.0, "C-H", "mae_deg") == 4.4908
 
 
@@ -145,7 +145,7 @@ def test_strokes_and_twins_are_scored_apart(two_records):
     rows, _ = evaluate(records, [Method("y", measurement_itself)], PROTOCOL)
     assert len(rows) == 2 * len(PAPER_CONDITIONS)
     alone, _ = evaluate(records[:1], [Method("y", measurement_itself)], PROTOCOL)
-    assert [row for row in rows if row["twin"] == "nominal"] == alone
+    assert [row for row in rows if row.twin == "nominal"] == alone
 
 
 def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two_records):
@@ -161,7 +161,7 @@ def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two
         return estimate
 
     rows, _ = evaluate([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
-    assert all(row["rmse_deg"] == 0 for row in rows)
+    assert all(row.rmse_deg == 0 for row in rows)
     np.testing.assert_array_equal(np.isnan(cases[0].measurement_deg), np.tile(~seen, (30, 1)))
 
 
@@ -179,7 +179,7 @@ def test_a_shorter_record_is_padded_without_measurements_and_scored_to_its_end(t
         return estimate
 
     rows, _ = evaluate([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
-    assert rows[0]["rmse_deg"] == pytest.approx(1.0)
+    assert rows[0].rmse_deg == pytest.approx(1.0)
     case = make_case([(0, two_records[0]), (1, short)], PROTOCOL)
     assert np.isnan(case.measurement_deg[30:, 150:]).all()
     assert (case.pull_mm[30:, 150:] == short.pull_mm[-1]).all()

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from twin.evaluation.paper import INDICES, METHODS, TABLES, noise_label, paper_value
+from twin.estimation.registry import method_specs
+from twin.evaluation.paper import INDICES, TABLES, noise_label, paper_value
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track, load_tracks, save_tracks
 from twin.report.figures import (
-    STYLES,
     loop_figure,
     rmse_figure,
     style_of,
@@ -22,8 +23,8 @@ from twin.report.findings import findings
 from twin.report.tables import paper_table, paper_tables
 
 
-def make_row(method: str, rmse: float, *, noise: str = "gaussian", level: float = 1.0, **changes) -> dict:
-    return {
+def make_row(method: str, rmse: float, *, noise: str = "gaussian", level: float = 1.0, **changes) -> Score:
+    row = {
         "noise": noise,
         "level": level,
         "sample_time_s": 0.1,
@@ -38,7 +39,8 @@ def make_row(method: str, rmse: float, *, noise: str = "gaussian", level: float 
         "rmse_ci95_deg": [0.95 * rmse, 1.05 * rmse],
         "seeds": 20,
         "paper_rmse_deg": paper_value(noise, level, method, "rmse_deg"),
-    } | changes
+    }
+    return Score.from_dict(row | changes)
 
 
 def make_track() -> Track:
@@ -91,8 +93,8 @@ def test_rmse_figure_has_the_interval_the_mean_and_the_paper():
 
 
 def test_methods_are_told_apart_without_colour():
-    looks = {(style.line, style.marker) for style in STYLES.values()}
-    assert len(looks) == len(STYLES)
+    styles = [spec.style for spec in method_specs() if spec.style]
+    assert len({(style.line, style.marker) for style in styles}) == len(styles) == 6
     others = ["RAM", "KalmanNet", "UKF"]
     assert style_of("KalmanNet", others).marker != style_of("UKF", others).marker
 
@@ -109,7 +111,7 @@ def test_the_papers_figures_agree_with_one_another(table):
     """RMSE^2 >= Var, RMSE >= MAE: a slip in copying a number would break one of them."""
     for level, values in table.values.items():
         assert set(values) == set(INDICES)
-        for method in METHODS:
+        for method in ("C-H", "AM", "LSTM", "RAM"):
             mae, rmse, var = (
                 paper_value(table.noise, level, method, index)
                 for index in ("mae_deg", "rmse_deg", "var_deg2")

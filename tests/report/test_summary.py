@@ -3,9 +3,9 @@ import itertools
 import numpy as np
 import pytest
 
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.summary import (
-    LIMIT,
     benchmark_figures,
     benchmark_tables,
     times_the_limit,
@@ -13,22 +13,28 @@ from twin.report.summary import (
 
 NOISES = [("gaussian", 1.0), ("poisson", 2.0)]
 FIRST = ((-1.0, 1.0), "nominal")
+LIMIT = "Ensemble (limit)"
 
 
 def row(method, noise, T, group, rmse):
-    (low, high), twin = group
-    return {
-        "noise": noise[0],
-        "level": noise[1],
-        "sample_time_s": T,
-        "stroke_mm": [low, high],
-        "twin": twin,
-        "method": method,
-        "oracle": "oracle" in method,
-        "rmse_deg": rmse,
-        "rmse_steady_deg": rmse / 2,
-        "rmse_ci95_deg": [0.9 * rmse, 1.1 * rmse],
-    }
+    stroke, twin = group
+    return Score(
+        noise=noise[0],
+        level=noise[1],
+        sample_time_s=T,
+        stroke_mm=stroke,
+        twin=twin,
+        method=method,
+        oracle="oracle" in method,
+        mae_deg=rmse,
+        rmse_deg=rmse,
+        md_deg=rmse,
+        var_deg2=rmse,
+        bias_deg=0.0,
+        rmse_steady_deg=rmse / 2,
+        rmse_ci95_deg=(0.9 * rmse, 1.1 * rmse),
+        seeds=2,
+    )
 
 
 @pytest.fixture

@@ -4,16 +4,17 @@ import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium
 from stable_baselines3.common.env_checker import check_env as check_stable_baselines
 
-import rl  # noqa: F401  registers the environment
-from rl.agents import DirectEstimator, ReinforcementActiveModel, from_log_scale
 from rl.environment import (
-    ENVIRONMENT_ID,
     BatchEnvironment,
     EstimationEnvironment,
     TrainingTask,
     stack_records,
 )
+from rl.registration import ENVIRONMENT_ID, register_environments
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.learned.direct import DirectEstimator
+from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.learned.scale import from_log_scale
 
 
 @pytest.fixture
@@ -27,9 +28,15 @@ def batch(task, model, count, seed=0):
 
 @pytest.mark.parametrize("agent", ["ram", "direct"])
 def test_registered_environment_passes_both_checkers(agent):
+    register_environments()
     environment = gymnasium.make(ENVIRONMENT_ID, agent=agent)
     check_gymnasium(environment.unwrapped, skip_render_check=True)
     check_stable_baselines(environment.unwrapped)
+
+
+def test_an_unknown_agent_is_refused_with_the_valid_ones():
+    with pytest.raises(ValueError, match="'rram'; valid: ram, direct"):
+        EstimationEnvironment(agent="rram")
 
 
 def test_single_environment_is_the_batch_of_one(records, model):

@@ -1,19 +1,22 @@
-import functools
 import json
 import pickle
 
 import numpy as np
+import onnx
 import pytest
 import torch
+from exported import assert_exported_alike
 from hypothesis import given
 from hypothesis import strategies as st
 from recorded import make_episode
 
 import scripts.train
-from rl.gru import Gru, GruNetwork, load_gru, train_gru
-from rl.supervised import SequenceTraining
+from rl.gru import GruNetwork, train_gru
+from rl.supervised import SequenceTraining, TorchNetwork
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.learned.gru import Gru, load
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.recording import write_episode
 
@@ -28,7 +31,7 @@ MODELS = [
 @pytest.fixture(scope="module")
 def trained(records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("gru")
-    return train_gru(records, ActiveModel(model, 0.1), SHORT, folder), folder
+    return load(train_gru(records, ActiveModel(model, 0.1), SHORT, folder)), folder
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +43,7 @@ def stacked(records):
 
 def untrained(model, hidden=8):
     torch.manual_seed(3)
-    return Gru(GruNetwork(hidden), model, 0.1)
+    return Gru(TorchNetwork(GruNetwork(hidden), hidden), model, 0.1)
 
 
 def test_it_filters_the_noise_that_it_was_trained_on(trained, stacked):
@@ -53,7 +56,7 @@ def test_it_filters_the_noise_that_it_was_trained_on(trained, stacked):
 @pytest.mark.parametrize("reference", MODELS, ids=lambda reference: reference.name)
 def test_whole_record_equals_sample_by_sample(reference, stacked, chunk, monkeypatch):
     """In one pass and in pieces of seven samples; with a model that has a memory too."""
-    monkeypatch.setattr("rl.supervised.CHUNK", chunk)
+    monkeypatch.setattr("twin.estimation.learned.scale.CHUNK", chunk)
     pull, _, measurement = stacked
     estimator = untrained(reference)
     whole = estimator.estimate(pull, measurement, 50.0)
@@ -156,37 +159,51 @@ def test_saved_network_is_loaded_and_equal(trained, stacked, records, model):
     pull, _, measurement = stacked
     expected = estimator.estimate(pull, measurement, 0.0)
     for again in (
-        train_gru(records, ActiveModel(model, 0.1), SHORT, folder),
-        load_gru(folder / "gru.pt"),
+        load(train_gru(records, ActiveModel(model, 0.1), SHORT, folder)),
+        load(folder / "gru.onnx"),
         pickle.loads(pickle.dumps(estimator)),
     ):
         np.testing.assert_array_equal(again.estimate(pull, measurement, 0.0), expected)
         assert (again.model, again.sample_time) == (model, 0.1)
-    assert torch.load(folder / "gru.pt", weights_only=True)["configuration"]["training"]["seed"] == 1
+    assert read_trained_file(folder / "gru.onnx").description["training"]["seed"] == 1
+
+
+def test_the_exported_graph_is_the_network_that_was_trained():
+    """Weights are reordered for ONNX: any number of samples, any batch, memory handed on."""
+    torch.manual_seed(2)
+    network = GruNetwork(6)
+    network.pull_scale.fill_(0.3)
+    assert_exported_alike(network, 1)
 
 
 def test_file_that_is_no_network_is_refused_in_one_line(trained, tmp_path):
-    whole = (trained[1] / "gru.pt").read_bytes()
-    path = tmp_path / "gru.pt"
-    with pytest.raises(FileNotFoundError, match="train --agent gru"):
-        load_gru(path)
-    other = tmp_path / "other.pt"
-    torch.save(torch.load(trained[1] / "gru.pt", weights_only=True) | {"agent": "kalman-net"}, other)
-    for content in (b"nothing", b"", whole[: len(whole) // 2], other.read_bytes()):
+    whole = (trained[1] / "gru.onnx").read_bytes()
+    path = tmp_path / "gru.onnx"
+    with pytest.raises(FileNotFoundError, match="no trained file"):
+        load(path)
+    for content in (b"nothing", b"", whole[: len(whole) // 2]):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match=r"is no network written by `endotwin train --agent gru`") as e:
-            load_gru(path)
+        with pytest.raises(ValueError, match=r"is not a trained file written by `endotwin train`") as e:
+            load(path)
         assert "\n" not in str(e.value)
+    graph = onnx.load(trained[1] / "gru.onnx")
+    for change, said in (({"agent": "lstm"}, "holds the agent 'lstm'"), ({"hidden": "8"}, "is no network")):
+        description = json.loads(graph.metadata_props[0].value) | change
+        onnx.helper.set_model_props(graph, {"endotwin": json.dumps(description)})
+        onnx.save(graph, path)
+        with pytest.raises(ValueError, match=said):
+            load(path)
+        graph = onnx.load(trained[1] / "gru.onnx")
 
 
-def test_the_verb_trains_it(tmp_path, model, monkeypatch, capsys):
+def test_the_verb_trains_it(tmp_path, model, capsys):
     write_episode(tmp_path / "one.mcap", make_episode(samples=60))
     (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
-    monkeypatch.setattr(scripts.train, "SequenceTraining", functools.partial(SequenceTraining, iterations=2))
     line = f"{tmp_path}/one.mcap --model {tmp_path}/model.json --out {tmp_path}/run --agent gru"
-    assert scripts.train.main([*line.split(), "--sample-time", "0.02", "--seed", "5", "--json"]) == 0
+    options = "--sample-time 0.02 --seed 5 --episodes 6 --json"
+    assert scripts.train.main([*line.split(), *options.split()]) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary == {"out": f"{tmp_path}/run/gru.pt", "agent": "gru"}
-    assert load_gru(tmp_path / "run/gru.pt").sample_time == 0.02
+    assert summary == {"out": f"{tmp_path}/run/gru.onnx", "agent": "gru"}
+    assert load(tmp_path / "run/gru.onnx").sample_time == 0.02
     assert (tmp_path / "run/progress.csv").read_text().count("\n") == 3
     assert "seed: 5" in (tmp_path / "run/config.yaml").read_text()

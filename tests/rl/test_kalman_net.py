@@ -1,4 +1,3 @@
-import functools
 import json
 import pickle
 
@@ -14,13 +13,14 @@ from rl.kalman_net import (
     ERROR_GAIN_LIMIT,
     FEATURES,
     GainNetwork,
-    KalmanNet,
     KalmanNetTraining,
-    load_kalman_net,
     train_kalman_net,
 )
+from rl.supervised import TorchNetwork
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
+from twin.estimation.learned.kalman_net import KalmanNet, load
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.recording import write_episode
 
@@ -32,7 +32,7 @@ AFFINE = [ColemanHodgdon(1.15, 22.38, 5.0), PrandtlIshlinskii((10.0, 8.0, 6.0), 
 @pytest.fixture(scope="module")
 def trained(records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kalman_net")
-    return train_kalman_net(records, ActiveModel(model, T), SHORT, folder), folder
+    return load(train_kalman_net(records, ActiveModel(model, T), SHORT, folder)), folder
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def constant(model, of_bend, of_error):
     with torch.no_grad():
         network.output.weight.zero_()
         network.output.bias.copy_(torch.logit(parts))
-    return KalmanNet(network, model, T)
+    return KalmanNet(TorchNetwork(network, 4), model, T)
 
 
 def test_it_filters_the_noise_that_it_was_trained_on(trained, stacked):
@@ -85,7 +85,7 @@ def test_with_the_steady_gain_of_the_active_model_it_is_the_active_model(model):
     gain = spread[:, 0] / (spread[0, 0] + 1.0)
     network = constant(model, *gain)
     state = network.start(rest[:1], belief.mean[0])
-    state = state._replace(filter=state.filter._replace(error=torch.tensor(belief.mean[1])))
+    state = state._replace(filter=state.filter._replace(error=belief.mean[1]))
     for k in range(200, 400):
         belief = active.step(belief, rest[:1], rest[:1], measurement[:, k])
         state = network.step(state, rest[:1], rest[:1], measurement[:, k])
@@ -96,7 +96,7 @@ def test_with_the_steady_gain_of_the_active_model_it_is_the_active_model(model):
 def test_gains_are_bounded_whatever_the_network_sees(seed, size):
     torch.manual_seed(seed)
     network = GainNetwork(8)
-    gain, hidden = network(size * torch.randn(20, FEATURES), torch.randn(20, 8))
+    gain, hidden = network(size * torch.randn(20, FEATURES), torch.randn(1, 20, 8))
     assert torch.isfinite(hidden).all()
     assert ((gain >= 0) & (gain <= torch.tensor([1.0, ERROR_GAIN_LIMIT]))).all()
 
@@ -104,21 +104,21 @@ def test_gains_are_bounded_whatever_the_network_sees(seed, size):
 class Watched(GainNetwork):
     """Keeps what it is shown."""
 
-    def forward(self, features, hidden):
-        self.shown = [*getattr(self, "shown", []), features.numpy().copy()]
-        return super().forward(features, hidden)
+    def forward(self, seen, memory):
+        self.shown = [*getattr(self, "shown", []), seen.numpy().copy()]
+        return super().forward(seen, memory)
 
 
 def test_network_sees_the_features_of_the_paper_less_what_the_model_foretells(model, stacked):
     pull, _, measurement = stacked
     torch.manual_seed(0)
     network = Watched(8)
-    estimator = KalmanNet(network, model, T, 4.0)
+    estimator = KalmanNet(TorchNetwork(network, 8), model, T, 4.0)
     states = [estimator.start(pull[:, 0], np.full(3, 40.0))]
     for k in range(1, 30):
         states.append(estimator.step(states[-1], pull[:, k], pull[:, k - 1], measurement[:, k]))
-    bend = np.array([state.filter.bend_deg.numpy() for state in states])
-    error = np.array([state.filter.error.numpy() for state in states])
+    bend = np.array([state.filter.bend_deg for state in states])
+    error = np.array([state.filter.error for state in states])
     y = np.concatenate([np.full((1, 3), 40.0), measurement.T[1:30]])
 
     def step(angle, k):
@@ -180,13 +180,13 @@ def test_over_a_gap_it_predicts_and_the_network_rests(trained, stacked):
         if 60 <= k < 70:
             one = slice(1, 2)
             predicted, _ = estimator.model.step(
-                before.filter.bend_deg.numpy()[one], before.memory[:, one], pull[one, k], pull[one, k - 1]
+                before.filter.bend_deg[one], before.memory[:, one], pull[one, k], pull[one, k - 1]
             )
-            predicted += before.filter.error.numpy()[one] * T
+            predicted += before.filter.error[one] * T
             np.testing.assert_allclose(estimator.bend_deg(state)[one], predicted, atol=1e-12)
-            assert torch.equal(state.filter.hidden[1], before.filter.hidden[1])
+            assert np.array_equal(state.filter.hidden[1], before.filter.hidden[1])
             assert state.filter.error[1] == before.filter.error[1]
-            assert not torch.equal(state.filter.hidden[0], before.filter.hidden[0])
+            assert not np.array_equal(state.filter.hidden[0], before.filter.hidden[0])
     holed = measurement.copy()
     holed[1, 60:70] = np.nan
     np.testing.assert_allclose(
@@ -197,7 +197,7 @@ def test_over_a_gap_it_predicts_and_the_network_rests(trained, stacked):
 def test_model_that_is_not_affine_is_refused(records, tmp_path):
     model = BoucWen(22.0, -12.0, 1.1, 1.0, 1.5)
     with pytest.raises(ValueError, match="'bouc-wen' is not affine"):
-        KalmanNet(GainNetwork(4), model, T)
+        KalmanNet(TorchNetwork(GainNetwork(4), 4), model, T)
     with pytest.raises(ValueError, match="'bouc-wen' is not affine"):
         train_kalman_net(records, ActiveModel(model, T), SHORT, tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -208,39 +208,36 @@ def test_saved_network_is_loaded_and_equal(trained, stacked, records, model):
     pull, _, measurement = stacked
     expected = estimator.estimate(pull, measurement, 45.0)
     for again in (
-        train_kalman_net(records, ActiveModel(model, T), SHORT, folder),
-        load_kalman_net(folder / "kalman_net.pt"),
+        load(train_kalman_net(records, ActiveModel(model, T), SHORT, folder)),
+        load(folder / "kalman_net.onnx"),
         pickle.loads(pickle.dumps(estimator)),
     ):
         np.testing.assert_array_equal(again.estimate(pull, measurement, 45.0), expected)
         assert (again.model, again.sample_time) == (model, T)
-    configuration = torch.load(folder / "kalman_net.pt", weights_only=True)["configuration"]
-    assert configuration["training"]["window"] == SHORT.window
+    assert read_trained_file(folder / "kalman_net.onnx").description["training"]["window"] == SHORT.window
 
 
 def test_file_that_is_no_network_is_refused_in_one_line(trained, tmp_path):
-    whole = (trained[1] / "kalman_net.pt").read_bytes()
-    path = tmp_path / "kalman_net.pt"
-    with pytest.raises(FileNotFoundError, match="train --agent kalman-net"):
-        load_kalman_net(path)
+    whole = (trained[1] / "kalman_net.onnx").read_bytes()
+    path = tmp_path / "kalman_net.onnx"
+    with pytest.raises(FileNotFoundError, match="no trained file"):
+        load(path)
     for content in (b"nothing", whole[: len(whole) // 2]):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match=r"is no network written by `endotwin train --agent") as e:
-            load_kalman_net(path)
+        with pytest.raises(ValueError, match=r"is not a trained file written by `endotwin train`") as e:
+            load(path)
         assert "\n" not in str(e.value)
 
 
-def test_the_verb_trains_it(tmp_path, model, monkeypatch, capsys):
+def test_the_verb_trains_it(tmp_path, model, capsys):
     write_episode(tmp_path / "one.mcap", make_episode(samples=40))
     (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
-    short = functools.partial(KalmanNetTraining, iterations=2)
-    monkeypatch.setattr(scripts.train, "KalmanNetTraining", short)
     line = f"{tmp_path}/one.mcap --model {tmp_path}/model.json --out {tmp_path}/run --agent kalman-net"
-    options = ["--sample-time", "0.02", "--initial-error-deg", "7", "--json"]
+    options = ["--sample-time", "0.02", "--initial-error-deg", "7", "--episodes", "3", "--json"]
     assert scripts.train.main([*line.split(), *options]) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary == {"out": f"{tmp_path}/run/kalman_net.pt", "agent": "kalman-net"}
-    assert load_kalman_net(tmp_path / "run/kalman_net.pt").sample_time == 0.02
+    assert summary == {"out": f"{tmp_path}/run/kalman_net.onnx", "agent": "kalman-net"}
+    assert load(tmp_path / "run/kalman_net.onnx").sample_time == 0.02
     # shorter than an episode of the defaults: 64 filters over the 39 steps that there are
     assert [row.split(",")[0] for row in (tmp_path / "run/progress.csv").read_text().split()[1:]] == [
         str(64 * 39),

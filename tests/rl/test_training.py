@@ -6,12 +6,12 @@ import onnxruntime
 import pytest
 from stable_baselines3 import PPO
 
-from rl import training as training_module
-from rl.policy import load_policy
-from rl.training import Training, train_policy
+from rl.options import TrainingOptions
+from rl.policy import export_policy, load_policy
+from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
 
-SHORT = Training(episodes=32, environments=16, horizon=512, seed=3)
+SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_run_folder_holds_policy_configuration_curve_and_checkpoints(run_folder)
 def test_exported_policy_equals_the_network_that_was_trained(run_folder):
     ppo = PPO.load(sorted((run_folder / "checkpoints").glob("*.zip"))[-1], device="cpu")
     exported = run_folder / "again.onnx"
-    training_module.export_policy(ppo, "ram", {"active_model": {}}, exported)
+    export_policy(ppo, "ram", {"active_model": {}}, exported)
     observation = np.linspace(-3, 3, 50, dtype=np.float32)[:, None]
     expected, _ = ppo.predict(observation, deterministic=True)
     session = onnxruntime.InferenceSession(str(exported))
@@ -64,7 +64,7 @@ def test_policy_carries_the_filter_that_it_was_trained_beside(run_folder, active
 
 
 def test_training_improves_the_policy(records, active_model, tmp_path):
-    longer = Training(agent="direct", episodes=200, environments=16, horizon=512, seed=3)
+    longer = TrainingOptions(agent="direct", episodes=200, environments=16, horizon=512, seed=3)
     train_policy(records, active_model, longer, tmp_path)
     curve = [value for _, value in returns(tmp_path)]
     assert curve[-1] > 0.1 * curve[0]  # both negative: a tenth of the error that a random policy makes
@@ -86,7 +86,7 @@ def test_finished_run_is_left_as_it_is(records, active_model, run_folder):
 
 def test_another_configuration_does_not_overwrite_a_run(records, active_model, run_folder):
     with pytest.raises(ValueError, match="another configuration"):
-        train_policy(records, active_model, Training(episodes=64), run_folder)
+        train_policy(records, active_model, TrainingOptions(episodes=64), run_folder)
 
 
 class _Stop(Exception):
@@ -94,7 +94,7 @@ class _Stop(Exception):
 
 
 def test_stopped_training_goes_on_from_its_newest_whole_checkpoint(records, active_model, tmp_path):
-    plan = Training(episodes=96, environments=16, horizon=512, seed=3)
+    plan = TrainingOptions(episodes=96, environments=16, horizon=512, seed=3)
 
     def stop_half_way(done, total, reward):
         if done > total / 2:
@@ -118,7 +118,7 @@ def test_stopped_training_goes_on_from_its_newest_whole_checkpoint(records, acti
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"agent": "dqn"}, "valid: ram, direct"),
+        ({"agent": "dqn"}, "valid: lstm, gru, kalman-net, direct, ram"),
         ({"episodes": 0}, "episodes = 0: must be positive"),
         ({"discount": 1.5}, "discount = 1.5"),
         ({"environments": 30}, "horizon = 1024: must be a multiple"),
@@ -126,7 +126,7 @@ def test_stopped_training_goes_on_from_its_newest_whole_checkpoint(records, acti
 )
 def test_training_that_cannot_run_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        Training(**change)
+        TrainingOptions(**change)
 
 
 def test_file_that_is_no_policy_is_refused(tmp_path):
@@ -134,5 +134,5 @@ def test_file_that_is_no_policy_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="endotwin train"):
         load_policy(path)
     path.write_bytes(b"not a network")
-    with pytest.raises(ValueError, match="not a policy written by"):
+    with pytest.raises(ValueError, match="not a trained file written by"):
         load_policy(path)

@@ -1,24 +1,17 @@
+import json
+
 import numpy as np
 import pytest
 
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.open_loop import MONOTONE
+from twin.estimation.registry import method_specs
 from twin.evaluation.compare import evaluate
-from twin.evaluation.method import as_method
+from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
-from twin.suite.fitting import (
-    MODEL_NAMES,
-    MONOTONE,
-    TUNED_WITH,
-    Fits,
-    best_gain,
-    identify_models,
-    koopman_variances,
-    load_fits,
-    save_fits,
-    tune,
-)
-from twin.suite.methods import active_methods, set_filters, static_methods, tuned_methods
+from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, needed_fits, save_fits
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +20,11 @@ def models(records, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def fits(models, records):
-    return Fits(
-        models,
-        {name: tune(name, models, records, 0.1, 0) for name in TUNED_WITH},
-        best_gain(models, records, 0.1, 0),
-        koopman_variances(records, 0),
-    )
+def known(models, records):
+    """All that methods without a network may know, with every fit found."""
+    known = Knowledge(0.1, models, records, smallest_wire_offset=1.2e-3)
+    fits = {fit.key: fit.find(known) for fit in needed_fits(method_specs())}
+    return Knowledge(0.1, models, records, fits=fits, smallest_wire_offset=1.2e-3)
 
 
 def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
@@ -46,30 +37,26 @@ def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == stamps
 
 
-def test_fits_come_back_from_their_file(fits, tmp_path):
-    save_fits(tmp_path / "tuned.json", fits)
-    assert load_fits(tmp_path / "tuned.json", fits.models) == fits
+def test_fits_come_back_from_their_file(known, tmp_path):
+    save_fits(tmp_path / "tuned.json", dict(known.fits))
+    assert load_fits(tmp_path / "tuned.json") == known.fits
+    assert load_fits(tmp_path / "none.json") == {}
 
 
-@pytest.mark.parametrize(
-    "content", ["no json", "[]", '{"tuned": {}}', '{"tuned": {"AM": {}}, "gain": [0, 0], "koopman": [1, 1]}']
-)
+@pytest.mark.parametrize("content", ["no json", "[]", '{"coleman-hodgdon": 1}'])
 def test_a_damaged_file_is_named(content, tmp_path):
     path = tmp_path / "tuned.json"
     path.write_text(content)
     with pytest.raises(ValueError, match=r"tuned\.json is damaged: remove it"):
-        load_fits(path, {})
+        load_fits(path)
 
 
-def test_tuned_filters_beat_the_papers_on_the_training_stroke(fits, records):
+def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     pull, bend = records[0]
     record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
-    sets = [as_method(*named) for named in set_filters(fits, records, 0.1, 1.2e-3).items()]
-    methods = [*static_methods(fits), *active_methods(fits, 0.1), *sets, *tuned_methods(fits, records, 0.1)]
-    rows, _ = evaluate([record], methods, Protocol("paper-only", seeds=4))
-    rmse = {
-        row["method"]: row["rmse_deg"] for row in rows if (row["noise"], row["level"]) == ("gaussian", 1.0)
-    }
+    methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
+    scores, _ = evaluate([record], methods, Protocol("paper-only", seeds=4))
+    rmse = {score.method: score.rmse_deg for score in scores if score.condition == ("gaussian", 1.0)}
     assert len(rmse) == 19
     for name in ("AM-tuned", "AM-tuned (Q, R)", "Constant gain", "ESMF", "Koopman"):
         assert rmse[name] < 0.7 * rmse["AM"], name
@@ -77,6 +64,8 @@ def test_tuned_filters_beat_the_papers_on_the_training_stroke(fits, records):
     assert rmse["UKF"] == pytest.approx(rmse["AM"], rel=1e-9)
 
 
-def test_fitted_noise_is_near_that_of_training(fits):
-    assert fits.tuned["AM (Q, R)"].measurement_variance == pytest.approx(0.1, rel=0.5)
-    assert fits.tuned["AM"].measurement_variance == 0.1  # told, not tuned
+def test_fitted_noise_is_near_that_of_training(known):
+    variances = {key: found.get("measurement_variance") for key, found in known.fits.items()}
+    assert variances["coleman-hodgdon, Q and R"] == pytest.approx(0.1, rel=0.5)
+    assert variances["coleman-hodgdon"] == 0.1  # told, not tuned
+    assert json.loads(json.dumps(known.fits)) == known.fits

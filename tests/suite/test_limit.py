@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.limit import Ensembles
+from twin.estimation.registry import method_specs
 from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate
+from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
-from twin.suite.limit import Ensembles, bounds, limit_methods, make_ensembles
+from twin.suite.limit import bounds, make_ensembles
 from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
@@ -65,8 +69,11 @@ def test_a_record_may_begin_later_than_its_command_and_be_padded(ensembles):
 
 def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles, test_set):
     protocol = Protocol("full", seeds=4)
-    rows, _ = evaluate(test_set, limit_methods(ensembles, 0.1), protocol)
-    rmse = {(r["method"], r["noise"], r["level"], r["stroke_mm"][0]): r["rmse_deg"] for r in rows}
+    known = Knowledge(0.1, {}, ensembles=tuple(ensembles))
+    methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
+    assert [method.name for method in methods] == ["Ensemble", "Ensemble (limit)"]
+    rows, _ = evaluate(test_set, methods, protocol)
+    rmse = {(r.method, r.noise, r.level, r.stroke_mm[0]): r.rmse_deg for r in rows}
     for low in (-1.0, 2.0):
         told_r, knows = (rmse[name, "gaussian", 1.0, low] for name in ("Ensemble", "Ensemble (limit)"))
         assert knows == pytest.approx(told_r, rel=0.05)  # R says all of Gaussian noise

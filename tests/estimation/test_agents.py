@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rl.agents import DirectEstimator, ReinforcementActiveModel, from_log_scale, make_agent, to_log_scale
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.learned.direct import DirectEstimator
+from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.learned.scale import from_log_scale, to_log_scale
 
 
 @pytest.fixture
@@ -116,9 +118,9 @@ def test_log_scale_is_inverted_and_odd(angle):
     assert to_log_scale(np.array(-angle)) == -value
 
 
-@pytest.mark.parametrize("name", ["ram", "direct"])
-def test_without_a_measurement_nothing_is_corrected(active_model, name):
-    agent, pull = make_agent(name, active_model), np.full(2, 3.0)
+@pytest.mark.parametrize("kind", [ReinforcementActiveModel, lambda active_model: DirectEstimator()])
+def test_without_a_measurement_nothing_is_corrected(active_model, kind):
+    agent, pull = kind(active_model), np.full(2, 3.0)
     agent.reset(pull, np.array([50.0, 60.0]))
     observation = agent.observe(pull, pull, np.array([np.nan, 55.0]))
     assert observation[0, 0] == 0
@@ -126,8 +128,3 @@ def test_without_a_measurement_nothing_is_corrected(active_model, name):
     estimate = agent.act(np.zeros((2, agent.action_size)))
     assert estimate[0] == 50.0
     assert np.isfinite(estimate).all()
-
-
-def test_unknown_agent_is_named_with_the_valid_ones(active_model):
-    with pytest.raises(ValueError, match=r"'rram'; valid: ram, direct"):
-        make_agent("rram", active_model)

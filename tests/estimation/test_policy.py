@@ -2,27 +2,30 @@
 
 import numpy as np
 import pytest
-from rl.methods import PolicyEstimator, oracle_method, policy_method
 
-from rl.policy import Policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
 from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor
+from twin.estimation.learned.direct import make_agent
+from twin.estimation.learned.policy import OracleRun, PolicyEstimator
+from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.online import OnlineEstimator
 from twin.evaluation.method import as_method
 
 SEEDS = 8
 
 
-class FixedSession:
-    """Stands for a trained network: one action whatever is seen."""
+AGENTS = {"ram": ReinforcementActiveModel, "direct": make_agent}
 
-    def __init__(self, action):
-        self.action = action
 
-    def run(self, _, feed):
-        return [np.tile(np.float32(self.action), (len(feed["observation"]), 1))]
+def steered(action, active_model, agent="ram"):
+    """An estimator whose policy says one action, whatever it sees."""
+
+    def policy(observation):
+        return np.tile(np.float32(action), (len(observation), 1)).astype(float)
+
+    return PolicyEstimator(policy, active_model, AGENTS[agent])
 
 
 @pytest.fixture
@@ -38,10 +41,6 @@ def case(records):
     return Case(pulls, bend + noise, np.full(SEEDS, bend[0] + 20), Sensor(np.full(SEEDS, 1.0)))
 
 
-def constant_policy(action, agent="ram"):
-    return Policy(FixedSession(action), agent, {})
-
-
 def test_filters_are_told_the_variance_of_the_noise(active_model, case):
     told = active_model.with_sensor(case.sensor)
     expected = told.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
@@ -50,7 +49,7 @@ def test_filters_are_told_the_variance_of_the_noise(active_model, case):
 
 def test_policy_that_adds_nothing_is_the_active_model(active_model, case):
     np.testing.assert_array_equal(
-        policy_method(constant_policy([-1.0, -1.0]), active_model).estimate(case),
+        as_method("RAM", steered([-1.0, -1.0], active_model)).estimate(case),
         as_method("AM", active_model).estimate(case),
     )
 
@@ -58,26 +57,25 @@ def test_policy_that_adds_nothing_is_the_active_model(active_model, case):
 def test_policy_of_one_action_is_the_constant_gain(active_model, case):
     gained = ConstantGain(active_model.model, 0.1, gain=(0.25, 0.75))
     np.testing.assert_allclose(
-        policy_method(constant_policy([-0.5, 0.5]), active_model).estimate(case),
+        as_method("RAM", steered([-0.5, 0.5], active_model)).estimate(case),
         as_method("Constant gain", gained).estimate(case),
         rtol=1e-12,
     )
 
 
 def test_oracle_with_full_gain_is_the_truth_and_needs_it(active_model, case, records):
-    method = oracle_method(constant_policy([1.0, -1.0]), active_model)
-    assert method.oracle
+    oracle = OracleRun(steered([1.0, -1.0], active_model))
     with pytest.raises(ValueError, match="needs the truth"):
-        method.estimate(case)
+        oracle(case)
     truth = np.tile(records[0][1], (SEEDS, 1))
     shown = Case(case.pull_mm, case.measurement_deg, case.initial_bend_deg, case.sensor, truth_deg=truth)
-    np.testing.assert_allclose(method.estimate(shown)[:, 1:], truth[:, 1:], atol=1e-9)
+    np.testing.assert_allclose(oracle(shown)[:, 1:], truth[:, 1:], atol=1e-9)
 
 
 @pytest.mark.parametrize("agent", ["ram", "direct"])
 def test_a_stream_gives_what_the_batch_gives(active_model, case, agent):
     action = [0.2, -0.4] if agent == "ram" else [0.1]
-    estimator = PolicyEstimator(constant_policy(action, agent), active_model)
+    estimator = steered(action, active_model, agent)
     measurement = case.measurement_deg[0].copy()
     measurement[[5, 6, 90]] = np.nan
     batch = estimator.estimate(case.pull_mm[0], measurement, case.initial_bend_deg[0])[0]
@@ -88,7 +86,7 @@ def test_a_stream_gives_what_the_batch_gives(active_model, case, agent):
 
 
 def test_a_step_leaves_the_state_that_it_was_given(active_model):
-    estimator = PolicyEstimator(constant_policy([0.5, 0.5]), active_model)
+    estimator = steered([0.5, 0.5], active_model)
     pull = np.full(3, 3.0)
     first = estimator.start(pull, np.array([50.0, 60.0, 70.0]))
     estimator.step(first, pull + 0.1, pull, np.full(3, 55.0))

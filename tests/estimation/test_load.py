@@ -1,0 +1,82 @@
+"""Any trained file is loaded by one function, without torch, and runs sample by sample."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import onnx
+import pytest
+
+from rl.options import TrainingOptions
+from rl.trainers import find_trainer
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.load import load_estimator, model_of
+from twin.estimation.online import OnlineEstimator
+from twin.estimation.registry import trainable_specs
+
+FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
+
+
+@pytest.fixture(scope="module", params=sorted(trainable_specs()))
+def trained(request, records, model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    options = TrainingOptions(agent=request.param, seed=1, **FEW)
+    return find_trainer(request.param).train(records, ActiveModel(model, 0.1), options, folder, None)
+
+
+def test_it_filters_and_a_stream_gives_what_the_record_gives(trained, records):
+    estimator = load_estimator(trained).with_sensor(Sensor(0.3))
+    pull, bend = records[0]
+    measurement = bend + np.random.default_rng(0).standard_normal(len(bend))
+    batch = Estimator.estimate(estimator, pull, measurement, bend[0] + 5)[0]
+    live = OnlineEstimator(estimator, estimator.sample_time, bend[0] + 5)
+    stream = [live.push(0.1 * k, pull[k], measurement[k]) for k in range(len(pull))]
+    np.testing.assert_array_equal(stream, batch)
+    np.testing.assert_allclose(estimator.estimate(pull, measurement, bend[0] + 5)[0], batch, atol=1e-3)
+    assert estimator.sample_time == 0.1
+
+
+def test_the_file_tells_the_model_and_how_it_was_trained(trained, model):
+    assert model_of(trained) == model
+    (described,) = [item.value for item in onnx.load(trained).metadata_props if item.key == "endotwin"]
+    assert json.loads(described)["training"]["seed"] == 1
+
+
+def test_it_runs_where_neither_torch_nor_mujoco_can_be_imported(trained):
+    code = (
+        "import sys\n"
+        "for name in ('torch', 'stable_baselines3', 'gymnasium', 'mujoco', 'dm_control', 'matplotlib'):\n"
+        "    sys.modules[name] = None\n"
+        "import numpy as np\n"
+        "from twin.estimation.load import load_estimator\n"
+        f"estimator = load_estimator({str(trained)!r})\n"
+        "pull = np.sin(np.arange(50) / 9)\n"
+        "print(np.isfinite(estimator.estimate(pull, 10 * pull, 3.0)).all())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "True", done.stderr[-500:]
+
+
+def test_what_is_no_trained_file_is_refused_in_one_line(tmp_path, trained):
+    path = tmp_path / "x.onnx"
+    with pytest.raises(FileNotFoundError, match="no trained file"):
+        load_estimator(path)
+    whole = trained.read_bytes()
+    for content in (b"", b"nothing", whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="is not a trained file") as error:
+            load_estimator(path)
+        assert "\n" not in str(error.value)
+    graph = onnx.load(trained)
+    description = json.loads(graph.metadata_props[0].value)
+    for change, said in (
+        ({"agent": "dqn"}, "unknown agent 'dqn'; valid"),
+        ({"agent": 3}, "is not a trained file"),
+        ({"active_model": {}}, r"is not a policy|is no network"),
+    ):
+        onnx.helper.set_model_props(graph, {"endotwin": json.dumps(description | change)})
+        onnx.save(graph, path)
+        with pytest.raises(ValueError, match=said):
+            load_estimator(path)
