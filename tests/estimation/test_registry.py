@@ -1,4 +1,4 @@
-"""The method table: a new estimator is one declaration, and is then in tables, figures, suites and commands."""
+"""The method table: a new estimator is one declaration, and is then in every table, figure and command."""
 
 import ast
 import dataclasses
