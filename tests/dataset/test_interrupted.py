@@ -1,6 +1,6 @@
 """Generation killed at random moments: no damaged file under a final name, and the same bytes in the end.
 
-`pytest tests/test_interrupted.py --kills 100` kills a hundred times.
+`pytest tests/dataset/test_interrupted.py --kills 100` kills a hundred times.
 """
 
 import collections
@@ -12,13 +12,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
+from repository import ENVIRONMENT, command
 
 from twin.recording import read_episode
 
@@ -39,11 +39,11 @@ class Run:
     folder: Path
 
     def __post_init__(self) -> None:
-        command = [sys.executable, "-m", "scripts", "generate", "recipe.yaml", "--out", str(self.folder)]
+        words = ["generate", "recipe.yaml", "--out", self.folder, "--workers", "2", "--format", "csv"]
         self.process = subprocess.Popen(
-            [*command, "--workers", "2", "--format", "csv"],
+            command(*words),
             cwd=self.folder.parent,
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+            env=ENVIRONMENT,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             start_new_session=True,

@@ -17,6 +17,7 @@ from typing import Any
 import mutated
 import numpy as np
 import zstandard
+from repository import REPOSITORY
 
 from twin.episode import Episode
 from twin.recording import endotwin_pb2 as schema
@@ -140,7 +141,7 @@ def run_child(kind: str, first: int, count: int, path: Path) -> dict[str, Any]:
     """The same in a process of its own, whose memory is its own; fails with what it says."""
     code = f"import test_mutations; test_mutations.child({kind!r}, {first}, {count}, {str(path)!r})"
     here = Path(__file__).parent
-    folders = [here, here.parent / "support", here.parents[1]]
+    folders = [here, here.parent / "support", REPOSITORY]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
     command = [sys.executable, "-c", code]
     ran = subprocess.run(
