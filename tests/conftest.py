@@ -6,13 +6,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import settings
 from small_dataset import make
 
 from twin.hysteresis import ColemanHodgdon
 
-torch.set_num_threads(1)
 settings.register_profile("repeatable", deadline=None, derandomize=True)  # whatever the machine
 settings.load_profile("repeatable")
 
