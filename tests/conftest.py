@@ -46,8 +46,3 @@ def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def dataset_copy(whole_dataset: Path, tmp_path: Path) -> Path:
     """A copy of it, to be damaged or changed."""
     return Path(shutil.copytree(whole_dataset, tmp_path / "data"))
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--kills", type=int, default=6, help="how often generation is killed")
-    parser.addoption("--mutations", type=int, default=300, help="how many damaged files are read")

@@ -1,6 +1,6 @@
 """Generation killed at random moments: no damaged file under a final name, and the same bytes in the end.
 
-`pytest tests/dataset/test_interrupted.py --kills 100` kills a hundred times.
+`make endurance` kills a hundred times.
 """
 
 import collections
@@ -88,12 +88,12 @@ def assert_same_folder(folder: Path, undisturbed: Path) -> None:
     assert_nothing_damaged(folder, undisturbed)
 
 
-def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(pytestconfig, undisturbed, tmp_path):
+@pytest.mark.parametrize("kills", [3, pytest.param(100, marks=pytest.mark.endurance)])
+def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(kills, undisturbed, tmp_path):
     rng = np.random.default_rng(0)
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     folder = tmp_path / "data"
     hit: collections.Counter[str] = collections.Counter()
-    kills = pytestconfig.getoption("--kills")
     for kill in itertools.takewhile(lambda _: hit.total() < kills, itertools.count()):
         run = Run(folder)
         begins = hit.total() % 3 == 0
@@ -125,7 +125,7 @@ def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(pytestconfig, u
     assert code == 0, said
     assert_same_folder(folder, undisturbed)
     print(f"killed: {dict(hit)}")
-    assert kills < 6 or min(hit["parent"], hit["child"]) > 0
+    assert min(hit["parent"], hit["child"]) > 0
 
 
 def wait_for_new_file(run: Run, folder: Path) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 import mutated
 import numpy as np
+import pytest
 import zstandard
 from repository import REPOSITORY
 
@@ -152,8 +153,8 @@ def run_child(kind: str, first: int, count: int, path: Path) -> dict[str, Any]:
     return json.loads(ran.stdout)
 
 
-def test_mutated_files_end_in_data_or_in_one_line(tmp_path, request):
-    count = request.config.getoption("--mutations")
+@pytest.mark.parametrize("count", [200, pytest.param(10_000, marks=pytest.mark.endurance)])
+def test_mutated_files_end_in_data_or_in_one_line(tmp_path, count):
     figures = run_child("mutations", 0, count, tmp_path / "a.mcap")
     assert sum(figures["ended"].values()) == count
     assert figures["slowest"][0] < LONGEST

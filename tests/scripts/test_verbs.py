@@ -9,20 +9,10 @@ import pytest
 from repository import REPOSITORY, endotwin
 from typed import done, typed
 
-from rl.supervised import SequenceTraining
 from twin.measured.folder import write_measured
 from twin.measured.log import read_measured_log
 from twin.preset.file import load_preset
 from twin.recording import read_dataset, read_episode
-
-
-@pytest.fixture(scope="module")
-def few_steps():
-    """Networks are trained by few steps: what they have learned is asserted elsewhere."""
-    with pytest.MonkeyPatch.context() as patch:
-        _, *others = SequenceTraining.__init__.__defaults__
-        patch.setattr(SequenceTraining.__init__, "__defaults__", (20, *others))
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +25,7 @@ def workspace(tmp_path_factory, few_steps):
     printed = {}
     for line in (
         f"generate {data} --stroke 2 4 --seed 1 --out data/train --json",
-        f"generate {data} --stroke -1 1 --seed 2 --out data/test --format csv --json",
+        f"generate {data} --stroke -1 1 --seed 2 --workers 1 --out data/test --format csv --json",
         "identify data/train --out coleman_hodgdon.json --generations 40 --json",
         f"{learn} --agent ram --out runs/ram --json",
         f"{learn} --agent direct --out runs/direct --json",
@@ -85,7 +75,7 @@ def test_benchmark_says_what_holds(workspace):
     assert "Madelung" in (folder / "benchmark.md").read_text()
 
 
-def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
+def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path, no_workers):
     line = (
         "generate --episodes 2 --seconds 2 --stroke -1 1 --randomize --sheath-bend-deg 0 "
         "--sheath-bend-to-deg 90 --sensor-variance 0 --set encoder_counts=400 sensor_resolution=0.01 "
@@ -154,7 +144,7 @@ def test_a_script_runs_by_its_path_too(tmp_path):
     assert "--sheath-bend-deg" in ended.stdout
 
 
-def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path):
+def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path, no_workers):
     (tmp_path / "c.csv").write_text("time_s,pull_mm\n0,0\n3,1\n6,-1\n")
     line = "generate --preset ureteroscope --command-csv c.csv --sheath-bend-deg 90 --format csv --out out"
     done(line, tmp_path)

@@ -16,8 +16,10 @@ def command(*words: object) -> list[str]:
     return [sys.executable, "-m", "scripts", *map(str, words)]
 
 
-def endotwin(*words: object, cwd: Path, **options: Any) -> subprocess.CompletedProcess[str]:
+def endotwin(
+    *words: object, cwd: Path, timeout: float = 300, **options: Any
+) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own, in a folder."""
     return subprocess.run(
-        command(*words), cwd=cwd, capture_output=True, text=True, env=ENVIRONMENT, timeout=300, **options
+        command(*words), cwd=cwd, capture_output=True, text=True, env=ENVIRONMENT, timeout=timeout, **options
     )

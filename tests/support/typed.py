@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import shlex
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -25,7 +26,7 @@ def typed(line: str, cwd: Path) -> Typed:
         contextlib.chdir(cwd),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        mock.patch.object(sys, "argv", ["endotwin", *line.split()]),
+        mock.patch.object(sys, "argv", ["endotwin", *shlex.split(line)]),
     ):
         code = main()
     return Typed(code, out.getvalue(), err.getvalue())
