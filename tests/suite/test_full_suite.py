@@ -8,6 +8,7 @@ import pytest
 
 from scripts.evaluate import main
 from twin.hysteresis import load_model
+from twin.signals.excitation import SIGNALS
 from twin.suite.fitting import TUNED_WITH, load_fits
 
 METHODS = [
@@ -40,6 +41,15 @@ METHODS = [
     "Ensemble (limit)",
 ]
 SMALL = "--suite full --seconds 6 --members 12 --episodes 10 --seeds 2 --seed 1 --json"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_numbers():
+    """One randomised twin for each kind of signal, and a short search for each model."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.suite.scenarios.RANDOMIZED", len(SIGNALS))
+        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        yield
 
 
 @pytest.fixture(scope="module")
