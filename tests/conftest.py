@@ -11,10 +11,14 @@ from small_dataset import make
 
 from twin.hysteresis import ColemanHodgdon
 
-settings.register_profile("repeatable", deadline=None, derandomize=True)  # whatever the machine
+# The same examples every time, whatever the machine; `--hypothesis-profile=thorough` draws ten times as many.
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=50)
+settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.load_profile("repeatable")
 
 SAMPLE_TIME = 0.1
+LONGEST = ("test_full_suite.py", "test_verbs.py", "test_training.py", "test_interrupted.py")
+"""Files that begin first, so that no worker waits long for another's last one."""
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +44,10 @@ def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     make(folder, csv=True)
     return folder
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture
