@@ -7,6 +7,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 import numpy as np
 import pytest
 from hypothesis import settings
+from models import COLEMAN_HODGDON
 from small_dataset import make
 
 from twin.hysteresis import ColemanHodgdon
@@ -24,7 +25,7 @@ LONGEST = ("test_full_suite.py", "test_verbs.py", "test_training.py", "test_inte
 @pytest.fixture(scope="session")
 def model() -> ColemanHodgdon:
     """The paper's identified model, eq. 12."""
-    return ColemanHodgdon(1.15, 22.38, 5.0)
+    return COLEMAN_HODGDON
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from identifying import OTHER, PAPER, SEEDS, TIME, noisy_records, parameters_of, records_of
+from identifying import OTHER, SEEDS, TIME, noisy_records, parameters_of, records_of
+from models import PAPER
 from scipy.optimize import differential_evolution
 
 from twin.hysteresis import ColemanHodgdon

@@ -1,7 +1,8 @@
 """The mean square error of a model over records."""
 
 import numpy as np
-from identifying import PAPER, records_of
+from identifying import records_of
+from models import PAPER
 
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import mean_square_error

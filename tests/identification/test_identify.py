@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from identifying import PAPER, TIME, records_of
+from identifying import TIME, records_of
+from models import PAPER
 
 from twin.hysteresis import MODELS
 from twin.identification import NEVER_REVERSES, identify

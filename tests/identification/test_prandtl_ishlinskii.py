@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from identifying import PAPER, SEEDS, noisy_records
+from identifying import SEEDS, noisy_records
+from models import PAPER
 from scipy.optimize import lsq_linear
 
 from twin.hysteresis import ColemanHodgdon, PrandtlIshlinskii

@@ -8,7 +8,6 @@ import pytest
 
 from twin.signals.excitation import SIGNALS, command
 
-PAPER = (1.15, 22.38, 5.0)
 OTHER = (0.4, 35.0, 21.0)
 SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 TIME = np.arange(300) * 0.1  # [s]
