@@ -6,23 +6,26 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import settings
+from models import COLEMAN_HODGDON
 from small_dataset import make
 
 from twin.hysteresis import ColemanHodgdon
 
-torch.set_num_threads(1)
-settings.register_profile("repeatable", deadline=None, derandomize=True)  # whatever the machine
+# The same examples every time, whatever the machine; `--hypothesis-profile=thorough` draws ten times as many.
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=50)
+settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.load_profile("repeatable")
 
 SAMPLE_TIME = 0.1
+LONGEST = ("test_full_suite.py", "test_verbs.py", "test_training.py", "test_interrupted.py")
+"""Files that begin first, so that no worker waits long for another's last one."""
 
 
 @pytest.fixture(scope="session")
 def model() -> ColemanHodgdon:
     """The paper's identified model, eq. 12."""
-    return ColemanHodgdon(1.15, 22.38, 5.0)
+    return COLEMAN_HODGDON
 
 
 @pytest.fixture(scope="session")
@@ -44,12 +47,11 @@ def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture
 def dataset_copy(whole_dataset: Path, tmp_path: Path) -> Path:
     """A copy of it, to be damaged or changed."""
     return Path(shutil.copytree(whole_dataset, tmp_path / "data"))
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--kills", type=int, default=6, help="how often generation is killed")
-    parser.addoption("--mutations", type=int, default=300, help="how many damaged files are read")

@@ -2,10 +2,10 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 import yaml
+from repository import REPOSITORY
 from small_dataset import SMALL, make
 
 from twin.dataset.recipe import Recipe
@@ -15,7 +15,7 @@ from twin.recording import endotwin_pb2, read_episode
 from twin.recording.camera import CAMERA_TOPIC
 from twin.recording.messages import SCHEMAS
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "dataset.md").read_text()
+DOCUMENT = (REPOSITORY / "docs" / "dataset.md").read_text()
 
 
 def described(name: str) -> bool:

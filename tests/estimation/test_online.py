@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel
@@ -14,10 +15,9 @@ from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.robust import RobustActiveModel
-from twin.hysteresis import ColemanHodgdon
 
 T = 0.1
-MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
+MODEL = COLEMAN_HODGDON
 PLAIN = ActiveModel(MODEL, T, measurement_variance=1.0)
 ESTIMATORS = {
     "active model": PLAIN,

@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
+from models import COLEMAN_HODGDON
 
 from twin.estimation.open_loop import OpenLoop
-from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
+from twin.hysteresis import BoucWen, PrandtlIshlinskii
 
 PULL = 3 + np.sin(0.07 * np.arange(300))
 MODELS = [
-    ColemanHodgdon(1.15, 22.38, 5.0),
+    COLEMAN_HODGDON,
     BoucWen(20.0, 5.0, 3.0, 0.8, 1.5),
     PrandtlIshlinskii((12.0, 5.0, 3.0), (0.0, 0.3, 0.8)),
 ]

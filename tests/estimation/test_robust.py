@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief
 from twin.estimation.robust import RobustActiveModel, huber_variance
-from twin.hysteresis import ColemanHodgdon
 
-MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
+MODEL = COLEMAN_HODGDON
 PLAIN = ActiveModel(MODEL, 0.1, measurement_variance=1.0)
 ROBUST = RobustActiveModel(**vars(PLAIN))
 PULL = 3 + np.sin(2 * np.pi * np.arange(400) * 0.1 / 12)

@@ -8,11 +8,11 @@ import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from models import BOUC_WEN
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief
 from twin.estimation.unscented import UnscentedActiveModel, cholesky, sigma_points
-from twin.hysteresis.bouc_wen import BoucWen
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,6 @@ class Square(Pendulum):
         return 2 * bend_deg
 
 
-BOUC_WEN = BoucWen(22.0, -15.0, 1.2, 1.5, 2.0)
 spreads = st.tuples(st.floats(0.01, 1), st.floats(0, 3), st.floats(-1, 3))
 covariances = st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-0.99, 0.99))
 

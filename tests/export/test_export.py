@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exporting import REPOSITORY, make_records, run
+from exporting import make_records, run
 from recorded import assert_equal, make_episode
+from repository import REPOSITORY
 
 from twin.measured.folder import write_measured
 from twin.measured.log import read_measured_log

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and folders that one run at a time writes into."""
+"""Files that appear whole or not at all."""
 
 import errno
 
@@ -6,16 +6,6 @@ import numpy as np
 import pytest
 
 from twin.files.atomic import WholeFile, write_whole
-from twin.files.lock import claim
-
-
-def test_claims_of_two_folders_do_not_meet_and_one_ends_under_an_exception(tmp_path):
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    with pytest.raises(KeyError), claim(tmp_path / "a"), claim(tmp_path / "b"):
-        raise KeyError
-    with claim(tmp_path / "a"):
-        pass
 
 
 def test_failure_of_a_block_leaves_the_former_file_and_names_it(tmp_path):

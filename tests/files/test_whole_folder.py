@@ -1,14 +1,12 @@
 """The folder of an export: whole or not there, whatever stops the command."""
 
-import os
 import resource
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from exporting import REPOSITORY, make_records, run
+from exporting import make_records, run
 from recorded import make_episode
+from repository import endotwin
 
 from scripts import export as verb
 from twin.export import WholeFolder
@@ -33,11 +31,8 @@ def test_a_disk_that_fills_up_leaves_nothing_and_one_line(tmp_path, form):
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 
-    words = [sys.executable, "-m", "scripts", "export", "long.mcap", "--out", "le", "--format", form]
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        words, cwd=tmp_path, capture_output=True, text=True, env=environment, preexec_fn=little_room
-    )
+    words = ["export", "long.mcap", "--out", "le", "--format", form]
+    done = endotwin(*words, cwd=tmp_path, preexec_fn=little_room)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1] == f"endotwin export: {tmp_path / 'le'}: File too large"
     assert "Traceback" not in done.stderr

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from models import COLEMAN_HODGDON
 from scipy.integrate import solve_ivp
 
 from twin.hysteresis import (
@@ -17,7 +18,7 @@ from twin.hysteresis import (
     load_model,
 )
 
-PAPER = ColemanHodgdon(1.15, 22.38, 5.0)
+PAPER = COLEMAN_HODGDON
 rates = st.floats(0.2, 4.0)
 slopes = st.floats(1.0, 50.0)
 paths = st.lists(st.floats(-5, 5), min_size=3, max_size=30).map(np.array)

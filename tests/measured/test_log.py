@@ -1,25 +1,12 @@
 """A measured log becomes an episode in SI units, of its own samples; a fault is one clear line."""
 
-import dataclasses
 import hashlib
-import json
 
 import numpy as np
 import pytest
-from csv_logs import steps, write
+from csv_logs import LOOP, PHASE, steps, write
 
-from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
-from twin.recording import read_dataset, read_episode
-
-PHASE = np.repeat(np.arange(0, 4 * np.pi, 0.25), 2)  # each phase twice, as rigs log them
-LOOP = {
-    "phase_rad": PHASE,
-    "command_deg": 60 * np.sin(PHASE) + np.tile([-0.5, 0.5], len(PHASE) // 2),
-    "angle_deg": 30 * np.sin(PHASE - 0.3),
-    "tension_a_n": 5 + 3 * np.sin(PHASE),
-    "tension_b_n": 5 - 3 * np.sin(PHASE),
-}
 
 
 def test_a_loop_is_read_in_si_units_with_repeats_averaged(tmp_path):
@@ -198,82 +185,6 @@ def test_a_drifting_load_cell_and_a_large_angle_are_no_fault(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no file .*none\.csv"):
         read_measured_log(tmp_path / "none.csv")
-
-
-# A folder of logs
-
-
-def test_logs_share_a_folder_that_lists_them(tmp_path):
-    first = read_measured_log(write(tmp_path, LOOP, "one.csv"))
-    second = read_measured_log(write(tmp_path, steps(sheath_bend_deg=[9] * 4), "two.csv"))
-    paths = [write_measured(tmp_path, name, log) for name, log in (("b", first), ("a", second))]
-    listed = json.loads((tmp_path / "dataset.json").read_text())
-    assert listed["source"] == "measured"
-    assert [entry["name"] for entry in listed["files"]] == ["a.mcap", "b.mcap"]
-    assert [entry["samples"] for entry in listed["files"]] == [4, len(first.time)]
-    for entry, path in zip(listed["files"], reversed(paths), strict=True):
-        assert entry["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
-    read = read_dataset(tmp_path)
-    assert [log.metadata["name"] for log in read] == ["a", "b"]
-    np.testing.assert_allclose(read[1].pull, first.pull, atol=1e-15)
-    np.testing.assert_array_equal(read[1].wire_tension, first.wire_tension)
-    np.testing.assert_allclose(read[0].sheath_bend, second.sheath_bend, rtol=1e-12)
-
-
-def test_the_same_log_may_be_read_again_and_gives_the_same_bytes(tmp_path):
-    log = write(tmp_path, LOOP)
-    once = write_measured(tmp_path, "log", read_measured_log(log)).read_bytes()
-    assert write_measured(tmp_path, "log", read_measured_log(log)).read_bytes() == once
-    write_measured(tmp_path, "log", read_measured_log(log, LogFormat(pulley_radius=0.02)))
-    assert read_episode(tmp_path / "log.mcap").metadata["pulley_radius"] == 0.02
-    assert len(json.loads((tmp_path / "dataset.json").read_text())["files"]) == 1
-
-
-def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_path):
-    path = write_measured(tmp_path, "log", read_measured_log(write(tmp_path, LOOP)))
-    other = read_measured_log(write(tmp_path, steps()))
-    with pytest.raises(ValueError, match=r"log\.mcap is the log of another CSV file: choose another --name"):
-        write_measured(tmp_path, "log", other)
-    assert len(read_episode(path).time) > 4
-    path.unlink()
-    write_measured(tmp_path, "log", other)
-    assert len(read_episode(path).time) == 4
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "fault"),
-    [
-        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", "{", "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "measured", "files": [1]}', "dataset.json that no import wrote"),
-        ("episode_0000.mcap", "", "holds episode_0000.mcap, which no import wrote"),
-        ("log.mcap", "", "holds log.mcap, which no import wrote"),
-    ],
-)
-def test_a_folder_of_other_files_is_left_alone(tmp_path, name, content, fault):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    folder = tmp_path / "out"
-    folder.mkdir()
-    (folder / name).write_text(content)
-    with pytest.raises(ValueError, match=fault):
-        write_measured(folder, "log", episode)
-    assert {path.name: path.read_text() for path in folder.iterdir()} == {name: content}
-
-
-@pytest.mark.parametrize("name", ["", ".log", "..", "a/b", "/a", "a\\b"])
-def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    with pytest.raises(ValueError, match="--name"):
-        write_measured(tmp_path, name, episode)
-
-
-def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    late = dataclasses.replace(episode, time=episode.time * 1e-12)
-    with pytest.raises(ValueError, match="less than 1 ns"):
-        write_measured(tmp_path, "log", late)
-    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
 def test_angle_may_be_counted_the_other_way(tmp_path):

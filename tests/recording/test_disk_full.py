@@ -2,12 +2,12 @@
 
 import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from recorded import make_episode
+from repository import endotwin
 
 from twin.files.atomic import write_whole
 from twin.recording import read_episode, write_episode
@@ -46,14 +46,8 @@ def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
 def generate(folder: Path) -> subprocess.CompletedProcess[str]:
     recipe = folder.parent.parent / "recipe.yaml"
     recipe.write_text(RECIPE)
-    words = f"-m scripts generate {recipe} --out {folder} --workers 2 --format csv"
-    return subprocess.run(
-        [sys.executable, *words.split()],
-        cwd=folder.parent.parent,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
-        capture_output=True,
-        text=True,
-    )
+    words = f"generate {recipe} --out {folder} --workers 2 --format csv"
+    return endotwin(*words.split(), cwd=recipe.parent)
 
 
 def test_full_disk_is_said_in_one_line_and_the_same_command_goes_on(small_disk, tmp_path):

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 from recorded import make_episode, messages
+from repository import REPOSITORY
 
 from twin.episode import Episode
 from twin.physics import simulate
 from twin.preset.file import load_preset
 from twin.recording import write_episode
 
-SOURCE = Path(__file__).resolve().parents[1] / "support" / "independent_reader"
+SOURCE = REPOSITORY / "tests" / "support" / "independent_reader"
 FILES = ("package.json", "package-lock.json", "read_mcap.mjs")
 OLDEST_NODE = 20
 UNREACHABLE = re.compile(

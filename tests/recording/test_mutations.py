@@ -16,7 +16,9 @@ from typing import Any
 
 import mutated
 import numpy as np
+import pytest
 import zstandard
+from repository import REPOSITORY
 
 from twin.episode import Episode
 from twin.recording import endotwin_pb2 as schema
@@ -140,7 +142,7 @@ def run_child(kind: str, first: int, count: int, path: Path) -> dict[str, Any]:
     """The same in a process of its own, whose memory is its own; fails with what it says."""
     code = f"import test_mutations; test_mutations.child({kind!r}, {first}, {count}, {str(path)!r})"
     here = Path(__file__).parent
-    folders = [here, here.parent / "support", here.parents[1]]
+    folders = [here, here.parent / "support", REPOSITORY]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
     command = [sys.executable, "-c", code]
     ran = subprocess.run(
@@ -151,8 +153,8 @@ def run_child(kind: str, first: int, count: int, path: Path) -> dict[str, Any]:
     return json.loads(ran.stdout)
 
 
-def test_mutated_files_end_in_data_or_in_one_line(tmp_path, request):
-    count = request.config.getoption("--mutations")
+@pytest.mark.parametrize("count", [200, pytest.param(10_000, marks=pytest.mark.endurance)])
+def test_mutated_files_end_in_data_or_in_one_line(tmp_path, count):
     figures = run_child("mutations", 0, count, tmp_path / "a.mcap")
     assert sum(figures["ended"].values()) == count
     assert figures["slowest"][0] < LONGEST

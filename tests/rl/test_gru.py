@@ -8,6 +8,7 @@ import torch
 from exported import assert_exported_alike
 from hypothesis import given
 from hypothesis import strategies as st
+from models import COLEMAN_HODGDON
 from recorded import make_episode
 
 import scripts.train
@@ -17,12 +18,12 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.gru import Gru, load
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
+from twin.hysteresis import BoucWen, PrandtlIshlinskii
 from twin.recording import write_episode
 
 SHORT = SequenceTraining(iterations=120, sequences=32, window=80, seed=1)
 MODELS = [
-    ColemanHodgdon(1.15, 22.38, 5.0),
+    COLEMAN_HODGDON,
     BoucWen(22.0, -12.0, 1.1, 1.0, 1.5),
     PrandtlIshlinskii((10.0, 8.0, 6.0), (0.0, 0.3, 0.8)),
 ]

@@ -6,6 +6,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from models import COLEMAN_HODGDON
 from recorded import make_episode
 
 import scripts.train
@@ -21,12 +22,12 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.kalman_net import KalmanNet, load
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
+from twin.hysteresis import BoucWen, PrandtlIshlinskii
 from twin.recording import write_episode
 
 T = 0.1
 SHORT = KalmanNetTraining(iterations=250, sequences=32, window=25, episode=75, learning_rate=1e-2, seed=1)
-AFFINE = [ColemanHodgdon(1.15, 22.38, 5.0), PrandtlIshlinskii((10.0, 8.0, 6.0), (0.0, 0.3, 0.8))]
+AFFINE = [COLEMAN_HODGDON, PrandtlIshlinskii((10.0, 8.0, 6.0), (0.0, 0.3, 0.8))]
 
 
 @pytest.fixture(scope="module")

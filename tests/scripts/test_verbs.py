@@ -1,33 +1,22 @@
 """The commands as a user types them: short real runs, and mistakes."""
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import REPOSITORY, endotwin
+from typed import done, typed
 
-from scripts.__main__ import main
 from twin.measured.folder import write_measured
 from twin.measured.log import read_measured_log
 from twin.preset.file import load_preset
 from twin.recording import read_dataset, read_episode
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-
-
-def endotwin(*words, cwd):
-    command = [sys.executable, "-m", "scripts", *map(str, words)]
-    environment = {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
-    return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, env=os.environ | environment, timeout=300
-    )
-
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory):
+def workspace(tmp_path_factory, few_steps):
     """A short run of every verb, in the order of the README, in one folder."""
     folder = tmp_path_factory.mktemp("workspace")
     (folder / "short.yaml").write_text((REPOSITORY / "assets" / "ureteroscope.yaml").read_text())
@@ -36,7 +25,7 @@ def workspace(tmp_path_factory):
     printed = {}
     for line in (
         f"generate {data} --stroke 2 4 --seed 1 --out data/train --json",
-        f"generate {data} --stroke -1 1 --seed 2 --out data/test --format csv --json",
+        f"generate {data} --stroke -1 1 --seed 2 --workers 1 --out data/test --format csv --json",
         "identify data/train --out coleman_hodgdon.json --generations 40 --json",
         f"{learn} --agent ram --out runs/ram --json",
         f"{learn} --agent direct --out runs/direct --json",
@@ -52,9 +41,7 @@ def workspace(tmp_path_factory):
         "render data/test --episode 1 --speed 6 --size 320 180 --out bend.mp4 --json",
         "report . --out report.html --json",
     ):
-        done = endotwin(*line.split(), cwd=folder)
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
-        printed[line.split()[0] + " " + line.split("--out ")[1].split()[0]] = json.loads(done.stdout)
+        printed[line.split()[0] + " " + line.split("--out ")[1].split()[0]] = json.loads(done(line, folder))
     return folder, printed
 
 
@@ -88,14 +75,13 @@ def test_benchmark_says_what_holds(workspace):
     assert "Madelung" in (folder / "benchmark.md").read_text()
 
 
-def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
+def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path, no_workers):
     line = (
         "generate --episodes 2 --seconds 2 --stroke -1 1 --randomize --sheath-bend-deg 0 "
         "--sheath-bend-to-deg 90 --sensor-variance 0 --set encoder_counts=400 sensor_resolution=0.01 "
         "--out out"
     )
-    done = endotwin(*line.split(), cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done(line, tmp_path)
     first, second = read_dataset(tmp_path / "out")
     presets = [episode.metadata["preset"] for episode in (first, second)]
     assert presets[0]["wire_stiffness"] != presets[1]["wire_stiffness"]
@@ -121,13 +107,12 @@ def test_same_seed_same_table(workspace, tmp_path):
     folder, _ = workspace
     line = (
         "evaluate data/test --model coleman_hodgdon.json --policy runs/ram/policy.onnx --suite paper-only "
-        f"--seeds 2 --out {tmp_path}"
+        "--seeds 2"
     )
-    tables = []
-    for name in ("one", "two"):
-        assert endotwin(*line.split(), "--out", tmp_path / name, cwd=folder).returncode == 0
-        tables.append((tmp_path / name / "evaluation.json").read_bytes())
-    assert tables[0] == tables[1]
+    done(f"{line} --out {tmp_path}/one", folder)
+    assert endotwin(*line.split(), "--out", tmp_path / "two", cwd=folder).returncode == 0
+    first, second = ((tmp_path / name / "evaluation.json").read_bytes() for name in ("one", "two"))
+    assert first == second
 
 
 def test_a_method_that_is_not_given_is_trained_and_kept_beside_the_results(workspace, tmp_path):
@@ -136,7 +121,7 @@ def test_a_method_that_is_not_given_is_trained_and_kept_beside_the_results(works
         "evaluate data/test --train data/train --model coleman_hodgdon.json --suite paper-only --seeds 1 "
         f"--policy runs/ram/policy.onnx --lstm runs/lstm/lstm.pt --episodes 32 --out {tmp_path}/results"
     )
-    assert endotwin(*line.split(), cwd=folder).returncode == 0
+    done(line, folder)
     assert (tmp_path / "results/direct/policy.onnx").is_file()
     assert not (tmp_path / "results/ram").exists()
 
@@ -149,20 +134,20 @@ def test_report_is_one_page_of_all_parts(workspace):
 
 
 def test_a_script_runs_by_its_path_too(tmp_path):
-    done = subprocess.run(
+    ended = subprocess.run(
         [sys.executable, REPOSITORY / "scripts" / "generate.py", "--help"],
         capture_output=True,
         text=True,
         cwd=tmp_path,
     )
-    assert done.returncode == 0
-    assert "--sheath-bend-deg" in done.stdout
+    assert ended.returncode == 0
+    assert "--sheath-bend-deg" in ended.stdout
 
 
-def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path):
+def test_a_given_command_is_followed_at_another_bend_of_the_sheath(tmp_path, no_workers):
     (tmp_path / "c.csv").write_text("time_s,pull_mm\n0,0\n3,1\n6,-1\n")
     line = "generate --preset ureteroscope --command-csv c.csv --sheath-bend-deg 90 --format csv --out out"
-    assert endotwin(*line.split(), cwd=tmp_path).returncode == 0
+    done(line, tmp_path)
     header, *rows = (tmp_path / "out/episode_0000.csv").read_text().splitlines()
     assert header == "time_s,pull_mm,bend_deg,command_deg,tension_a_n,tension_b_n"
     assert len(rows) == 300
@@ -177,9 +162,9 @@ def test_a_measured_log_becomes_records_like_the_simulated_ones(tmp_path):
     lines = ["phase_rad,command_deg,angle_deg", *(",".join(map(str, row)) for row in rows)]
     (tmp_path / "loop.csv").write_text("\n".join(lines))
     line = "import loop.csv --command-column command_deg --angle-column angle_deg --out data/measured --json"
-    done = endotwin(*line.split(), cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    summary = json.loads(done.stdout)
+    code, out, err = typed(line, tmp_path)
+    assert (code, err) == (0, "")
+    summary = json.loads(out)
     assert summary["samples"] == len(phase) / 2
     assert sorted(path.name for path in (tmp_path / "data/measured").iterdir()) == [
         "dataset.json",
@@ -188,31 +173,33 @@ def test_a_measured_log_becomes_records_like_the_simulated_ones(tmp_path):
     line = (
         f"identify data/measured --sample-time {summary['sample_time_s']} --generations 20 --out model.json"
     )
-    done = endotwin(*line.split(), cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done(line, tmp_path)
     assert json.loads((tmp_path / "model.json").read_text())["rmse_deg"] < 10
 
 
 def test_what_is_odd_in_a_measured_log_is_one_line_of_warning(tmp_path):
     rows = [f"{second},{second},{second}" for second in [*range(9), 50]]
     (tmp_path / "log.csv").write_text("\n".join(["time_s,command_deg,angle_deg", *rows]))
-    done = endotwin("import", "log.csv", "--out", "out", "--name", "other", cwd=tmp_path)
-    assert done.returncode == 0
+    code, out, err = typed("import log.csv --out out --name other", tmp_path)
+    assert code == 0
     gap = "endotwin import: warning: log.csv line 11: a gap of 42 times the usual step comes before it\n"
-    assert done.stderr == gap
-    assert done.stdout.startswith("out/other.mcap: 10 samples, 50 s, bent from 0.0 to 50.0 deg")
+    assert err == gap
+    assert out.startswith("out/other.mcap: 10 samples, 50 s, bent from 0.0 to 50.0 deg")
 
 
 def test_a_mistake_is_the_exit_code_of_the_process_too(tmp_path):
-    done = endotwin("generate", "--preset", "ureterscope", "--out", "x", cwd=tmp_path)
+    ended = endotwin("generate", "--preset", "ureterscope", "--out", "x", cwd=tmp_path)
     said = "endotwin generate: unknown preset 'ureterscope' (did you mean 'ureteroscope'?)"
-    assert done.returncode == 2
-    assert done.stderr.startswith(said)
-    assert len(done.stderr.splitlines()) == 1
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(said)
+    assert len(ended.stderr.splitlines()) == 1
     assert not any(tmp_path.iterdir())
 
 
-def _mistakes(folder):
+@pytest.fixture(scope="module")
+def mistakes(workspace):
+    """The workspace, with files in it that are no good."""
+    folder, _ = workspace
     whole = next((folder / "data/train").glob("*.mcap")).read_bytes()
     (folder / "cut").mkdir(exist_ok=True)
     (folder / "cut/episode.mcap").write_bytes(whole[: len(whole) // 2])
@@ -232,6 +219,7 @@ def _mistakes(folder):
     (folder / "one-way.csv").write_text("\n".join(["time_s,command_deg,angle_deg", *rows]))
     (folder / "data/one-way").mkdir(exist_ok=True)
     write_measured(folder / "data/one-way", "one-way", read_measured_log(folder / "one-way.csv"))
+    return folder
 
 
 @pytest.mark.parametrize(
@@ -334,15 +322,10 @@ def _mistakes(folder):
         ("demo --records 0 --out x", "--records 0"),
     ],
 )
-def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(
-    workspace, line, fault, monkeypatch, capsys
-):
-    folder, _ = workspace
-    _mistakes(folder)
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["endotwin", *line.split()])
-    assert main() == 2
-    said = capsys.readouterr().err
+def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(mistakes, line, fault):
+    folder = mistakes
+    code, _, said = typed(line, folder)
+    assert code == 2
     assert fault in said
     assert len(said.strip().splitlines()) == 1
     assert "Traceback" not in said

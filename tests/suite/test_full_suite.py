@@ -1,6 +1,7 @@
 """The full benchmark, for real and small: records, every method, its training, limit, tables, figures."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from scripts.evaluate import main
 from twin.estimation.registry import method_specs
 from twin.hysteresis import load_model
+from twin.signals.excitation import SIGNALS
 from twin.suite.fitting import load_fits, needed_fits
 
 METHODS = [
@@ -39,13 +41,22 @@ METHODS = [
     "Ensemble",
     "Ensemble (limit)",
 ]
-SMALL = "--suite full --seconds 8 --members 12 --episodes 10 --seeds 2 --seed 1 --json"
+SMALL = "--suite full --seconds 6 --members 12 --episodes 10 --seeds 2 --seed 1 --json"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_numbers():
+    """One randomised twin for each kind of signal, and a short search for each model."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.suite.scenarios.RANDOMIZED", len(SIGNALS))
+        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        yield
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("full")
-    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.02"]) == 0
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.04"]) == 0
     return out
 
 
@@ -136,6 +147,8 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     argv = [str(tmp_path / "log.csv"), "--command-column", "pull_mm", "--out", str(tmp_path / "measured")]
     assert import_log(argv) == 0
     run = [str(tmp_path / "measured"), "--train", str(folder / "train"), "--out", str(tmp_path / "out")]
+    # The records of training are the same: its models, filters and networks are taken, not made again.
+    shutil.copytree(folder / "T_0.1", tmp_path / "out" / "T_0.1")
     assert main([*run, *SMALL.split(), "--sample-time", "0.1"]) == 0
     rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]
     assert {(row["twin"], *row["stroke_mm"]) for row in rows} == {("measured", 0.0, 2.0)}

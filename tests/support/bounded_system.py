@@ -1,15 +1,12 @@
 """Systems that a model describes up to an error within bounds, for what holds whatever the error is."""
 
 import numpy as np
+from models import BOUC_WEN, COLEMAN_HODGDON
 
 from twin.estimation.error_bound import ErrorBound
-from twin.hysteresis import ColemanHodgdon
-from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 T = 0.1  # [s]
-COLEMAN_HODGDON = ColemanHodgdon(1.15, 22.38, 5.0)
-BOUC_WEN = BoucWen(22.0, -15.0, 1.2, 1.5, 2.0)
 MODELS = [COLEMAN_HODGDON, BOUC_WEN, PrandtlIshlinskii([2.0, 5.0, 9.0], [0.0, 0.2, 0.6])]
 BATCH, SAMPLES = 40, 120
 

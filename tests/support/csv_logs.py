@@ -2,6 +2,15 @@
 
 import numpy as np
 
+PHASE = np.repeat(np.arange(0, 4 * np.pi, 0.25), 2)  # each phase twice, as rigs log them
+LOOP = {
+    "phase_rad": PHASE,
+    "command_deg": 60 * np.sin(PHASE) + np.tile([-0.5, 0.5], len(PHASE) // 2),
+    "angle_deg": 30 * np.sin(PHASE - 0.3),
+    "tension_a_n": 5 + 3 * np.sin(PHASE),
+    "tension_b_n": 5 - 3 * np.sin(PHASE),
+}
+
 
 def write(folder, columns, name="log.csv"):
     rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)

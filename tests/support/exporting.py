@@ -11,8 +11,6 @@ from scripts import export as verb
 from twin.episode import Episode
 from twin.recording import write_episode
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-
 
 def make_records(folder: Path) -> Path:
     """A folder of three records, of 20, 21 and 22 samples."""

@@ -1,0 +1,81 @@
+"""A log is put on an even grid; one without a loop, or that one plane cannot follow, is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from calibrating import SAMPLE_TIME, recorded
+
+from twin.calibration import measured_loop
+from twin.episode import Episode
+
+
+def test_grid_keeps_the_loop_and_a_phase_gets_a_pace():
+    episode = recorded()
+    slow = measured_loop(episode, "slow", SAMPLE_TIME, pace=0.5)
+    assert len(slow.pull) == pytest.approx(2 * len(episode.time), abs=2)
+    np.testing.assert_allclose(slow.pull[::2][:50], episode.pull[:50], atol=1e-9)
+    phased = Episode(**(vars(episode) | {"metadata": {"seconds_per_cycle": 4.0}}))
+    assert len(measured_loop(phased, "phases", SAMPLE_TIME).pull) == len(slow.pull)
+    half = measured_loop(episode, "half", SAMPLE_TIME, fraction=0.5)
+    assert half.fitted.sum() == pytest.approx(len(half.pull) / 2, abs=1)
+    assert half.fitted[0]
+    assert not half.fitted[-1]
+
+
+@pytest.mark.parametrize(
+    ("pull", "rule"),
+    [
+        (np.zeros(50), "nothing to calibrate on"),
+        (np.linspace(0, 3e-3, 50), "never reverses"),
+        (np.linspace(3e-3, -3e-3, 50), "never reverses"),
+    ],
+)
+def test_log_without_a_loop_is_refused(pull, rule):
+    episode = recorded()
+    log = {name: getattr(episode, name)[:50] for name in ("time", "bend", "measured_bend", "joint_angle")}
+    log |= {"wire_tension": episode.wire_tension[:50], "sheath_friction": episode.sheath_friction[:50]}
+    with pytest.raises(ValueError, match=f"a log: .*{rule}") as refused:
+        measured_loop(Episode(pull=pull, **log), "a log", SAMPLE_TIME)
+    assert "\n" not in str(refused.value)
+
+
+def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
+    episode = recorded()
+    count = len(episode.time)
+    for changes, rule in (
+        ({"sheath_bend": np.linspace(0, 1, count)}, "the sheath's bend changes"),
+        ({"lateral_pull": np.linspace(0, 1e-3, count)}, "wires c and d are pulled too"),
+        ({"measured_bend": -episode.measured_bend}, "import it with --reverse-angle"),
+        ({"wire_tension": np.full((count, 2, 1), 5.0)}, "the tensions do not change"),
+    ):
+        with pytest.raises(ValueError, match=f"odd: .*{rule}"):
+            measured_loop(dataclasses.replace(episode, **changes), "odd", SAMPLE_TIME)
+    with pytest.raises(ValueError, match=r"samples of 0\.05 s to fit: needs at least 10"):
+        measured_loop(episode, "odd", SAMPLE_TIME, fraction=0.01)
+    with pytest.raises(ValueError, match="sample time 0 s: must be positive"):
+        measured_loop(episode, "odd", 0.0)
+
+
+def test_missing_samples_are_not_fitted():
+    time = np.arange(0, 20, 0.05)
+    pull = 2e-3 * np.sin(2 * np.pi * time / 10)
+    bend = 300 * pull + 0.05 * np.sign(np.cos(2 * np.pi * time / 10))
+    seen = bend.copy()
+    seen[100:140] = np.nan
+    holed = Episode(
+        time=time,
+        pull=pull,
+        bend=bend,
+        measured_bend=seen,
+        joint_angle=np.empty((len(time), 0)),
+        wire_tension=np.empty((len(time), 2, 0)),
+        sheath_friction=np.empty((len(time), 2, 0)),
+    )
+    loop = measured_loop(holed, "holed", 0.05)
+    assert not loop.fitted[101:139].any()
+    assert loop.fitted[:100].all()
+    assert np.isfinite(loop.bend).all()
+    nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
+    with pytest.raises(ValueError, match=r"holed: 9 measured samples to fit: needs at least 10"):
+        measured_loop(nearly, "holed", 0.05)

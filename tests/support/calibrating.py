@@ -1,0 +1,40 @@
+"""A coarse endoscope with every friction, and logs of its loops to calibrate on."""
+
+import numpy as np
+
+from twin.calibration import MeasuredLoop, measured_loop
+from twin.episode import Episode
+from twin.physics import simulate
+from twin.preset.preset import Preset
+
+SAMPLE_TIME = 0.05  # [s]
+SECONDS_PER_CYCLE = 2.5
+TRUTH = Preset(
+    "truth",
+    vertebrae=3,
+    section_stiffness=0.025,
+    joint_friction=1e-3,
+    wire_offset=2e-3,
+    wire_stiffness=3e3,
+    pretension=5.0,
+    sheath_elements=2,
+    sheath_friction=0.25,
+    sheath_bend=1.0,
+    sheath_friction_floor=0.5,
+)
+
+
+def recorded(preset: Preset = TRUTH, cycles: float = 1.3, **changes: float) -> Episode:
+    """Its response to a sine."""
+    phase = np.arange(0, cycles * SECONDS_PER_CYCLE, SAMPLE_TIME) / SECONDS_PER_CYCLE
+    return simulate(preset.replace(**changes), 4e-3 * np.sin(2 * np.pi * phase), SAMPLE_TIME)
+
+
+def loops(*bends: float) -> list[MeasuredLoop]:
+    """One log for each bend of the sheath [rad]."""
+    return [measured_loop(recorded(sheath_bend=bend), f"{bend:g} rad", SAMPLE_TIME) for bend in bends]
+
+
+def start_of(**changes: float) -> Preset:
+    """Where a search starts."""
+    return TRUTH.replace(name="start", **changes)
