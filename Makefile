@@ -16,7 +16,7 @@ $(STAMP): pyproject.toml constraints.txt scripts/system_libraries.sh
 	@sh scripts/system_libraries.sh
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "cannot make $(VENV): install the package python3-venv (apt-get install python3-venv)" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 demo: install

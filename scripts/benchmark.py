@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scripts.command import Progress, Summary, output_file, run_verb
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Benchmark:
 
 def benchmark(args: Benchmark) -> Summary:
     """Write `benchmark.json`; the exit code is 1 where a bar does not hold."""
+    require_extra("sim")
     from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
     from twin.files.atomic import write_whole
 

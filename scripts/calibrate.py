@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Calibrate:
 
 def run_calibration(args: Calibrate) -> Summary:
     """Write the preset and its fit report."""
+    require_extra("sim")
     from twin.calibration import calibrate, free_parameters
     from twin.calibration.files import log_summary, read_loops, write_fit
     from twin.preset.file import load_preset
@@ -54,8 +56,14 @@ def run_calibration(args: Calibrate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     out = output_file(args.out, (".yaml", ".yml"))
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)
-    grid = {"sample_time": args.sample_time, "pace": args.pace, "fraction": args.fraction}
-    loops, held_out, base = read_loops(args.data, args.predict, base, **grid)
+    loops, held_out, base = read_loops(
+        args.data,
+        args.predict,
+        base,
+        sample_time=args.sample_time,
+        pace=args.pace,
+        fraction=args.fraction,
+    )
     free = free_parameters(base, loops, args.free or None)
     state_file = out.with_name(f".{out.stem}.calibration")
     progress = Progress("calibrate", "sim")

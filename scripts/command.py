@@ -65,7 +65,7 @@ def run_verb(
             raise ValueError(f"--seed {seed}: must not be negative")
         summary = verb(parsed)
     except ImportError as error:
-        missing = error if isinstance(error, MissingExtraError) else missing_extra(error, "this")
+        missing = error if isinstance(error, MissingExtraError) else missing_extra(error)
         if missing is None:
             raise
         Progress.close_all()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from scripts.command import Progress, Summary, output_folder, run_verb
+from twin.errors import require_extra
 
 if TYPE_CHECKING:
     from twin.dataset.write import Written
@@ -71,6 +72,7 @@ class Generate:
 
 def generate(args: Generate) -> Summary:
     """Write, verify or replay."""
+    require_extra("sim")
     if args.replay is not None and args.verify:
         raise ValueError("--replay and --verify: choose one")
     if args.replay is not None:

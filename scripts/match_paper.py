@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from scripts.command import Summary, run_verb
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +30,7 @@ class MatchPaper:
 
 def match_paper(args: MatchPaper) -> Summary:
     """Print the fitted parameters."""
+    require_extra("sim")
     from twin.calibration.matching import MATCHED, match, training_commands
     from twin.calibration.parameters import FreeParameters
     from twin.preset.file import load_preset

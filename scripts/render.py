@@ -8,6 +8,7 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Render:
 
 def render(args: Render) -> Summary:
     """Write the picture or the film."""
+    require_extra("sim")
     from twin.recording import read_dataset
     from twin.rendering.render import render as draw
 

@@ -1,5 +1,7 @@
 """Exceptions that the library raises for its users; each is also the built-in exception that it refines."""
 
+import importlib.util
+
 
 class EndoTwinError(Exception):
     """Base class of all exceptions below: what a user can put right, told in one line."""
@@ -41,7 +43,7 @@ EXTRA_OF = {
 """Extra of EndoTwin that installs a module, by the name that the module is imported by."""
 
 
-def missing_extra(error: ImportError, what: str) -> MissingExtraError | None:
+def missing_extra(error: ImportError, what: str = "this") -> MissingExtraError | None:
     """Return an error that says which extra to install.
 
     Args:
@@ -51,8 +53,21 @@ def missing_extra(error: ImportError, what: str) -> MissingExtraError | None:
     Returns:
         The error; None if the module belongs to no extra, or is there and broken.
     """
-    module = (error.name or "").partition(".")[0]
-    if not isinstance(error, ModuleNotFoundError) or error.name != module or module not in EXTRA_OF:
-        return None
+    is_missing = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+    return _not_installed(str(error.name), what) if is_missing else None
+
+
+def require_extra(extra: str, what: str = "this") -> None:
+    """Refuse to begin what needs an extra, before any work.
+
+    Raises:
+        ImportError: a module of the extra is not installed.
+    """
+    for module, its_extra in EXTRA_OF.items():
+        if its_extra == extra and importlib.util.find_spec(module) is None:
+            raise _not_installed(module, what)
+
+
+def _not_installed(module: str, what: str) -> MissingExtraError:
     install = f"pip install 'endotwin[{EXTRA_OF[module]}]'"
     return MissingExtraError(f"{what} needs {module}: {install}", name=module)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from twin.episode import Episode
-from twin.errors import InputError, missing_extra
+from twin.errors import InputError, require_extra
 from twin.export.even import whole_pieces_in_time
 from twin.export.tally import Tally
 from twin.files.atomic import write_whole
@@ -44,10 +44,7 @@ class Plan:
         if self.all_columns and self.form != "csv":
             raise InputError(f"all columns are a choice of csv, not of {self.form}, which holds all there is")
         if self.form == "parquet":
-            try:
-                import pyarrow  # noqa: F401  before any work
-            except ImportError as error:
-                raise missing_extra(error, "the format parquet") or error from None
+            require_extra("parquet", "the format parquet")
 
 
 @dataclasses.dataclass(frozen=True)
