@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
@@ -95,6 +96,20 @@ def test_the_core_imports_no_extra(place):
         for name in imports(path, top_level=True):
             assert name not in EXTRA_OF, f"{path} imports {name}, which endotwin[{EXTRA_OF[name]}] installs"
             assert DISTRIBUTIONS[name] & CORE_DISTRIBUTIONS, f"{path}: {name} is not of the core"
+
+
+def test_no_module_of_the_core_brings_an_extra_with_it():
+    """Nor does anything of ours that they import."""
+    modules = [
+        ".".join(path.relative_to(REPOSITORY).with_suffix("").parts).removesuffix(".__init__")
+        for path in files(*CORE)
+    ]
+    code = f"import importlib, sys\nfor name in {modules}: importlib.import_module(name)\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    imported = set(done.stdout.split())
+    assert set(modules) <= imported
+    assert imported & set(EXTRA_OF) == set()
 
 
 def test_modules_of_extras_are_told_with_the_extra_that_declares_them():
