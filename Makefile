@@ -19,7 +19,7 @@ $(STAMP): pyproject.toml constraints.txt scripts/system_libraries.sh
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "cannot make $(VENV): install the package python3-venv (apt-get install python3-venv)" >&2; exit 2; }
 	$(PIP) --upgrade pip
-	$(PIP) --no-compile -c constraints.txt -e '.[dev]'
+	$(PIP) --no-compile -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 demo: install

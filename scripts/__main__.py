@@ -4,7 +4,8 @@ import difflib
 import importlib
 import sys
 
-from scripts.command import MODULES
+from scripts.command import MISTAKE, MODULES
+from twin import __version__
 
 VERBS = {
     "generate": "simulate episodes of an endoscope into a folder of MCAP files",
@@ -27,12 +28,15 @@ def main() -> int:
     if not words or words[0] in ("-h", "--help"):
         print(_help())
         return 0
+    if words[0] in ("-V", "--version"):
+        print(f"endotwin {__version__}")
+        return 0
     verb, *rest = words
     if verb not in VERBS:
         close = difflib.get_close_matches(verb, VERBS, n=1)
         guess = f" (did you mean {close[0]!r}?)" if close else ""
         print(f"endotwin: unknown verb {verb!r}{guess}; valid: {', '.join(VERBS)}", file=sys.stderr)
-        return 2
+        return MISTAKE
     return importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest)
 
 
@@ -44,7 +48,7 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "`endotwin VERB --help` lists the options of a verb.",
+            "`endotwin VERB --help` lists the options of a verb; `endotwin --version` prints the version.",
         ]
     )
 

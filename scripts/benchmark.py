@@ -3,37 +3,11 @@
 import dataclasses
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from tabulate import tabulate
-
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.benchmark import datasets, filters, identification, physics, scaling, speed
-from twin.benchmark.result import Result
-from twin.files.atomic import write_whole
-from twin.preset.file import load_preset
-from twin.preset.preset import Preset
-from twin.preset.randomization import Ranges, load_ranges
-
-SHORT: dict[str, Callable[[Preset, float], Result]] = {
-    "rate_independence": physics.rate_independence,
-    "hold": physics.hold,
-    "time_step": physics.time_step,
-    "capstan": physics.capstan,
-    "return_point": physics.return_point,
-    "no_friction": physics.no_friction,
-    "vertebrae": physics.vertebrae,
-    "speed_one_core": speed.one_core,
-    "speed_two_threads": speed.two_threads,
-    "cost_of_vertebrae": speed.cost_of_vertebrae,
-    "logging": datasets.logging,
-    "identification": identification.against_one_at_a_time,
-    "identification_plain": identification.against_plain_numbers,
-    "cost_of_seeds": scaling.cost_of_seeds,
-    "cost_of_samples": scaling.cost_of_samples,
-}
-LONG = ("closed_cycles", "random_draws", "covariances", "dataset", "memory")
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,38 +40,26 @@ class Benchmark:
 
 def benchmark(args: Benchmark) -> Summary:
     """Write `benchmark.json`; the exit code is 1 where a bar does not hold."""
-    names = [*SHORT, *LONG]
-    for name in args.only:
-        if name not in names:
-            raise ValueError(f"unknown measurement {name!r}; valid: {', '.join(names)}")
-    counts = (args.cycles, args.draws, args.steps, args.episodes, args.many_episodes)
-    if min(counts) < 1 or not args.amplitude > 0:
-        raise ValueError("all counts and --amplitude must be positive")
-    preset = load_preset(args.preset)
-    ranges = load_ranges(args.preset) if "random_draws" in (args.only or names) else Ranges(())
-    out = output_file(args.out, (".json",))
-    amplitude = args.amplitude * 1e-3
-    results: dict[str, Result] = {}
-    for name in args.only or names:
-        print(f"benchmark: {name}", file=sys.stderr)
-        if name == "closed_cycles":
-            done = Progress(name, "cycle")
-            results[name] = physics.closed_cycles(preset, amplitude, args.cycles, done)
-        elif name == "random_draws":
-            done = Progress(name, "draw")
-            results[name] = physics.random_draws(preset, ranges, amplitude, args.draws, done)
-        elif name == "covariances":
-            results[name] = filters.covariances(args.steps, Progress(name, "filter"))
-        elif name == "dataset":
-            results |= datasets.dataset(preset, amplitude, args.episodes, Progress(name, "ep"))
-        elif name == "memory":
-            results[name] = datasets.memory(preset, amplitude, args.many_episodes)
-        else:
-            results[name] = SHORT[name](preset, amplitude)
-    write_whole(
-        out, json.dumps({name: result.to_dict() for name, result in results.items()}, indent=2) + "\n"
+    require_extra("sim")
+    from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
+    from twin.files.atomic import write_whole
+
+    names = args.only or tuple(MEASUREMENTS)
+    size = Size(
+        preset=args.preset,
+        amplitude=args.amplitude * 1e-3,
+        cycles=args.cycles,
+        draws=args.draws,
+        steps=args.steps,
+        episodes=args.episodes,
+        many_episodes=args.many_episodes,
     )
-    write_whole(out.with_suffix(".md"), _table(args.preset, list(results.values())))
+    check_measurements(size, names)
+    out = output_file(args.out, (".json",))
+    results = measure(size, names, _begin)
+    contents = {name: result.to_dict() for name, result in results.items()}
+    write_whole(out, json.dumps(contents, indent=2) + "\n")
+    write_whole(out.with_suffix(".md"), results_table(args.preset, results))
     missed = [name for name, result in results.items() if not result.holds]
     line = f"{out}: {len(results) - len(missed)} of {len(results)} bars hold"
     if missed:
@@ -106,15 +68,9 @@ def benchmark(args: Benchmark) -> Summary:
     return Summary(line, values, code=1 if missed else 0)
 
 
-def _table(preset: str, results: Sequence[Result]) -> str:
-    rows = []
-    for result in results:
-        ratio = "" if result.ratio is None else f"{result.ratio:.3g} times {result.peer}"
-        holds = "yes" if result.holds else "no"
-        rows.append([result.name, f"{result.value:.3g} {result.unit}", ratio, result.bar, holds])
-    headers = ["measurement", "figure", "ratio in the same run", "bar", "holds"]
-    table = tabulate(rows, headers=headers, tablefmt="github")
-    return f"Preset `{preset}`, by `endotwin benchmark`.\n\n{table}\n"
+def _begin(name: str) -> Progress:
+    print(f"benchmark: {name}", file=sys.stderr)
+    return Progress(name)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

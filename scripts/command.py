@@ -1,4 +1,8 @@
-"""What all verbs share: parsing, one line for a user's mistake, one line of summary, progress on stderr."""
+"""What all verbs share: parsing, one line for a user's mistake, one line of summary, progress on stderr.
+
+Nothing heavy is imported here or at the top of a verb's file: `--help` answers at once. A verb imports what
+it needs when it runs.
+"""
 
 import contextlib
 import dataclasses
@@ -13,10 +17,12 @@ import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-import tyro
-from tqdm import tqdm
+from twin.errors import MissingExtraError, missing_extra
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 Arguments = TypeVar("Arguments")
 MISTAKE = 2
@@ -58,6 +64,13 @@ def run_verb(
         if seed is not None and seed < 0:
             raise ValueError(f"--seed {seed}: must not be negative")
         summary = verb(parsed)
+    except ImportError as error:
+        missing = error if isinstance(error, MissingExtraError) else missing_extra(error)
+        if missing is None:
+            raise
+        Progress.close_all()
+        print(f"{name}: {missing}", file=sys.stderr)
+        return MISTAKE
     except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
         Progress.close_all()  # the line about the mistake is the last
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
@@ -75,6 +88,8 @@ def run_verb(
 
 def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] | None) -> Arguments | None:
     """Parse the command line; of a mistake, print what tyro says in its box as one line and return None."""
+    import tyro  # here, so that what needs no command line does not wait for it
+
     if "" in (sys.argv[1:] if argv is None else argv):
         print(f"{name}: an argument is empty: is a variable not set?", file=sys.stderr)
         return None
@@ -128,7 +143,7 @@ def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
 class Progress:
     """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
 
-    _shown: ClassVar[list[tqdm]] = []
+    _shown: ClassVar[list["tqdm"]] = []
 
     def __init__(self, what: str, unit: str = ""):
         self.bar: tqdm | None = None
@@ -138,6 +153,8 @@ class Progress:
     def __call__(self, done: int, total: int, note: str = "") -> None:
         """Show that `done` of `total` are done."""
         if self.bar is None:
+            from tqdm import tqdm
+
             self.bar = tqdm(
                 total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True
             )

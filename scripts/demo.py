@@ -121,8 +121,8 @@ def _run_side_by_side(commands: Sequence[str]) -> None:
     running = []
     for command in commands:
         print(f"$ endotwin {command}", file=sys.stderr)
-        # By its path: `-m scripts` would find a folder of that name where the user happens to stand.
-        words = [sys.executable, str(Path(__file__).with_name("__main__.py")), *shlex.split(command)]
+        # `-P`: not a folder called `twin` where the user happens to stand.
+        words = [sys.executable, "-P", "-m", "twin", *shlex.split(command)]
         running.append(subprocess.Popen(words, stdout=sys.stderr))
     codes = [process.wait() for process in running]
     for command, code in zip(commands, codes, strict=True):

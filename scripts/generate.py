@@ -1,25 +1,18 @@
 """`endotwin generate`: simulate episodes of an endoscope into MCAP files, verify or replay them."""
 
-import contextlib
 import dataclasses
-import os
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from scripts.command import Progress, Summary, output_folder, run_verb
-from twin.dataset.recipe import Recipe
-from twin.dataset.recipe_file import read_recipe_file, resolve
-from twin.dataset.verify import replay, verify
-from twin.dataset.write import Written, write_dataset
-from twin.preset.preset import parse_changes
-from twin.signals.excitation import SIGNALS
-from twin.workers.dask_cluster import dask_workers
-from twin.workers.processes import local_workers
+from twin.errors import require_extra
+
+if TYPE_CHECKING:
+    from twin.dataset.write import Written
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,147 +72,105 @@ class Generate:
 
 def generate(args: Generate) -> Summary:
     """Write, verify or replay."""
+    require_extra("sim")
     if args.replay is not None and args.verify:
         raise ValueError("--replay and --verify: choose one")
     if args.replay is not None:
         return _replay(args.replay)
     if args.out is None:
         raise ValueError("--out: name the folder")
-    if args.verify:
-        return _verify(args.out)
+    return _verify(args.out) if args.verify else _write(args, args.out)
+
+
+def _write(args: Generate, out: Path) -> Summary:
+    from twin.dataset.changes import change_recipe
+    from twin.dataset.coverage import unmet_conditions
+    from twin.dataset.recipe_file import read_recipe_file, resolve
+    from twin.dataset.write import write_dataset
+    from twin.workers.choice import choose_workers
+
     if args.episodes is not None and args.episodes < 1:
         raise ValueError(f"--episodes {args.episodes}: must be at least 1")
     if args.workers < 0:
         raise ValueError(f"--workers {args.workers}: must not be negative")
-    recipe = _recipe(args)
-    with _executor(args, recipe) as (executor, workers):
-        folder = output_folder(args.out)
+    values, folder = (read_recipe_file(args.recipe), args.recipe.parent) if args.recipe else ({}, Path())
+    recipe = resolve(change_recipe(values, _changes(args)), folder)
+    with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
+        output_folder(out)
+        csv, progress = args.format == "csv", Progress("generate", "ep")
         try:
-            written = write_dataset(
-                recipe,
-                folder,
-                executor,
-                workers=workers,
-                csv=args.format == "csv",
-                on_progress=Progress("generate", "ep"),
-            )
+            written = write_dataset(recipe, out, executor, workers=workers, csv=csv, on_progress=progress)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(": whole episodes stay, the same command goes on from there") from None
-    _warn(recipe)
-    return _summary(folder, recipe, written)
+    if warning := unmet_conditions(recipe):
+        print(f"endotwin generate: {warning}", file=sys.stderr)
+    return _summary(out, recipe.preset.name, written)
 
 
-def _warn(recipe: Recipe) -> None:
-    """Say that the episodes are too few to meet every stroke and bend that the recipe names."""
-    all_met = [recipe.conditions(number) for number in range(recipe.episodes)]
-    met = len({(one.stroke_mm, one.sheath_bend_deg) for one in all_met})
-    named = len(recipe.strokes_mm) * max(len(recipe.sheath_bends_deg), 1)
-    if met < named:
-        print(
-            f"endotwin generate: {_counted(recipe.episodes, 'episode')} of each seed meet only {met} of "
-            f"{named} pairs of stroke and bend; for all, take {recipe.combinations}",
-            file=sys.stderr,
-        )
+def _changes(args: Generate) -> dict[str, Any]:
+    """Return the flags that are given, as a recipe's file says them."""
+    from twin.preset.preset import parse_changes
+    from twin.signals.excitation import SIGNALS
 
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
-def _recipe(args: Generate) -> Recipe:
-    """The recipe's file, changed by the flags that are given."""
-    values: dict[str, Any] = {}
-    folder = Path()
-    if args.recipe is not None:
-        values, folder = read_recipe_file(args.recipe), args.recipe.parent
-    given: dict[str, Any] = {
+    if args.signal not in (None, "all", *SIGNALS):
+        raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
+    start, end = args.sheath_bend_deg, args.sheath_bend_to_deg
+    given = {
+        "preset": args.preset,
+        "set": parse_changes(args.set) or None,
+        "randomize": args.randomize or None,
+        "strokes_mm": args.stroke and [args.stroke],
         "lateral_stroke_mm": args.lateral_stroke,
         "episodes": args.episodes,
         "seconds": args.seconds,
         "sample_time_s": args.sample_time,
+        "signals": args.signal and (list(SIGNALS) if args.signal == "all" else [args.signal]),
+        # Paths on the command line are relative to where it is typed, not to the recipe.
+        "command_csv": args.command_csv and str(args.command_csv.resolve()),
+        "sheath_bends_deg": None if start is end is None else [start if end is None else (start, end)],
+        "sensor": None if args.sensor_variance is None else {"variance_deg2": args.sensor_variance},
+        "camera": None if args.camera is None else {"pictures_per_second": args.camera},
+        "seeds": None if args.seed is None else [args.seed],
     }
-    values |= {name: value for name, value in given.items() if value is not None}
-    # Paths on the command line are relative to where it is typed, not to the recipe.
-    if args.preset is not None:
-        is_file = args.preset.endswith((".yaml", ".yml"))
-        values["preset"] = str(Path(args.preset).resolve()) if is_file else args.preset
-    if args.command_csv is not None:
-        values["command_csv"] = str(args.command_csv.resolve())
-        values.pop("given_pull_m", None)
-    if args.set:
-        values["set"] = {**(values.get("set") or {}), **parse_changes(args.set)}
-    if args.randomize:
-        values["randomize"] = True
-        values.pop("ranges", None)
-    if args.stroke is not None:
-        values["strokes_mm"] = [args.stroke]
-    if args.signal is not None:
-        if args.signal not in ("all", *SIGNALS):
-            raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
-        values["signals"] = list(SIGNALS) if args.signal == "all" else [args.signal]
-    if args.sheath_bend_deg is not None or args.sheath_bend_to_deg is not None:
-        start, end = args.sheath_bend_deg, args.sheath_bend_to_deg
-        values["sheath_bends_deg"] = [start if end is None else (start, end)]
-    if args.sensor_variance is not None:
-        values["sensor"] = {**(values.get("sensor") or {}), "variance_deg2": args.sensor_variance}
-    if args.camera is not None:
-        values["camera"] = {**(values.get("camera") or {}), "pictures_per_second": args.camera}
-    if args.seed is not None:
-        values["seeds"] = [args.seed]
-    return resolve(values, folder)
+    if args.preset and args.preset.endswith((".yaml", ".yml")):
+        given["preset"] = str(Path(args.preset).resolve())
+    return {key: value for key, value in given.items() if value is not None}
 
 
-@contextlib.contextmanager
-def _executor(args: Generate, recipe: Recipe) -> Iterator[tuple[Executor, int]]:
-    """Where the work is done, and how many tasks at a time."""
-    if args.dask is not None:
-        with dask_workers(args.dask) as workers:
-            yield workers
-    else:
-        count = min(args.workers or os.cpu_count() or 1, len(recipe.keys))
-        with local_workers(count) as executor:
-            yield executor, count
-
-
-def _summary(folder: Path, recipe: Recipe, written: Written) -> Summary:
-    contents = written.contents
+def _summary(folder: Path, preset: str, written: "Written") -> Summary:
     for damage in written.damage:
         print(f"made anew: {damage}", file=sys.stderr)
-    episodes = _counted(contents["episodes"], "episode")
-    line = f"{folder}: {episodes}, {contents['seconds']:g} s of {recipe.preset.name}"
+    contents = {name: written.contents[name] for name in ("episodes", "seconds", "bytes")}
+    line = f"{folder}: {_counted(contents['episodes'], 'episode')}, {contents['seconds']:g} s of {preset}"
     if written.kept:
         line += f"; {written.kept} of them there already"
-    values = {
-        "out": str(folder),
-        "episodes": contents["episodes"],
-        "seconds": contents["seconds"],
-        "bytes": contents["bytes"],
-        "kept": written.kept,
-        "made_anew": list(written.damage),
-        "preset": recipe.preset.name,
-    }
-    return Summary(line, values)
+    done = {"kept": written.kept, "made_anew": list(written.damage), "preset": preset}
+    return Summary(line, {"out": str(folder), **contents, **done})
 
 
 def _verify(folder: Path) -> Summary:
+    from twin.dataset.verify import verify
+
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:
         print(fault, file=sys.stderr)
     line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
     if faults:
         line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')}"
-    return Summary(
-        line, {"out": str(folder), "episodes": episodes, "faults": faults}, code=1 if faults else 0
-    )
+    values = {"out": str(folder), "episodes": episodes, "faults": faults}
+    return Summary(line, values, code=1 if faults else 0)
 
 
 def _replay(path: Path) -> Summary:
+    from twin.dataset.verify import replay
+
     result = replay(path)
-    return Summary(
-        f"{path}: {result.line}",
-        {"file": str(path), "same": result.same, "sha256": result.sha256, "differs": result.differs},
-        code=0 if result.same else 1,
-    )
+    values = {"file": str(path), "same": result.same, "sha256": result.sha256, "differs": result.differs}
+    return Summary(f"{path}: {result.line}", values, code=0 if result.same else 1)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,11 +10,6 @@ from typing import Any
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.evaluation.reading import read_episodes, whole_pieces
-from twin.files.atomic import write_whole
-from twin.hysteresis import IdentifiedModel
-from twin.identification import OPTIMIZERS, check_options
-from twin.identification import identify as fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +39,12 @@ class Identify:
 
 def identify(args: Identify) -> Summary:
     """Write the model's file, `coleman_hodgdon.json` or its like."""
+    from twin.evaluation.reading import read_episodes, whole_pieces
+    from twin.files.atomic import write_whole
+    from twin.hysteresis import IdentifiedModel
+    from twin.identification import OPTIMIZERS, check_options
+    from twin.identification import identify as fit
+
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
     check_options(args.model, monotone=args.monotone, thresholds_mm=args.thresholds_mm)

@@ -6,13 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import tyro
 
 from scripts.command import Summary, output_folder, run_verb
-from twin.measured.command import SECONDS_PER_CYCLE
-from twin.measured.folder import check_name, write_measured
-from twin.measured.log import LogFormat, read_measured_log
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,8 +35,8 @@ class Import:
     """Time or phase; if not given, time_s or phase_rad, whichever there is."""
     time_unit: Literal["s", "ms", "us", "rad"] | None = None
     """Its unit, if the column's name does not end in it; rad for a phase."""
-    seconds_per_cycle: float = SECONDS_PER_CYCLE
-    """Time that 2 pi of a phase take."""
+    seconds_per_cycle: float = 20.0
+    """Time that 2 pi of a phase take [s]."""
     tension_a_column: str | None = None
     """Tension of wire a at the pulley [N]; if not given, tension_a_n, where there are it and tension_b_n."""
     tension_b_column: str | None = None
@@ -57,6 +53,11 @@ class Import:
 
 def import_log(args: Import) -> Summary:
     """Write the log as an episode."""
+    import numpy as np
+
+    from twin.measured.folder import check_name, write_measured
+    from twin.measured.log import LogFormat, read_measured_log
+
     name = args.file.stem if args.name is None else args.name
     check_name(name)
     form = LogFormat(

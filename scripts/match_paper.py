@@ -2,23 +2,10 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterable, Sequence
 
 from scripts.command import Summary, run_verb
-from twin.calibration.matching import match, training_commands
-from twin.calibration.parameters import FreeParameters
-from twin.preset.file import load_preset
-
-FITTED = (
-    "section_stiffness",
-    "wire_stiffness",
-    "joint_friction",
-    "sheath_friction_floor",
-    "pretension",
-)
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,17 +30,21 @@ class MatchPaper:
 
 def match_paper(args: MatchPaper) -> Summary:
     """Print the fitted parameters."""
+    require_extra("sim")
+    from twin.calibration.matching import MATCHED, match, training_commands
+    from twin.calibration.parameters import FreeParameters
+    from twin.preset.file import load_preset
+
     stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
     commands = training_commands(stroke, args.episodes, args.seconds, args.seed)
-    preset = match(
-        FreeParameters(load_preset(args.preset), FITTED), args.target, commands, on_iteration=_tell
-    )
-    values = {name: float(f"{getattr(preset, name):.5g}") for name in FITTED}
+    free = FreeParameters(load_preset(args.preset), MATCHED)
+    preset = match(free, args.target, commands, on_iteration=_show)
+    values = {name: float(f"{getattr(preset, name):.5g}") for name in MATCHED}
     return Summary(", ".join(f"{name}: {value}" for name, value in values.items()), values)
 
 
-def _tell(iteration: int, found: NDArray[np.float64], rmse: float) -> None:
-    a, b, c = found
+def _show(iteration: int, model: Iterable[float], rmse: float) -> None:
+    a, b, c = model
     print(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg", file=sys.stderr)
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Progress, Summary, output_file, run_verb
-from twin.recording import read_dataset
-from twin.rendering.render import render_mp4, render_png
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,19 +35,18 @@ class Render:
 
 def render(args: Render) -> Summary:
     """Write the picture or the film."""
+    require_extra("sim")
+    from twin.recording import read_dataset
+    from twin.rendering.render import render as draw
+
     out = output_file(args.out, (".png", ".mp4"))
     episodes = read_dataset(args.data)
     if not 0 <= args.episode < len(episodes):
         raise ValueError(f"--episode {args.episode}: {args.data} holds 0 to {len(episodes) - 1}")
     episode = episodes[args.episode]
-    if out.suffix.lower() == ".png":
-        render_png(episode, out)
-    else:
-        width, height = args.size
-        progress = Progress("render", "frame")
-        render_mp4(
-            episode, out, fps=args.fps, speed=args.speed, width=width, height=height, progress=progress
-        )
+    width, height = args.size
+    progress = Progress("render", "frame")
+    draw(episode, out, fps=args.fps, speed=args.speed, width=width, height=height, progress=progress)
     return Summary(f"{out}: {episode.time[-1]:g} s of {args.data}", {"out": str(out)})
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import tyro
 
 from scripts.command import Summary, output_file, run_verb
-from twin.report.page import write_report
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,6 +26,8 @@ class Report:
 
 def report(args: Report) -> Summary:
     """Write the page."""
+    from twin.report.page import write_report
+
     if not args.folder.is_dir():
         raise FileNotFoundError(f"no folder {args.folder}")
     path = write_report(args.folder, output_file(args.out or args.folder / "report.html", (".html",)))

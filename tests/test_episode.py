@@ -1,6 +1,7 @@
 """An episode holds arrays that belong together, converts units once and thins without inventing samples."""
 
 import dataclasses
+import inspect
 
 import numpy as np
 import pytest
@@ -180,3 +181,26 @@ def test_an_even_grid_that_would_fill_the_memory_is_refused():
     episode = dataclasses.replace(make_episode(3), time=np.array([0.0, 0.1, 1e9]))
     with pytest.raises(ValueError, match=r"a record of 1e\+09 s would be more than 10000000 samples"):
         episode.on_grid(0.1)
+
+
+def test_repr_is_three_lines_of_what_it_is_and_not_its_arrays():
+    arrays = make_arrays()
+    arrays["pull"] = np.linspace(1e-3, 4e-3, 20)
+    arrays["bend"] = np.radians(np.linspace(-5, 70, 20))
+    arrays["measured_bend"][3:5] = np.nan
+    facts = {"preset": {"name": "ureteroscope"}, "signal": "sine", "seed": 7, "episode": 2}
+    assert repr(Episode(**arrays, metadata=facts)).splitlines() == [
+        "Episode of ureteroscope, signal sine, seed 7, episode 2",
+        "  20 samples every 0.02 s, 0.38 s; pull 1.00 to 4.00 mm, bend -5.0 to 70.0 deg",
+        "  recorded: time, pull, bend, measured_bend (2 missing), joint_angle, wire_tension, sheath_friction",
+    ]
+    measured = Episode(**arrays, metadata={"source": "measured", "name": "loop"})
+    assert repr(measured).startswith("Episode 'loop', measured\n")
+    assert repr(Episode(**arrays)).startswith("Episode of unknown origin\n")
+
+
+def test_help_tells_the_shape_and_unit_of_every_field():
+    told = inspect.getdoc(Episode).partition("Attributes:")[2]
+    for field in dataclasses.fields(Episode):
+        line = next(line for line in told.splitlines() if line.strip().startswith(f"{field.name}: "))
+        assert field.name in ("metadata", "attachments") or line.strip().startswith(f"{field.name}: (N")

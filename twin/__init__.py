@@ -1,3 +1,92 @@
-"""The digital twin of a tendon-driven flexible endoscope, and the estimators of its bending angle."""
+"""EndoTwin: a digital twin of a tendon-driven flexible endoscope, its datasets and estimators of its bending.
+
+What a notebook needs is here, and is loaded when it is first used:
+
+```
+import numpy as np
+import twin
+
+preset = twin.load_preset("ureteroscope")
+pull = 3e-3 + 1e-3 * np.sin(np.arange(0, 60, 0.02))  # metres
+episode = twin.simulate(preset, pull, sample_time=0.02)
+twin.render(episode, "bend.png")
+```
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "ActiveModel": "twin.estimation.active_model",
+    "ColemanHodgdon": "twin.hysteresis",
+    "EndoTwinError": "twin.errors",
+    "Endoscope": "twin.physics",
+    "Episode": "twin.episode",
+    "OnlineEstimator": "twin.estimation.online",
+    "Preset": "twin.preset",
+    "Recipe": "twin.dataset.recipe",
+    "Sensor": "twin.estimation.estimator",
+    "error_indices": "twin.evaluation.metrics",
+    "identify": "twin.identification",
+    "load_model": "twin.hysteresis",
+    "load_preset": "twin.preset",
+    "load_recipe": "twin.dataset.recipe_file",
+    "preset_names": "twin.preset",
+    "read_dataset": "twin.recording",
+    "read_episode": "twin.recording",
+    "recover_episode": "twin.recording",
+    "render": "twin.rendering.render",
+    "simulate": "twin.physics",
+    "simulate_batch": "twin.physics",
+    "write_dataset": "twin.dataset.write",
+    "write_episode": "twin.recording",
+}
+"""Module that each public name is loaded from. A new name gets a line here and one below."""
+
+if TYPE_CHECKING:  # the same for type checkers and editors
+    from twin.dataset.recipe import Recipe as Recipe
+    from twin.dataset.recipe_file import load_recipe as load_recipe
+    from twin.dataset.write import write_dataset as write_dataset
+    from twin.episode import Episode as Episode
+    from twin.errors import EndoTwinError as EndoTwinError
+    from twin.estimation.active_model import ActiveModel as ActiveModel
+    from twin.estimation.estimator import Sensor as Sensor
+    from twin.estimation.online import OnlineEstimator as OnlineEstimator
+    from twin.evaluation.metrics import error_indices as error_indices
+    from twin.hysteresis import ColemanHodgdon as ColemanHodgdon
+    from twin.hysteresis import load_model as load_model
+    from twin.identification import identify as identify
+    from twin.physics import Endoscope as Endoscope
+    from twin.physics import simulate as simulate
+    from twin.physics import simulate_batch as simulate_batch
+    from twin.preset import Preset as Preset
+    from twin.preset import load_preset as load_preset
+    from twin.preset import preset_names as preset_names
+    from twin.recording import read_dataset as read_dataset
+    from twin.recording import read_episode as read_episode
+    from twin.recording import recover_episode as recover_episode
+    from twin.recording import write_episode as write_episode
+    from twin.rendering.render import render as render
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name when it is first used (PEP 562)."""
+        if name not in _HOME:
+            raise AttributeError(f"module 'twin' has no attribute {name!r}; it has {', '.join(_HOME)}")
+        try:
+            value = getattr(importlib.import_module(_HOME[name]), name)
+        except ModuleNotFoundError as error:
+            from twin.errors import missing_extra
+
+            raise missing_extra(error, f"twin.{name}") or error from None
+        globals()[name] = value
+        return value
+
+
+__all__ = list(_HOME)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__doc__", "__version__"])

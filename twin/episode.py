@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 
 LARGEST_GRID = 10_000_000
@@ -27,40 +29,47 @@ class Episode:
     """N samples of one run of the twin (or of a measured log), in SI units.
 
     Wires are indexed a, b (, c, d) = 0, 1 (, 2, 3): pulling a positive distance pulls wire a and pays out
-    wire b, pulling a positive lateral distance pulls wire c and pays out wire d.
+    wire b, pulling a positive lateral distance pulls wire c and pays out wire d. A field that may be empty is
+    so where it was not recorded.
+
+    Attributes:
+        time: (N,) seconds since the start of the record.
+        pull: (N,) commanded pulling distance [m].
+        bend: (N,) true bending angle of the tip, in the plane of wires a and b [rad].
+        measured_bend: (N,) bending angle as the sensor saw it [rad]; NaN where it is missing, the only field
+            that may be.
+        joint_angle: (N, vertebrae) angle of each hinge, base to tip [rad].
+        wire_tension: (N, wires, elements + 1) tension in each length of wire, pulley to tip [N].
+        sheath_friction: (N, wires, elements) largest friction force that each element of the sheath can
+            exert [N].
+        pulley: (N,) distance that the pulley has really pulled, behind servo and backlash [m]; may be empty.
+        sheath_bend: (N,) angle that the sheath is bent by [rad]; may be empty.
+        wire_slack: (N, wires, elements + 1) how much longer each length of wire is than its way [m], pulley
+            to tip; zero where it is taut; may be empty.
+        lateral_pull: (N,) commanded pulling distance of wire c against d [m]; empty with one bending plane.
+        lateral_bend: (N,) true bending angle of the tip, in the plane of wires c and d [rad]; empty with one
+            bending plane.
+        lateral_joint_angle: (N, vertebrae) angle of each sideways hinge, base to tip [rad]; empty with one
+            bending plane.
+        metadata: parameters, seed, signal and versions: what made this record.
+        attachments: files kept with the record by name: the model and the configuration.
     """
 
     time: Array
-    """(N,) seconds since the start of the record."""
     pull: Array
-    """(N,) commanded pulling distance [m]."""
     bend: Array
-    """(N,) true bending angle of the tip, in the plane of wires a and b [rad]."""
     measured_bend: Array
-    """(N,) bending angle as the sensor saw it; NaN where it is missing, the only field that may be [rad]."""
     joint_angle: Array
-    """(N, vertebrae) angle of each hinge, base to tip [rad]."""
     wire_tension: Array
-    """(N, wires, elements + 1) tension in each length of wire, pulley to tip [N]."""
     sheath_friction: Array
-    """(N, wires, elements) largest friction force that each element of the sheath can exert [N]."""
     pulley: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N,) distance that the pulley has really pulled, behind servo and backlash [m]; may be empty."""
     sheath_bend: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N,) angle that the sheath is bent by [rad]; may be empty."""
     wire_slack: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N, wires, elements + 1) how much longer each length of wire is than its way [m], pulley to tip; zero
-    where it is taut; may be empty."""
     lateral_pull: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N,) commanded pulling distance of wire c against d [m]; empty with one bending plane."""
     lateral_bend: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N,) true bending angle of the tip, in the plane of wires c and d [rad]; empty with one plane."""
     lateral_joint_angle: Array = dataclasses.field(default_factory=_not_recorded)
-    """(N, vertebrae) angle of each sideways hinge, base to tip [rad]; empty with one bending plane."""
     metadata: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """Parameters, seed, signal and versions: what made this record."""
     attachments: dict[str, bytes] = dataclasses.field(default_factory=dict)
-    """Files kept with the record by name: the model and the configuration."""
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong together.
@@ -75,14 +84,31 @@ class Episode:
             if field in ("metadata", "attachments") or (field in OPTIONAL and len(values) == 0):
                 continue
             if len(values) != count:
-                raise ValueError(f"{field} has {len(values)} samples, time has {count}")
+                raise InputError(f"{field} has {len(values)} samples, time has {count}")
             wrong = np.isinf(values) if field == "measured_bend" else ~np.isfinite(values)
             if wrong.any():
-                raise ValueError(f"{field} is not finite at sample {int(np.argwhere(wrong)[0][0])}")
+                raise InputError(f"{field} is not finite at sample {int(np.argwhere(wrong)[0][0])}")
         if count < 2:
-            raise ValueError(f"a record needs at least 2 samples, got {count}")
+            raise InputError(f"a record needs at least 2 samples, got {count}")
         if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0).all():
-            raise ValueError("time must increase from sample to sample")
+            raise InputError("time must increase from sample to sample")
+
+    def __repr__(self) -> str:
+        """Three lines: what made the record, its samples and ranges, and what is recorded."""
+        missing = int(np.isnan(self.measured_bend).sum())
+        recorded = [
+            name + (f" ({missing} missing)" if name == "measured_bend" and missing else "")
+            for name, values in self._arrays().items()
+            if values.size and name not in ("time", "pull", "bend")
+        ]
+        seconds = float(self.time[-1] - self.time[0])
+        pull, bend = self.pull_mm, self.bend_deg
+        return (
+            f"Episode {self._origin()}\n"
+            f"  {len(self.time)} samples every {self.sample_time:g} s, {seconds:g} s; "
+            f"pull {pull.min():.2f} to {pull.max():.2f} mm, bend {bend.min():.1f} to {bend.max():.1f} deg\n"
+            f"  recorded: time, pull, bend, {', '.join(recorded)}"
+        )
 
     @property
     def sample_time(self) -> float:
@@ -123,7 +149,7 @@ class Episode:
         ratio = sample_time / self.sample_time
         step = round(ratio) if np.isfinite(ratio) else 0
         if step < 1 or abs(ratio - step) > 1e-6 * ratio:
-            raise ValueError(
+            raise InputError(
                 f"sample time {sample_time:g} s: "
                 f"must be a whole multiple of the record's {self.sample_time:g} s"
             )
@@ -141,10 +167,10 @@ class Episode:
                 than `LARGEST_GRID`.
         """
         if not 0 < sample_time < np.inf:
-            raise ValueError(f"sample time {sample_time:g} s: must be positive")
+            raise InputError(f"sample time {sample_time:g} s: must be positive")
         seconds = float(self.time[-1] - self.time[0])
         if seconds / sample_time > LARGEST_GRID:
-            raise ValueError(
+            raise InputError(
                 f"sample time {sample_time:g} s: a record of {seconds:g} s would be more than "
                 f"{LARGEST_GRID} samples: choose a longer one, or check the record's time"
             )
@@ -173,6 +199,16 @@ class Episode:
         seen = after - before < 2 * (reach - rounding)
         seen |= np.minimum(grid - before, after - grid) <= rounding
         return np.where(seen, np.interp(grid, time, self.measured_bend[known]), np.nan)
+
+    def _origin(self) -> str:
+        """What made the record, as far as its metadata tells."""
+        facts = self.metadata
+        preset = facts.get("preset")
+        preset = preset.get("name") if isinstance(preset, dict) else preset
+        told = [f"{facts['name']!r}"] if facts.get("name") else []
+        told += ["measured"] if self.is_measured else [f"of {preset}"] if preset else []
+        told += [f"{name} {facts[name]}" for name in ("signal", "seed", "episode") if name in facts]
+        return ", ".join(told) or "of unknown origin"
 
     def _arrays(self) -> dict[str, Any]:
         return {

@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import importlib.util
 import json
 import subprocess
 import sys
@@ -156,16 +155,14 @@ def test_records_of_two_kinds_are_refused_by_name(data, tmp_path, capsys):
 
 
 def test_without_pyarrow_one_line_tells_what_to_install_before_any_work(data, tmp_path, capsys, monkeypatch):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyarrow" else find(name))
+    monkeypatch.setitem(sys.modules, "pyarrow", None)  # what Python holds of a module that is not there
     code, _, err = run(capsys, data, "--out", tmp_path / "le")
     assert (code, err) == (
         2,
-        "endotwin export: --format parquet needs pyarrow: pip install 'endotwin[parquet]'",
+        "endotwin export: the format parquet needs pyarrow: pip install 'endotwin[parquet]'",
     )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]
     assert run(capsys, data, "--out", tmp_path / "csv", "--format", "csv")[0] == 0
-    imported = (
-        "import scripts.export, sys; print([name for name in sys.modules if name.startswith('pyarrow')])"
-    )
+    imported = "import twin.export.export, sys; print([name for name in sys.modules if 'pyarrow' in name])"
     done = subprocess.run([sys.executable, "-c", imported], cwd=REPOSITORY, capture_output=True, text=True)
     assert done.stdout == "[]\n"

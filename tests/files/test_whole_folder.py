@@ -8,8 +8,8 @@ from exporting import make_records, run
 from recorded import make_episode
 from repository import endotwin
 
-from scripts import export as verb
-from twin.export import WholeFolder
+import twin.export.export
+from twin.files.whole_folder import WholeFolder
 from twin.recording import write_episode
 
 pytest.importorskip("pyarrow")
@@ -44,7 +44,7 @@ def test_a_stopped_export_leaves_nothing(data, tmp_path, capsys, monkeypatch):
         Path(path).write_text("half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verb, "write_csv", stop)
+    monkeypatch.setattr(twin.export.export, "write_csv", stop)
     code, _, err = run(capsys, data, "--out", tmp_path / "le", "--format", "csv")
     assert (code, err) == (130, "endotwin export: stopped")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]

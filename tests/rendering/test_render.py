@@ -11,7 +11,7 @@ from twin.physics import headless, simulate
 from twin.preset.file import load_preset
 from twin.rendering.film import Film, _chain
 from twin.rendering.loop_panel import LoopPanel
-from twin.rendering.render import render_frame, render_mp4, render_png, telling_samples
+from twin.rendering.render import render, render_frame, render_mp4, render_png, telling_samples
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 VERTEBRAE = 16
@@ -155,3 +155,21 @@ def test_tip_is_found_where_two_planes_bend_it():
     )
     chain = _chain(episode.joint_angle, episode.lateral_joint_angle, preset.section_length)
     np.testing.assert_allclose(chain[:, -1], np.array(tips)[:, [0, 2]], atol=1e-6)
+
+
+@needs_gl
+def test_the_ending_of_the_path_says_what_is_drawn(tmp_path):
+    episode = make_episode()
+    assert render(episode, tmp_path / "bend.PNG") == tmp_path / "bend.PNG"
+    render_png(episode, tmp_path / "same.png")
+    assert (tmp_path / "bend.PNG").read_bytes() == (tmp_path / "same.png").read_bytes()
+    render(episode, str(tmp_path / "bend.mp4"), fps=5, speed=2.0, **SMALL)
+    with contextlib.closing(imageio.get_reader(tmp_path / "bend.mp4")) as film:
+        assert film.get_meta_data()["size"] == (320, 180)
+        assert film.count_frames() == 11  # 4 s at twice the speed, both ends
+
+
+def test_another_ending_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"bend\.gif: must end in \.png or \.mp4$"):
+        render(make_episode(), tmp_path / "bend.gif")
+    assert not any(tmp_path.iterdir())

@@ -14,6 +14,14 @@ from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]
 
+MATCHED = (
+    "section_stiffness",
+    "wire_stiffness",
+    "joint_friction",
+    "sheath_friction_floor",
+    "pretension",
+)
+"""Parameters of a preset that are fitted to a published Coleman-Hodgdon model."""
 SAMPLE_TIME = 0.02  # [s] of the records; the model is fitted to every fifth sample
 THINNED = 5
 MISFIT_WEIGHT = 0.3  # [1 / deg] how much a loop that the model fits badly costs, against 1 % in a, b or c

@@ -1,7 +1,8 @@
 """What the bytes of a dataset depend on besides its recipe."""
 
-from twin import __version__
-from twin.physics import MUJOCO
+from importlib.metadata import version
 
-VERSIONS = {"endotwin": __version__, "mujoco": MUJOCO}
+from twin import __version__
+
+VERSIONS = {"endotwin": __version__, "mujoco": version("mujoco")}
 """Versions of what makes an episode, as its metadata holds them."""

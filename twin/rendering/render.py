@@ -17,10 +17,48 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.rendering.film import HEIGHT, WIDTH, Film
 from twin.rendering.loop_panel import INK, MUTED, TRACE, Picture, style_axes
 
 _POSE_COLOURS = (INK, TRACE, TRACE, INK)
+
+
+def render(
+    episode: Episode,
+    path: str | Path,
+    *,
+    fps: int = 25,
+    speed: float = 1.0,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Draw an episode as a picture or as a film, whichever the ending of the path says.
+
+    Args:
+        episode: the record.
+        path: a .png to write, as `render_png` does, or a .mp4, as `render_mp4` does.
+        fps: frames per second of a film.
+        speed: seconds of the record per second of a film.
+        width: of a film [pixels], even.
+        height: of a film [pixels], even.
+        progress: as of `render_mp4`.
+
+    Returns:
+        `path`.
+
+    Raises:
+        ValueError: the path has another ending, or the size, `fps` or `speed` is out of range.
+        OSError: nothing on this system can draw without a screen.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending == ".png":
+        return render_png(episode, path)
+    if ending == ".mp4":
+        return render_mp4(episode, path, fps=fps, speed=speed, width=width, height=height, progress=progress)
+    raise InputError(f"{path}: must end in .png or .mp4")
 
 
 def render_frame(episode: Episode, index: int, *, width: int = WIDTH, height: int = HEIGHT) -> Picture:

@@ -1,0 +1,50 @@
+"""What all verbs share: a missing extra is one line, a fault of the program is not hidden."""
+
+import dataclasses
+import sys
+
+import pytest
+
+from scripts.command import Summary, run_verb
+from scripts.generate import main
+from twin.errors import MissingExtraError
+
+
+@dataclasses.dataclass(frozen=True)
+class Nothing:
+    """Do nothing."""
+
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def test_a_missing_extra_is_one_line_and_nothing_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "mujoco", None)  # what Python holds of a module that is not there
+    assert main(["--out", str(tmp_path / "data")]) == 2
+    said = capsys.readouterr()
+    assert said.err == "endotwin generate: this needs mujoco: pip install 'endotwin[sim]'\n"
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ModuleNotFoundError("No module named 'torch'", name="torch"),
+        MissingExtraError("this needs torch: pip install 'endotwin[rl]'", name="torch"),
+    ],
+)
+def test_an_import_that_fails_while_a_verb_runs_says_what_to_install(capsys, error):
+    def verb(_: Nothing) -> Summary:
+        raise error
+
+    verb.__module__ = "scripts.train"
+    assert run_verb(Nothing, verb, []) == 2
+    assert capsys.readouterr().err == "endotwin train: this needs torch: pip install 'endotwin[rl]'\n"
+
+
+def test_a_module_that_is_broken_is_a_fault_of_the_program_and_shown_as_one():
+    def verb(_: Nothing) -> Summary:
+        raise ImportError("cannot import name 'a' from 'twin'", name="twin")
+
+    with pytest.raises(ImportError, match="cannot import name"):
+        run_verb(Nothing, verb, [])

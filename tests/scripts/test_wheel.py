@@ -1,0 +1,166 @@
+"""The built wheel, installed elsewhere: every verb runs, and with the core alone files and estimators do."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded import make_episode
+
+import twin
+from scripts.__main__ import VERBS
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+EXTRAS = ("mujoco", "torch", "matplotlib", "pymoo", "PIL", "gymnasium", "onnx")
+
+ESTIMATE = """
+import importlib.util, json, sys
+import numpy as np
+import twin
+
+episode = twin.read_episode(sys.argv[1])
+model = twin.ColemanHodgdon(1.15, 22.38, 5.0)
+told = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(variance=0.5))
+online = twin.OnlineEstimator(told, episode.sample_time, float(episode.bend_deg[0]))
+samples = zip(episode.time, episode.pull_mm, episode.measured_bend_deg)
+estimate = [online.push(*map(float, sample)) for sample in samples]
+try:
+    twin.simulate
+    refused = ""
+except twin.EndoTwinError as error:
+    refused = str(error)
+found = [name for name in sys.argv[2:] if importlib.util.find_spec(name)]
+print(json.dumps({"home": twin.__file__, "estimate": estimate, "refused": refused, "found": found}))
+"""
+
+
+def run(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program that sees nothing of this checkout."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run([*map(str, words)], cwd=cwd, capture_output=True, text=True, env=environment)
+
+
+def make_environment(folder: Path, *, install: list[object]) -> Path:
+    """A new virtual environment with packages that pip installs; returns its folder of programs."""
+    made = run(sys.executable, "-m", "venv", "--without-pip", folder, cwd=folder.parent)
+    assert made.returncode == 0, made.stderr
+    pip = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python", "install", "--quiet"]
+    done = run(*pip, "--no-compile", "--disable-pip-version-check", *install, cwd=folder.parent)
+    assert done.returncode == 0, done.stderr
+    return folder / "bin"
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    built = run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=REPOSITORY)
+    assert built.returncode == 0, built.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment with the wheel, which sees the packages of this one, but not its checkout."""
+    folder = tmp_path_factory.mktemp("all") / "environment"
+    found = make_environment(folder, install=["--no-deps", "--no-index", wheel])
+    (site,) = folder.glob("lib/python*/site-packages")
+    others = [path for path in sys.path if path.endswith(("site-packages", "dist-packages"))]
+    (site / "others.pth").write_text("\n".join(others) + "\n")
+    return found
+
+
+@pytest.fixture
+def core(wheel: Path, tmp_path: Path) -> Path:
+    """A fresh environment with the core alone, really installed."""
+    probe = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--no-deps",
+        "-d",
+        tmp_path / "probe",
+        "mcap",
+    ]
+    if run(*probe, cwd=tmp_path).returncode:
+        pytest.skip("no package index can be reached: pip cannot download mcap")
+    return make_environment(tmp_path / "core", install=["-c", REPOSITORY / "constraints.txt", wheel])
+
+
+def test_the_wheel_installs_two_packages_and_their_files(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert wheel.name == f"endotwin-{twin.__version__}-py3-none-any.whl"
+    assert {name.partition("/")[0] for name in names} == {
+        "twin",
+        "rl",
+        f"endotwin-{twin.__version__}.dist-info",
+    }
+    assert {"twin/py.typed", "rl/py.typed", "twin/assets/ureteroscope.yaml", "twin/scripts/command.py"} <= {
+        *names
+    }
+    assert not [name for name in names if "__pycache__" in name or name.startswith("tests")]
+
+
+def test_every_verb_answers_from_the_wheel(programs, tmp_path):
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "__init__.py").write_text("raise ImportError('a folder of the user')")
+    assert run(programs / "endotwin", "--version", cwd=tmp_path).stdout == f"endotwin {twin.__version__}\n"
+    for verb in VERBS:
+        done = run(programs / "endotwin", verb, "--help", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith(f"usage: endotwin {verb} ")
+        assert done.stderr == ""
+    by_module = run(programs / "python", "-m", "twin", "generate", "--help", cwd=tmp_path)
+    assert by_module.returncode == 0, by_module.stderr
+
+
+def test_generate_writes_a_dataset_from_the_wheel(programs, tmp_path):
+    words = (
+        "generate --preset ureteroscope --episodes 2 --seconds 1 --stroke -1 1 --workers 2 --out data --json"
+    )
+    done = run(programs / "endotwin", *words.split(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["episodes"] == 2
+    where = run(programs / "python", "-c", "import twin; print(twin.__file__)", cwd=tmp_path)
+    assert Path(where.stdout.strip()).is_relative_to(programs.parent)
+    assert len(twin.read_episode(tmp_path / "data" / "episode_0001.mcap").time) == 50
+    again = run(programs / "endotwin", "generate", "--verify", "--out", "data", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+
+
+def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path):
+    episode = make_episode(300, seed=3)
+    twin.write_episode(tmp_path / "episode.mcap", episode)
+    done = run(core / "python", "-c", ESTIMATE, tmp_path / "episode.mcap", *EXTRAS, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    there = json.loads(done.stdout)
+    assert Path(there["home"]).is_relative_to(tmp_path)
+    assert there["found"] == []
+    assert there["refused"] == "twin.simulate needs mujoco: pip install 'endotwin[sim]'"
+
+    told = twin.ActiveModel(twin.ColemanHodgdon(1.15, 22.38, 5.0), episode.sample_time)
+    told = told.with_sensor(twin.Sensor(variance=0.5))
+    start = np.array([episode.bend_deg[0]])
+    here = told.estimate(episode.pull_mm, episode.measured_bend_deg[None], start)[0]
+    np.testing.assert_allclose(there["estimate"], here, rtol=1e-12)
+
+    for verb, extra in {
+        "generate --out data": "mujoco: pip install 'endotwin[sim]'",
+        "render episode.mcap --out bend.png": "mujoco: pip install 'endotwin[sim]'",
+        "identify episode.mcap --out model.json": "pymoo: pip install 'endotwin[sim]'",
+        "report . --out report.html": "imageio: pip install 'endotwin[viz]'",
+    }.items():
+        refused = run(core / "endotwin", *verb.split(), cwd=tmp_path)
+        line = f"endotwin {verb.split()[0]}: this needs {extra}\n"
+        assert (refused.returncode, refused.stderr, refused.stdout) == (2, line, "")
+    table = run(
+        core / "endotwin", "export", "episode.mcap", "--format", "csv", "--out", "table", cwd=tmp_path
+    )
+    assert table.returncode == 0, table.stderr
+    assert len((tmp_path / "table" / "episode.csv").read_text().splitlines()) == 301

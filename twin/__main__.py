@@ -1,0 +1,28 @@
+"""`endotwin VERB` and `python -m twin VERB`: runs the command line, one file per verb in `scripts/`.
+
+In a checkout that folder lies beside `twin`. In a wheel it lies inside, so that no package called `scripts`
+is installed for everybody; here it gets the name that its files call one another by.
+"""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+
+def main() -> int:
+    """Run the verb that the command line names; returns the exit code."""
+    inside = Path(__file__).resolve().parent / "scripts"
+    folder = inside if inside.is_dir() else inside.parents[1] / "scripts"
+    # By its path: `import scripts` might find another folder of that name, as where the user stands.
+    spec = importlib.util.spec_from_file_location(
+        "scripts", folder / "__init__.py", submodule_search_locations=[str(folder)]
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules["scripts"] = package = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(package)
+    return importlib.import_module("scripts.__main__").main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

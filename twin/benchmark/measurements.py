@@ -1,0 +1,131 @@
+"""All long measurements by name, how they are run one after the other, and the table of their results."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from tabulate import tabulate
+
+from twin.benchmark import datasets, filters, identification, physics, scaling, speed, start
+from twin.benchmark.result import Result
+from twin.errors import InputError
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import load_ranges
+
+OnProgress = Callable[[int, int], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Size:
+    """What is measured, and how much of it.
+
+    Attributes:
+        preset: name of the endoscope, or path of its file.
+        amplitude: of the commands [m].
+        cycles: random closed cycles.
+        draws: endoscopes drawn from the randomisation ranges.
+        steps: samples over which the covariances of the Kalman filters are watched.
+        episodes: of 60 s, of the dataset that is made, weighed and read.
+        many_episodes: of 10 s, while the memory is watched.
+    """
+
+    preset: str | Path = "ureteroscope"
+    amplitude: float = 4e-3
+    cycles: int = 1000
+    draws: int = 10_000
+    steps: int = 1_000_000
+    episodes: int = 64
+    many_episodes: int = 1000
+
+    def __post_init__(self) -> None:
+        """Refuse what measures nothing.
+
+        Raises:
+            ValueError: a count or the amplitude is not positive.
+        """
+        for field in dataclasses.fields(self)[1:]:
+            if not getattr(self, field.name) > 0:
+                raise InputError(f"{field.name} = {getattr(self, field.name)}: must be positive")
+
+
+Measurement = Callable[[Preset, Size, OnProgress], Result | dict[str, Result]]
+
+
+def _short(measure: Callable[[Preset, float], Result]) -> Measurement:
+    return lambda preset, size, _: measure(preset, size.amplitude)
+
+
+MEASUREMENTS: dict[str, Measurement] = {
+    "rate_independence": _short(physics.rate_independence),
+    "hold": _short(physics.hold),
+    "time_step": _short(physics.time_step),
+    "capstan": _short(physics.capstan),
+    "return_point": _short(physics.return_point),
+    "no_friction": _short(physics.no_friction),
+    "vertebrae": _short(physics.vertebrae),
+    "speed_one_core": _short(speed.one_core),
+    "speed_two_threads": _short(speed.two_threads),
+    "cost_of_vertebrae": _short(speed.cost_of_vertebrae),
+    "logging": _short(datasets.logging),
+    "identification": _short(identification.against_one_at_a_time),
+    "identification_plain": _short(identification.against_plain_numbers),
+    "cost_of_seeds": _short(scaling.cost_of_seeds),
+    "cost_of_samples": _short(scaling.cost_of_samples),
+    "start": lambda _, __, progress: start.start(progress),
+    "closed_cycles": lambda preset, size, progress: physics.closed_cycles(
+        preset, size.amplitude, size.cycles, progress
+    ),
+    "random_draws": lambda preset, size, progress: physics.random_draws(
+        preset, load_ranges(size.preset), size.amplitude, size.draws, progress
+    ),
+    "covariances": lambda _, size, progress: filters.covariances(size.steps, progress),
+    "dataset": lambda preset, size, progress: datasets.dataset(
+        preset, size.amplitude, size.episodes, progress
+    ),
+    "memory": lambda preset, size, _: datasets.memory(preset, size.amplitude, size.many_episodes),
+}
+"""Each measurement by its name: a result, or several."""
+
+
+def check_measurements(size: Size, names: Sequence[str]) -> None:
+    """Refuse, before any work, what cannot be measured.
+
+    Raises:
+        ValueError: a name is no measurement, or the preset is unknown, or states no ranges to draw from.
+    """
+    for name in names:
+        if name not in MEASUREMENTS:
+            raise InputError(f"unknown measurement {name!r}; valid: {', '.join(MEASUREMENTS)}")
+    load_preset(size.preset)
+    if "random_draws" in names:
+        load_ranges(size.preset)
+
+
+def measure(size: Size, names: Sequence[str], progress: Callable[[str], OnProgress]) -> dict[str, Result]:
+    """Run measurements one after the other and return their results by name.
+
+    Args:
+        size: what is measured, and how much of it.
+        names: of `MEASUREMENTS`.
+        progress: called with each name when it begins, returns what is told how far it is.
+    """
+    check_measurements(size, names)
+    preset = load_preset(size.preset)
+    results: dict[str, Result] = {}
+    for name in names:
+        result = MEASUREMENTS[name](preset, size, progress(name))
+        results |= result if isinstance(result, dict) else {name: result}
+    return results
+
+
+def results_table(preset: str, results: Mapping[str, Result]) -> str:
+    """Return the results as a Markdown table."""
+    rows = []
+    for result in results.values():
+        ratio = "" if result.ratio is None else f"{result.ratio:.3g} times {result.peer}"
+        holds = "yes" if result.holds else "no"
+        rows.append([result.name, f"{result.value:.3g} {result.unit}", ratio, result.bar, holds])
+    headers = ["measurement", "figure", "ratio in the same run", "bar", "holds"]
+    table = tabulate(rows, headers=headers, tablefmt="github")
+    return f"Preset `{preset}`, by `endotwin benchmark`.\n\n{table}\n"

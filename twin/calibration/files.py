@@ -1,0 +1,137 @@
+"""Files of a calibration: the logs that it reads, and the preset, report and figure that it writes."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from twin.calibration.measured import MeasuredLoop, measured_loop
+from twin.calibration.parameters import FreeParameters
+from twin.calibration.report import fit_figure, fit_report
+from twin.calibration.search import Fit
+from twin.calibration.uncertainty import likely_ranges, uncertainty
+from twin.episode import Episode
+from twin.errors import InputError
+from twin.files.atomic import write_whole
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.recording import read_dataset
+from twin.report.figures import to_png_bytes
+
+
+def read_loops(
+    fitted: Sequence[Path],
+    predicted: Sequence[Path],
+    base: Preset,
+    *,
+    sample_time: float,
+    pace: float | None = None,
+    fraction: float = 1.0,
+) -> tuple[list[MeasuredLoop], list[MeasuredLoop], Preset]:
+    """Read logs and put them on an even grid.
+
+    Args:
+        fitted: folders of MCAP files, or files, to fit.
+        predicted: the same, only to be predicted.
+        base: the preset that the calibration starts from.
+        sample_time: of the grid [s].
+        pace: how many times faster than recorded logs are played, as in `measured_loop`.
+        fraction: share of each log in `fitted`, from its start, that is fitted.
+
+    Returns:
+        The logs to fit, those to predict, and the preset with the pulley of the logs.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: a file is damaged, a log cannot be calibrated on, or the logs have different pulleys.
+    """
+    records, unseen = (
+        [(path, episode) for path in paths for episode in read_dataset(path)] for paths in (fitted, predicted)
+    )
+    base = with_pulley_of(base, [episode for _, episode in records + unseen])
+    loops = [
+        measured_loop(episode, _name(path, episode), sample_time, pace=pace, fraction=fraction)
+        for path, episode in records
+    ]
+    held_out = [
+        measured_loop(episode, _name(path, episode), sample_time, pace=pace).only_predicted()
+        for path, episode in unseen
+    ]
+    return loops, held_out, base
+
+
+def with_pulley_of(base: Preset, episodes: Sequence[Episode]) -> Preset:
+    """Return the preset with the pulley by which an angle of the drive became a pulling distance.
+
+    Raises:
+        ValueError: the logs were read with different ones.
+    """
+    radii = {radius for episode in episodes if (radius := episode.metadata.get("pulley_radius"))}
+    if len(radii) > 1:
+        listed = ", ".join(f"{radius * 1e3:g}" for radius in sorted(radii))
+        raise InputError(f"the logs were imported with pulleys of {listed} mm: one preset has one pulley")
+    return base.replace(pulley_radius=radii.pop()) if radii else base
+
+
+def write_fit(
+    out: Path,
+    fit: Fit,
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    held_out: Sequence[MeasuredLoop],
+    seed: int,
+) -> dict[str, Any]:
+    """Write a calibrated preset, and beside it NAME_fit.json and NAME_fit.png.
+
+    Args:
+        out: the preset's file.
+        fit: what was found.
+        free: what was fitted.
+        loops: the logs that were fitted.
+        held_out: the logs that are only predicted.
+        seed: of the calibration.
+
+    Returns:
+        What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
+
+    Raises:
+        FloatingPointError: the fit itself diverges along a log.
+    """
+    known = uncertainty(fit, free)
+    shown = [*loops, *held_out]
+    values, episodes = fit_report(fit, free, known, shown, seed)
+    write_whole(out.with_name(f"{out.stem}_fit.png"), to_png_bytes(fit_figure(shown, episodes)))
+    write_whole(out.with_name(f"{out.stem}_fit.json"), json.dumps(values, indent=2) + "\n")
+    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, free, known), [loop.name for loop in loops]))
+    return values
+
+
+def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
+    """Return a calibrated preset as YAML; its ranges for domain randomisation are the uncertainty of the fit.
+
+    Args:
+        preset: as fitted.
+        ranges: of the fitted parameters.
+        logs: names of the logs that it was fitted to.
+    """
+    values = {name: value for name, value in preset.to_dict().items() if name != "name"}
+    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
+    head = (
+        f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset/preset.py.\n"
+    )
+    return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
+
+
+def log_summary(log: dict[str, Any]) -> str:
+    """Return in words how well a log is fitted or predicted, from its entry in NAME_fit.json."""
+    fitted, held_out = log["rmse_deg"], log["held_out_rmse_deg"]
+    if fitted is None:
+        return f"{log['name']} predicted within {held_out:.2f} deg"
+    more = "" if held_out is None else f" (held out {held_out:.2f})"
+    return f"{log['name']} RMSE {fitted:.2f} deg{more}"
+
+
+def _name(path: Path, episode: Episode) -> str:
+    return str(episode.metadata.get("name") or path.name)

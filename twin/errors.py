@@ -1,0 +1,73 @@
+"""Exceptions that the library raises for its users; each is also the built-in exception that it refines."""
+
+import importlib.util
+
+
+class EndoTwinError(Exception):
+    """Base class of all exceptions below: what a user can put right, told in one line."""
+
+
+class InputError(EndoTwinError, ValueError):
+    """A value, a file's content or a combination of options that cannot be."""
+
+
+class MissingFileError(EndoTwinError, FileNotFoundError):
+    """A file or folder that does not exist."""
+
+
+class DivergedError(EndoTwinError, FloatingPointError):
+    """A simulation or an estimate that left all bounds."""
+
+
+class MissingExtraError(EndoTwinError, ImportError):
+    """A package that is not installed, as it belongs to an extra of EndoTwin."""
+
+
+EXTRA_OF = {
+    "mujoco": "sim",
+    "dm_control": "sim",
+    "pymoo": "sim",
+    "cma": "sim",
+    "torch": "rl",
+    "stable_baselines3": "rl",
+    "gymnasium": "rl",
+    "onnx": "rl",
+    "onnxscript": "rl",
+    "matplotlib": "viz",
+    "imageio": "viz",
+    "PIL": "viz",
+    "jinja2": "viz",
+    "distributed": "cluster",
+    "pyarrow": "parquet",
+}
+"""Extra of EndoTwin that installs a module, by the name that the module is imported by."""
+
+
+def missing_extra(error: ImportError, what: str = "this") -> MissingExtraError | None:
+    """Return an error that says which extra to install.
+
+    Args:
+        error: of an import.
+        what: the function or command that needs the module.
+
+    Returns:
+        The error; None if the module belongs to no extra, or is there and broken.
+    """
+    is_missing = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
+    return _not_installed(str(error.name), what) if is_missing else None
+
+
+def require_extra(extra: str, what: str = "this") -> None:
+    """Refuse to begin what needs an extra, before any work.
+
+    Raises:
+        ImportError: a module of the extra is not installed.
+    """
+    for module, its_extra in EXTRA_OF.items():
+        if its_extra == extra and importlib.util.find_spec(module) is None:
+            raise _not_installed(module, what)
+
+
+def _not_installed(module: str, what: str) -> MissingExtraError:
+    install = f"pip install 'endotwin[{EXTRA_OF[module]}]'"
+    return MissingExtraError(f"{what} needs {module}: {install}", name=module)

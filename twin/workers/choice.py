@@ -1,0 +1,35 @@
+"""The workers that a command asks for: processes of this machine, or those of a Dask cluster."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor
+
+from twin.errors import InputError
+
+
+@contextlib.contextmanager
+def choose_workers(tasks: int, processes: int = 0, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
+    """Context manager: an executor, and how many tasks it runs at a time.
+
+    Args:
+        tasks: how many there are to do: no more processes are started.
+        processes: how many at most; 0 for one per core.
+        dask: address of a Dask scheduler, whose workers are taken instead.
+
+    Raises:
+        ValueError: the number of processes is negative, or no Dask scheduler answers at the address.
+    """
+    if processes < 0:
+        raise InputError(f"workers = {processes}: must not be negative")
+    if dask is not None:
+        from twin.workers.dask_cluster import dask_workers
+
+        with dask_workers(dask) as workers:
+            yield workers
+        return
+    from twin.workers.processes import local_workers
+
+    count = min(processes or os.cpu_count() or 1, tasks)
+    with local_workers(count) as executor:
+        yield executor, count
