@@ -24,7 +24,7 @@ def identify_coleman_hodgdon(
     generations: int = 150,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[ColemanHodgdon, float]:
-    """Fit one model to all records by pymoo's genetic algorithm (Blank and Deb 2020).
+    """Fit one Coleman-Hodgdon model to all records by pymoo's genetic algorithm (Blank and Deb 2020).
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
@@ -53,7 +53,7 @@ def identify_coleman_hodgdon(
 
 
 def model_at(unit: Array, monotone: bool = False) -> ColemanHodgdon:
-    """Return the model at (3, ...) of the unit cube: log a, b and c, or c - b / 2 if monotone."""
+    """Return the model at points (3, ...) of the unit cube: log a, b and c, or c - b / 2 if monotone."""
     a = LOWER[0] * (UPPER[0] / LOWER[0]) ** unit[0]
     b = LOWER[1] + (UPPER[1] - LOWER[1]) * unit[1]
     c = LOWER[2] + (UPPER[2] - LOWER[2]) * unit[2]

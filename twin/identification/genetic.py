@@ -1,4 +1,4 @@
-"""A genetic algorithm over the unit cube that costs a generation at once (pymoo; Blank and Deb 2020)."""
+"""Genetic algorithm over the unit cube; each generation is evaluated as one batch (pymoo; Blank and Deb 2020)."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ def search(
     generations: int,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[Array, float]:
-    """Return the point of least cost that was found.
+    """Minimise a cost over the unit cube; returns the best point found.
 
     Args:
         cost: mean square errors (candidates,) [deg^2] of points (candidates, variables) of the unit cube.

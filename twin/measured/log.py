@@ -24,9 +24,9 @@ LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
 
 GAP = 20.0
-"""A step of time this many times the usual one is a gap."""
+"""Time step, relative to the median one, from which on it counts as a gap."""
 
-# What no endoscope does: a value beyond these is in another unit than was said.
+# Plausible limits: a value beyond them is in another unit than stated.
 _LARGEST_BEND_DEG = 720.0
 _LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
 _LARGEST_PULL_MM = 200.0
@@ -36,30 +36,36 @@ _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 @dataclasses.dataclass(frozen=True)
 class LogFormat:
-    """Which columns of a log hold what, in which unit; a unit of None is what the column's name ends in."""
+    """Columns and units of a measured log; a unit of None is the ending of the column's name.
+
+    Attributes:
+        command_column: column of the command.
+        command_unit: deg or rad for a pulley angle, mm or m for a pulling distance.
+        pulley_radius: radius that converts a pulley angle to a pulling distance [m].
+        angle_column: column of the measured bending angle.
+        angle_unit: deg or rad.
+        reverse_angle: True if the sensor counts a bend towards wire a as negative.
+        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
+        time_unit: s, ms or us; rad for a phase.
+        seconds_per_cycle: duration of a phase of 2 pi [s].
+        tension_a_column: column of the tension of wire a at the pulley [N]; None: tension_a_n, if both
+            tension_a_n and tension_b_n exist.
+        tension_b_column: the same for wire b.
+        sheath_bend_deg: bend angle of the sheath [deg]; None: the column of that name, if it exists.
+    """
 
     command_column: str = "command_deg"
     command_unit: str | None = None
-    """deg or rad: an angle of the pulley; mm or m: a pulling distance."""
     pulley_radius: float = 0.01
-    """Radius by which an angle of the pulley becomes a pulling distance [m]."""
     angle_column: str = "angle_deg"
-    """Measured bending angle."""
     angle_unit: str | None = None
-    """deg or rad."""
     reverse_angle: bool = False
-    """Whether the sensor counts a bend towards wire a as negative."""
     time_column: str | None = None
-    """None: time_s or phase_rad, whichever there is."""
     time_unit: str | None = None
-    """s, ms or us; rad: a phase."""
     seconds_per_cycle: float = SECONDS_PER_CYCLE
-    """Time that 2 pi of a phase take [s]."""
     tension_a_column: str | None = None
-    """Tension of wire a at the pulley [N]; None: tension_a_n, if there are it and tension_b_n."""
     tension_b_column: str | None = None
     sheath_bend_deg: float | None = None
-    """Angle that the sheath was bent by; None: the column of that name, if there is one."""
 
 
 def read_measured_log(
@@ -68,7 +74,7 @@ def read_measured_log(
     *,
     on_warning: Callable[[str], None] | None = None,
 ) -> Episode:
-    """Read a measured log; rows at one time are averaged, the other samples are the log's own.
+    """Read a measured log as an episode; rows with the same time are averaged.
 
     A value is missing where its field is empty or says so (`csv_columns.MISSING`). What is dropped or held
     is counted in a warning and in the metadata.
@@ -183,7 +189,7 @@ def _check_format(form: LogFormat) -> None:
 def _in_time_order(
     table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
 ) -> tuple[CsvColumns, Array]:
-    """Rows with a time that does not go back, and that time in the column's unit [`unit` s]."""
+    """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
     table = table.timed(name, on_warning)
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
@@ -195,7 +201,7 @@ def _in_time_order(
 
 
 def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) commanded pulling distance [m], NaN where missing, and the unit that the column has it in."""
+    """Return the commanded pulling distance (N,) [m], NaN where missing, and the unit of its column."""
     name = form.command_column
     values = table.column(name, may_miss=True)
     lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
@@ -215,7 +221,7 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
 
 
 def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) measured bending angle [rad], NaN where missing, and the unit that the column has it in."""
+    """Return the measured bending angle (N,) [rad], NaN where missing, and the unit of its column."""
     name = form.angle_column
     values = table.column(name, may_miss=True)
     unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
@@ -242,7 +248,7 @@ def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
 def _tension_columns(
     table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
 ) -> tuple[str, ...]:
-    """Names of the columns of both tensions, or none: one wire's alone is no state of the endoscope."""
+    """Return the names of both tension columns, or none: one wire alone is of no use."""
     names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
     found = [name for name in names if name in table.names]
     asked_for = form.tension_a_column is not None or form.tension_b_column is not None

@@ -14,103 +14,120 @@ def _within(default: float, low: float, high: float) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """A tendon-driven endoscope: one or two bending planes, two antagonistic wires each. SI units."""
+    """A tendon-driven endoscope: one or two bending planes, two antagonistic wires each. SI units.
+
+    Attributes:
+        name: what this endoscope is called.
+        bending_planes: 1: two wires (a, b); 2: four wires (c, d bend it sideways).
+        vertebrae: rigid links of the bending section, each on a hinge (two crossed hinges with two planes).
+        section_length: length of the bending section [m].
+        section_mass: mass of the bending section [kg].
+        section_stiffness: moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as
+            stiff.
+        section_stiffening: growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening
+            bend^2), the bend counted from `initial_bend` [1 / rad^2].
+        section_damping: viscous moment per bending rate of the whole section [N m s / rad].
+        initial_bend: bend of the section that its stiffness pulls towards: its curvature when no wire pulls
+            [rad].
+        joint_friction: mean dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in
+            series).
+        joint_friction_taper: how the friction of the hinges falls from base to tip: (1 + taper) to (1 -
+            taper) times the mean.
+        wire_offset: distance of each wire from the neutral axis: the moment arm at every hinge [m].
+        routing_friction: coefficient of friction between the wires and the vertebrae that guide them.
+        wire_stiffness: axial stiffness of one whole wire without tension, pulley to tip: E A / length [N /
+            m].
+        wire_stiffening: growth of the stiffness with tension, relative, at no tension [1 / N]: strands and
+            liner settle.
+        wire_damping: internal damping of one whole wire against the rate of its stretch [N s / m].
+        pretension: tension at the pulley that the wires were wound up to; friction leaves less of it at the
+            tip [N].
+        sheath_length: length of the sheath between pulley and bending section [m]; only drawn, stiffness is
+            of the wire.
+        sheath_elements: friction elements along the sheath of each wire.
+        sheath_friction: coefficient of friction mu between wire and sheath, of the capstan equation.
+        sheath_bend: angle phi that the sheath is bent by [rad]: where a run gives none of its own.
+        sheath_bend_offset: what the wires wrap besides, however straight the sheath: bends inside the housing
+            [rad].
+        sheath_friction_floor: friction of one wire in its sheath that does not depend on the tension, over
+            the whole sheath [N].
+        friction_warm_up: excess of the friction in the sheath at the start of a run, relative; it fades
+            exponentially.
+        warm_up_time: time constant of that fading [s].
+        friction_wear: growth of the friction in the sheath per distance that the pulley has travelled,
+            relative [1 / m].
+        pulley_radius: radius of the driving pulley [m]: a pulley angle becomes a pulling distance by it.
+        backlash: play between motor and pulley, as a distance at the pulley [m].
+        servo_gain: velocity per position error of the motor's position loop [1 / s]; 0: it follows without
+            lag.
+        servo_speed: limit of the motor's speed, as pulling speed [m / s]; 0: none.
+        servo_acceleration: limit of the motor's acceleration [m / s^2]; 0: none.
+        encoder_counts: counts per turn of the encoder on the motor that closes the position loop; 0:
+            continuous.
+        sensor_period: time between two readings, held in between [s]; 0: one at every sample.
+        sensor_latency: age of a reading when it arrives [s].
+        sensor_resolution: step to which a reading is rounded [rad]; 0: none.
+        sensor_noise: standard deviation of a reading's Gaussian noise [rad].
+        gravity_x: gravity along the shaft, towards the tip [m / s^2].
+        gravity_y: gravity across the plane of wires a and b [m / s^2].
+        gravity_z: gravity in the plane of wires a and b, towards wire a [m / s^2].
+        time_step: step of the physics [s].
+        control_period: time between two updates of the command and of the load-dependent friction [s].
+    """
 
     name: str
-    """What this endoscope is called."""
 
     # The bending section.
     bending_planes: int = _within(1, 1, 2)
-    """1: two wires (a, b); 2: four wires (c, d bend it sideways)."""
     vertebrae: int = _within(16, 1, 128)
-    """Rigid links of the bending section, each on a hinge (two crossed hinges with two planes)."""
     section_length: float = _within(0.04, 1e-3, 2.0)
-    """Length of the bending section [m]."""
     section_mass: float = _within(2e-4, 1e-9, 10.0)
-    """Mass of the bending section [kg]."""
     section_stiffness: float = _within(0.05, 1e-6, 1e3)
-    """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
     section_stiffening: float = _within(0.0, 0.0, 20.0)
-    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2),
-    the bend counted from `initial_bend` [1 / rad^2]."""
     section_damping: float = _within(3e-5, 0.0, 10.0)
-    """Viscous moment per bending rate of the whole section [N m s / rad]."""
     initial_bend: float = _within(0.0, -math.pi, math.pi)
-    """Bend of the section that its stiffness pulls towards: its curvature when no wire pulls [rad]."""
     joint_friction: float = _within(1e-3, 0.0, 10.0)
-    """Mean dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in series)."""
     joint_friction_taper: float = _within(0.0, -1.0, 1.0)
-    """How the friction of the hinges falls from base to tip: (1 + taper) to (1 - taper) times the mean."""
     wire_offset: float = _within(1.3e-3, 1e-4, 0.1)
-    """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
     routing_friction: float = _within(0.0, 0.0, 2.0)
-    """Coefficient of friction between the wires and the vertebrae that guide them."""
 
     # The wires.
     wire_stiffness: float = _within(8e3, 10.0, 1e6)
-    """Axial stiffness of one whole wire without tension, pulley to tip: E A / length [N / m]."""
     wire_stiffening: float = _within(0.0, 0.0, 10.0)
-    """Growth of the stiffness with tension, relative, at no tension [1 / N]: strands and liner settle."""
     wire_damping: float = _within(3.0, 0.0, 1e5)
-    """Internal damping of one whole wire against the rate of its stretch [N s / m]."""
     pretension: float = _within(3.0, 0.0, 500.0)
-    """Tension at the pulley that the wires were wound up to; friction leaves less of it at the tip [N]."""
 
     # The sheath.
     sheath_length: float = _within(0.6, 1e-3, 10.0)
-    """Length of the sheath between pulley and bending section [m]; only drawn, stiffness is of the wire."""
     sheath_elements: int = _within(5, 1, 64)
-    """Friction elements along the sheath of each wire."""
     sheath_friction: float = _within(0.3, 0.0, 2.0)
-    """Coefficient of friction mu between wire and sheath, of the capstan equation."""
     sheath_bend: float = _within(math.pi, 0.0, 8 * math.pi)
-    """Angle phi that the sheath is bent by [rad]: where a run gives none of its own."""
     sheath_bend_offset: float = _within(0.0, 0.0, 8 * math.pi)
-    """What the wires wrap besides, however straight the sheath: bends inside the housing [rad]."""
     sheath_friction_floor: float = _within(0.1, 0.0, 100.0)
-    """Friction of one wire in its sheath that does not depend on the tension, over the whole sheath [N]."""
     friction_warm_up: float = _within(0.0, -0.9, 5.0)
-    """Excess of the friction in the sheath at the start of a run, relative; it fades exponentially."""
     warm_up_time: float = _within(60.0, 1e-2, 1e6)
-    """Time constant of that fading [s]."""
     friction_wear: float = _within(0.0, 0.0, 100.0)
-    """Growth of the friction in the sheath per distance that the pulley has travelled, relative [1 / m]."""
 
     # The drive.
     pulley_radius: float = _within(0.01, 1e-4, 1.0)
-    """Radius of the driving pulley [m]: a pulley angle becomes a pulling distance by it."""
     backlash: float = _within(0.0, 0.0, 0.01)
-    """Play between motor and pulley, as a distance at the pulley [m]."""
     servo_gain: float = _within(0.0, 0.0, 1e3)
-    """Velocity per position error of the motor's position loop [1 / s]; 0: it follows without lag."""
     servo_speed: float = _within(0.0, 0.0, 10.0)
-    """Limit of the motor's speed, as pulling speed [m / s]; 0: none."""
     servo_acceleration: float = _within(0.0, 0.0, 1e3)
-    """Limit of the motor's acceleration [m / s^2]; 0: none."""
     encoder_counts: int = _within(0, 0, 2**24)
-    """Counts per turn of the encoder on the motor that closes the position loop; 0: continuous."""
 
     # The sensor of the bending angle.
     sensor_period: float = _within(0.0, 0.0, 10.0)
-    """Time between two readings, held in between [s]; 0: one at every sample."""
     sensor_latency: float = _within(0.0, 0.0, 10.0)
-    """Age of a reading when it arrives [s]."""
     sensor_resolution: float = _within(0.0, 0.0, 1.0)
-    """Step to which a reading is rounded [rad]; 0: none."""
     sensor_noise: float = _within(0.0, 0.0, 1.0)
-    """Standard deviation of a reading's Gaussian noise [rad]."""
 
     # The world.
     gravity_x: float = _within(0.0, -100.0, 100.0)
-    """Gravity along the shaft, towards the tip [m / s^2]."""
     gravity_y: float = _within(0.0, -100.0, 100.0)
-    """Gravity across the plane of wires a and b [m / s^2]."""
     gravity_z: float = _within(0.0, -100.0, 100.0)
-    """Gravity in the plane of wires a and b, towards wire a [m / s^2]."""
     time_step: float = _within(2.5e-3, 1e-6, 0.02)
-    """Step of the physics [s]."""
     control_period: float = _within(1e-2, 1e-6, 0.1)
-    """Time between two updates of the command and of the load-dependent friction [s]."""
 
     def __post_init__(self) -> None:
         """Refuse values that no endoscope has.

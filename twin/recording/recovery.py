@@ -19,22 +19,25 @@ _FAULTS_IN_SUMMARY = 3
 
 @dataclasses.dataclass(frozen=True)
 class Recovered:
-    """The whole samples of a file, in order; what is missing between them is a gap in time."""
+    """The whole samples of a file, in order; what is missing between them is a gap in time.
+
+    Attributes:
+        episode: its metadata has an item `recovered`, unless the file has no fault.
+        samples: how many samples are whole.
+        samples_expected: how many the file once had; None if what survives does not tell.
+        seconds: the time that the whole samples stand for [s].
+        faults: what is wrong with the file, one line each.
+        chunks: how many chunks are whole; 0 also for a file that is written without chunks.
+        chunks_lost: how many chunks are not; None if what survives does not tell.
+    """
 
     episode: Episode
-    """Its metadata has an item `recovered`, unless the file has no fault."""
     samples: int
-    """How many samples are whole."""
     samples_expected: int | None
-    """How many the file once had; None if what survives does not tell."""
     seconds: float
-    """The time that the whole samples stand for [s]."""
     faults: tuple[str, ...] = ()
-    """What is wrong with the file, one line each."""
     chunks: int = 0
-    """How many chunks are whole; 0 also for a file that is written without chunks."""
     chunks_lost: int | None = None
-    """How many chunks are not; None if what survives does not tell."""
 
     @property
     def summary(self) -> str:

@@ -16,7 +16,7 @@ SETTLE_SECONDS = 1.0
 def command(
     kind: str, stroke: tuple[float, float], seconds: float, sample_time: float, rng: np.random.Generator
 ) -> Array:
-    """Draw a command signal of one kind over a stroke interval.
+    """Draw a random command signal of one kind over a stroke interval.
 
     Args:
         kind: one of `SIGNALS`.
@@ -44,7 +44,7 @@ def command(
 
 
 def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
-    """Return the real path from the straight endoscope at rest to the first sample of a record.
+    """Return the path from the straight endoscope at rest to the first sample of a record.
 
     A record that starts inside a stroke needs it: the memory of the friction is part of the state. The path
     rises with a smooth (cosine) speed profile of mean `speed` [m / s], then rests for a second.
@@ -63,7 +63,7 @@ def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
 
 
 def check_finite(pull: Array) -> None:
-    """Refuse a command with gaps.
+    """Check that every sample of a command is finite.
 
     Raises:
         ValueError: a sample is NaN or infinite.
@@ -96,7 +96,7 @@ def _multi_sine(time: Array, rng: np.random.Generator) -> Array:
 
 
 def _random_steps(time: Array, rng: np.random.Generator) -> Array:
-    """Levels reached at a bounded speed and held: steps as a motor makes them."""
+    """Return random levels, reached at a bounded speed and held: steps as a motor makes them."""
     hold, rise = 3.0, 2.0
     count = int(np.ceil(time[-1] / (hold + rise))) + 1
     levels = np.concatenate([[0.0], rng.uniform(-1, 1, size=count)])

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
 
 CONNECT_SECONDS = 20
-"""How long a Dask scheduler may take to answer."""
+"""Timeout of the connection to a Dask scheduler [s]."""
 
 
 @contextlib.contextmanager
 def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
-    """Context manager: an executor of the workers of a Dask cluster, and how many tasks they run at a time.
+    """Context manager: an executor on a Dask cluster, and the number of tasks that it runs at a time.
 
     A task whose worker dies is given to another one.
 

@@ -40,12 +40,15 @@ _NOT_COUNTED = 9  # [bytes] opcode and length of a record are no part of its len
 
 @dataclasses.dataclass(frozen=True)
 class ChunkContent:
-    """Messages that fill a chunk."""
+    """Messages that fill a chunk.
+
+    Attributes:
+        records: the records of the messages, back to back.
+        index: by channel, the nanoseconds and the place in the records of each message: (messages, 2).
+    """
 
     records: bytes
-    """The records of the messages, back to back."""
     index: dict[int, Integers]
-    """By channel, the nanoseconds and the place in the records of each message: (messages, 2)."""
 
 
 def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[ChunkContent]:
@@ -91,12 +94,17 @@ def sample_chunks(
 
 @dataclasses.dataclass(frozen=True)
 class _Table:
+    """???
+
+    Attributes:
+        samples: (n,) which samples these are.
+        rows: (n, size) the records of each sample.
+        places: by channel, where the record of its message begins in a row.
+    """
+
     samples: Integers
-    """(n,) which samples these are."""
     rows: Bytes
-    """(n, size) the records of each sample."""
     places: dict[int, int]
-    """By channel, where the record of its message begins in a row."""
 
 
 def _alike(streams: Sequence[Stream], nanoseconds: Integers, batch: Integers) -> list[Integers]:

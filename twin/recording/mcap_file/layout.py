@@ -26,30 +26,38 @@ _DIGIT = 7  # [bits] of a number that each byte of a varint holds
 
 @dataclasses.dataclass(frozen=True)
 class Stream:
-    """The messages of one topic: at most one for each sample, all of one form."""
+    """The messages of one topic: at most one for each sample, all of one form.
+
+    Attributes:
+        topic: ???
+        build: makes the message of a row of numbers and the nanoseconds of its sample. Which fields are set
+            may depend on neither; each number of the row stands in exactly one double of the message, as it
+            is.
+        numbers: (N, K) the numbers of each sample; no column where the message has none.
+        present: (N,) whether the sample has a message.
+    """
 
     topic: str
     build: Callable[[Sequence[float], int], Any]
-    """Makes the message of a row of numbers and the nanoseconds of its sample. Which fields are set may
-    depend on neither; each number of the row stands in exactly one double of the message, as it is."""
     numbers: Array
-    """(N, K) the numbers of each sample; no column where the message has none."""
     present: NDArray[np.bool_]
-    """(N,) whether the sample has a message."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MessageLayout:
-    """Where the numbers of a serialised message stand."""
+    """Where the numbers of a serialised message stand.
+
+    Attributes:
+        template: (size,) one such message.
+        doubles: (K,) where each number of the row begins.
+        seconds: where the seconds of each time stamp begin; empty if they take no bytes.
+        nanos: where the nanoseconds within the second of each time stamp begin; empty if they take no bytes.
+    """
 
     template: Bytes
-    """(size,) one such message."""
     doubles: Indices
-    """(K,) where each number of the row begins."""
     seconds: Indices
-    """Where the seconds of each time stamp begin; empty if they take no bytes."""
     nanos: Indices
-    """Where the nanoseconds within the second of each time stamp begin; empty if they take no bytes."""
 
     @property
     def size(self) -> int:

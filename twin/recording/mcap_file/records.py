@@ -55,11 +55,18 @@ _FEWEST_BYTES_PER_RECORD = 8
 
 
 class FileRecord(NamedTuple):
-    """Where a record stands in the bytes of its file."""
+    """Where a record stands in the bytes of its file.
+
+    Attributes:
+        opcode: ???
+        start: of the opcode.
+        body: of what follows opcode and length.
+        end: ???
+    """
 
     opcode: int
-    start: int  # of the opcode
-    body: int  # of what follows opcode and length
+    start: int
+    body: int
     end: int
 
 
