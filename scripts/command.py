@@ -22,6 +22,14 @@ Arguments = TypeVar("Arguments")
 MISTAKE = 2
 MODULES = {"import": "import_log"}
 """Module of each verb that cannot name one: `import` is a word of Python."""
+SPOKEN = {
+    "address": "--dask",
+    "folder": "--out",
+    "pulley_radius": "--pulley-radius-mm",
+    "recover_episode": "`endotwin export FILE --recover`",
+    "reverse_angle": "--reverse-angle",
+}
+"""Names of the library that a command line spells otherwise, or that belong to another verb."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +68,7 @@ def run_verb(
         summary = verb(parsed)
     except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
         Progress.close_all()  # the line about the mistake is the last
-        print(f"{name}: {_one_line(error)}", file=sys.stderr)
+        print(f"{name}: {with_flags(_one_line(error), parsed)}", file=sys.stderr)
         return MISTAKE
     except KeyboardInterrupt as stop:
         Progress.close_all()
@@ -168,3 +176,13 @@ def _one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split()) or type(error).__name__
+
+
+def with_flags(line: str, arguments: Any = None) -> str:
+    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
+    flags = SPOKEN | {
+        field.name: "--" + field.name.replace("_", "-")
+        for field in (dataclasses.fields(arguments) if arguments else ())
+    }
+    line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
+    return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)

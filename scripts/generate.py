@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Progress, Summary, output_folder, run_verb, with_flags
 from twin.dataset.recipe import Recipe
 from twin.dataset.recipe_file import read_recipe_file, resolve
 from twin.dataset.verify import replay, verify
@@ -204,7 +204,7 @@ def _summary(folder: Path, recipe: Recipe, written: Written) -> Summary:
 def _verify(folder: Path) -> Summary:
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:
-        print(fault, file=sys.stderr)
+        print(with_flags(fault), file=sys.stderr)
     line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
     if faults:
         line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')}"

@@ -15,7 +15,7 @@ PERIOD = 8.0
 
 
 def one_core(preset: Preset, amplitude: float) -> Result:
-    """Measure simulated seconds per second of one endoscope, against a plain chain of hinges of the same nv."""
+    """Measure simulated seconds per second of one endoscope, against a plain chain of the same nv."""
     command = sinusoid(amplitude, PERIOD, 2)
     degrees = Endoscope.from_preset(preset).model.ptr.nv
     ours, theirs = in_turn(
@@ -75,7 +75,7 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
 def in_turn(
     first: Callable[[], object], second: Callable[[], object], repeats: int = REPEATS, warm_up: bool = True
 ) -> tuple[float, float]:
-    """Return the median times [s] of two jobs that take turns, so that a noisy machine disturbs both alike."""
+    """Return the median times [s] of two jobs that take turns, so that noise disturbs both alike."""
     times: tuple[list[float], list[float]] = ([], [])
     for repeat in range(repeats + warm_up):
         for job, taken in zip((first, second), times, strict=True):

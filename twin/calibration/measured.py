@@ -89,7 +89,7 @@ def measured_loop(
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     _check_motion(pull[fitted], name)
     if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
-        raise ValueError(f"{name}: the angle falls where the command rises: import it with --reverse-angle")
+        raise ValueError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise ValueError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None

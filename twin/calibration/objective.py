@@ -20,7 +20,7 @@ _HOPELESS = 1e3  # residual of a candidate whose simulation diverged
 
 
 def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[list[Episode | None]]:
-    """Simulate every candidate along every log: (candidates, logs); None where it diverged.
+    """Simulate every candidate along every log; returns (candidates, logs), None where one diverged.
 
     The wires are wound up in the sheath as it is bent in that log.
     """

@@ -80,7 +80,7 @@ def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
 
 
 def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
-    """(N,) error [deg] of a Coleman-Hodgdon model fitted to the log alone; None where nothing is fitted.
+    """Return the error (N,) [deg] of a Coleman-Hodgdon model fitted to the log alone, or None if unfitted.
 
     The model is odd about zero: it gets the log centred, or it could not follow.
     """

@@ -19,7 +19,7 @@ def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
     if path.is_file():
         if path.read_text() != text:
             raise ValueError(
-                f"{folder} holds a run of another configuration: choose another folder or remove it"
+                f"{folder} holds a run of another configuration: choose another `folder` or remove it"
             )
         return
     write_whole(path, text)

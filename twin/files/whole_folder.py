@@ -85,7 +85,7 @@ class WholeFolder:
         _to_disk(self.path.parent)
 
     def _is_here(self, error: OSError) -> bool:
-        """Return True if an error concerns this folder: a file in it, or a file that the error does not name."""
+        """Return True if an error concerns a file in this folder, or a file that it does not name."""
         return error.errno is not None and str(error.filename or self._partial).startswith(str(self._partial))
 
     def _named(self, error: OSError) -> OSError:

@@ -1,4 +1,4 @@
-"""Genetic algorithm over the unit cube; each generation is evaluated as one batch (pymoo; Blank and Deb 2020)."""
+"""Genetic algorithm over the unit cube, each generation as one batch (pymoo; Blank and Deb 2020)."""
 
 from collections.abc import Callable
 

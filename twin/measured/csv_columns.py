@@ -96,7 +96,7 @@ class CsvColumns:
         )
 
     def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
-        """Return the rows that have a time; one warning counts the others.
+        """Return the table of the rows that have a time; one warning counts the others.
 
         Raises:
             ValueError: as `column`, or no row has one.

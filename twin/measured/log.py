@@ -1,4 +1,4 @@
-"""A measured log: a CSV file of what a real endoscope was told and what its sensors saw, as an episode.
+"""Measured log of a real endoscope: commands and sensor readings of a CSV file, read as an episode.
 
 Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
@@ -105,7 +105,7 @@ def read_measured_log(
 
     time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
     time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
-    time_unit = _unit(table, time_column, form.time_unit, time_units, "--time-unit")
+    time_unit = _unit(table, time_column, form.time_unit, time_units, "time_unit")
     row_count = len(table.rows)
     table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
 
@@ -175,15 +175,13 @@ def read_measured_log(
 
 
 def _check_format(form: LogFormat) -> None:
-    for flag, value in (
-        ("--pulley-radius-mm", form.pulley_radius * 1e3),
-        ("--seconds-per-cycle", form.seconds_per_cycle),
-    ):
-        if not 0 < value < np.inf:
-            raise ValueError(f"{flag} {value:g}: must be positive")
+    if not 0 < form.pulley_radius < np.inf:
+        raise ValueError(f"`pulley_radius` is {form.pulley_radius:g} m: must be positive")
+    if not 0 < form.seconds_per_cycle < np.inf:
+        raise ValueError(f"seconds_per_cycle = {form.seconds_per_cycle:g}: must be positive")
     bend = form.sheath_bend_deg
     if bend is not None and not 0 <= bend <= _LARGEST_SHEATH_BEND_DEG:
-        raise ValueError(f"--sheath-bend-deg {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
+        raise ValueError(f"sheath_bend_deg = {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
 
 
 def _in_time_order(
@@ -193,7 +191,7 @@ def _in_time_order(
     table = table.timed(name, on_warning)
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
-    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check --time-unit")
+    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check `time_unit`")
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if not phase:
         table = table.in_order(name, on_warning)
@@ -205,11 +203,11 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     name = form.command_column
     values = table.column(name, may_miss=True)
     lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
-    unit = _unit(table, name, form.command_unit, lengths, "--command-unit")
+    unit = _unit(table, name, form.command_unit, lengths, "command_unit")
     with np.errstate(over="ignore"):
         pull = values * lengths[unit]
         millimetres = pull * 1e3
-    advice = "check --command-unit" + (" and --pulley-radius-mm" if unit in ANGLE_UNITS else "")
+    advice = "check `command_unit`" + (" and `pulley_radius`" if unit in ANGLE_UNITS else "")
     limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
     _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     known = values[~np.isnan(values)]
@@ -224,12 +222,12 @@ def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     """Return the measured bending angle (N,) [rad], NaN where missing, and the unit of its column."""
     name = form.angle_column
     values = table.column(name, may_miss=True)
-    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
+    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
     limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
     with np.errstate(over="ignore"):
         degrees = np.degrees(bend)
-    _refuse_implausible(table, name, degrees, "deg", limits, "check --angle-unit")
+    _refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
     return bend, unit
 
 
@@ -240,7 +238,7 @@ def _sheath_bend_column(table: CsvColumns, form: LogFormat) -> str | None:
 
 def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
     bend = table.column(name)
-    advice = "give --sheath-bend-deg"
+    advice = "give `sheath_bend_deg`"
     _refuse_implausible(table, name, bend, "deg", (0.0, _LARGEST_SHEATH_BEND_DEG), advice)
     return bend
 
@@ -260,16 +258,16 @@ def _tension_columns(
     return ()
 
 
-def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], flag: str) -> str:
+def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], parameter: str) -> str:
     *most, last = units
     valid = f"{', '.join(most)} or {last}"
     if given is not None:
         if given not in units:
-            raise ValueError(f"{flag} {given}: must be {valid}")
+            raise ValueError(f"{parameter} = {given}: must be {valid}")
         return given
     ending = name.lower().rpartition("_")[2] if "_" in name else ""
     if ending not in units:
-        raise ValueError(f"{table.path}: column {name} does not end in its unit: give {flag} {valid}")
+        raise ValueError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
     return ending
 
 

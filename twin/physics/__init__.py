@@ -1,4 +1,4 @@
-"""MuJoCo simulation of the endoscope: model, named readings, sheath friction, drive, single and batch runs."""
+"""MuJoCo simulation of the endoscope: model, readings, friction, drive, single and batch runs."""
 
 from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_control is imported
 from twin.physics.batch import EndoscopeBatch, simulate_batch

@@ -129,7 +129,7 @@ class EndoscopeBatch:
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
-        """Return tension [N] and slack [m] of each wire segment, pulley to tip, both (B, wires, elements + 1)."""
+        """Return tension [N] and slack [m] of each wire segment, both (B, wires, elements + 1)."""
         return self._loads.tension_and_slack(self.qpos)
 
     def sheath_friction(self) -> Array:
@@ -137,7 +137,7 @@ class EndoscopeBatch:
         return self._friction[:, self.layout.element]
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
-        """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others stand still.
+        """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
 
         Args:
             inputs: (B, 3) pull, lateral pull and bend of the sheath.

@@ -88,11 +88,11 @@ class Endoscope(dm_mujoco.Physics):
         return float(self.joint_angle().sum())
 
     def lateral_bend(self) -> float:
-        """Return the bending angle of the tip in the plane of wires c and d [rad]; 0 with one bending plane."""
+        """Return the bending angle of the tip in the plane of wires c and d [rad]; 0 with one plane."""
         return float(self.data.ptr.qpos[self.layout.hinge[1:]].sum())
 
     def joint_angle(self) -> Array:
-        """Return the hinge angles in the plane of wires a and b, base to tip, (vertebrae,) [rad]."""
+        """Return the hinge angles in the plane of wires a and b, base to tip (vertebrae,) [rad]."""
         return self.data.ptr.qpos[self.layout.hinge[0]]
 
     def lateral_joint_angle(self) -> Array:
@@ -111,11 +111,11 @@ class Endoscope(dm_mujoco.Physics):
         return float(self.data.ptr.qpos[self.layout.pulley[0]])
 
     def wire_tension(self) -> Array:
-        """Return the tension of each wire segment, pulley to tip, (wires, elements + 1) [N]; 0 where slack."""
+        """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
         return self._loads.tension(self._loads.stretch(self._qpos))[0]
 
     def wire_slack(self) -> Array:
-        """Return the slack of each wire segment, (wires, elements + 1) [m]: its excess length; 0 where taut."""
+        """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
         return self._loads.slack(self._loads.stretch(self._qpos))[0]
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:

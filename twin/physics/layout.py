@@ -15,7 +15,7 @@ PLANES = ("", "lateral_")
 
 
 def hinge_groups(vertebrae: int) -> list[Index]:
-    """Return the hinges, base to tip, in at most 8 groups of neighbours that share one friction constraint."""
+    """Return the hinges, base to tip, in at most 8 groups of neighbours that share a friction constraint."""
     return np.array_split(np.arange(vertebrae), min(vertebrae, 8))
 
 

@@ -1,4 +1,4 @@
-"""Load-dependent quantities, batched over endoscopes: tension from positions, friction and damping from tension.
+"""Load-dependent forces in batches: tension from positions, friction and damping from tension.
 
 MuJoCo knows one constant friction force per joint. Here it is rewritten, once per control period, from where
 the wires are; so is the damping of the wires, which must vanish with their tension.
@@ -52,7 +52,7 @@ class Loads:
         self._ahead = 2 * presets[0].control_period
 
     def stretch(self, qpos: Array) -> Array:
-        """Return the stretch of each wire segment, pulley to tip, (B, wires, elements + 1) [m]; below 0 if slack.
+        """Return the stretch of each wire segment, (B, wires, elements + 1) [m]; below 0 where slack.
 
         Args:
             qpos: (B, nq) positions.
@@ -60,7 +60,7 @@ class Loads:
         return self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(self._shape)
 
     def tension(self, stretch: Array) -> Array:
-        """Return the tension of each wire segment at its stretch, (B, wires, elements + 1) [N]; 0 where slack."""
+        """Return the tension of each wire segment, (B, wires, elements + 1) [N]; 0 where slack."""
         return tension_at(stretch, self._stiffness, self._quadratic)
 
     def slack(self, stretch: Array) -> Array:

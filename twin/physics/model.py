@@ -151,7 +151,7 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
-    """Add one hinge; damping of time step times stiffness makes its spring implicit, as in `Loads.damping`."""
+    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.damping`)."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     body.add_joint(

@@ -159,7 +159,7 @@ class Recorder:
     def add(
         self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array, wire_slack: Array
     ) -> None:
-        """Store one sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
+        """Store a sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
         self._qpos[sample] = qpos
         self._wire_tension[sample] = wire_tension
         self._sheath_friction[sample] = sheath_friction

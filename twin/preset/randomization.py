@@ -22,10 +22,10 @@ _FIXED = (
 
 @dataclasses.dataclass(frozen=True)
 class Ranges:
-    """From where to where parameters are drawn; every other parameter stays as the preset has it.
+    """Ranges of the randomised parameters; every other parameter stays as the preset has it.
 
     Attributes:
-        limits: Name, lowest and highest value of each, in SI units.
+        limits: name, lowest and highest value of each parameter, in SI units.
     """
 
     limits: tuple[tuple[str, float, float], ...]
@@ -53,7 +53,7 @@ class Ranges:
         return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
 
     def lowest(self, name: str, preset: Preset) -> float:
-        """Return the lowest value that a parameter can be drawn with; that of the preset if it has no range."""
+        """Return the lowest value that a parameter can have; that of the preset if it has no range."""
         return {limits[0]: limits[1] for limits in self.limits}.get(name, float(getattr(preset, name)))
 
     def without(self, names: Collection[str]) -> "Ranges":

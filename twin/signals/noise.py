@@ -86,9 +86,8 @@ def noise_bound(kind: str, level: float) -> float:
 def fisher_information(kind: str, level: float) -> float | None:
     """Return the Fisher information of one sample about the angle, the integral of p'^2 / p [1 / deg^2].
 
-    Fisher (1925). It is at least 1 / variance, and equals it for Gaussian noise alone. None where it is not
-    finite: on
-    a lattice, where the density jumps, and at the edge of the gamma law.
+    It is at least 1 / variance, and equals it for Gaussian noise alone (Fisher 1925). None where it is not
+    finite: on a lattice, where the density jumps, and at the edge of the gamma law.
     """
     return _known(kind).information(level)
 

@@ -104,7 +104,7 @@ def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
 
 
 def _place(spread_deg: float) -> tuple[int, float]:
-    """Return the index of the tabulated spread below, and the interpolation weight of the next (log scale)."""
+    """Return the index of the tabulated spread below, and the logarithmic weight of the next."""
     position = np.log(max(spread_deg, _SPREADS[0]) / _SPREADS[0]) / np.log(_SPREADS[1] / _SPREADS[0])
     lower = min(int(position), len(_SPREADS) - 2)
     return lower, min(float(position) - lower, 1.0)
@@ -119,7 +119,7 @@ def _poisson(level: float) -> _Mixture:
 
 
 def _laplace(level: float) -> _Mixture:
-    """Laplace law as a normal one of exponentially distributed variance, mean R (Andrews and Mallows 1974)."""
+    """Laplace law as a normal one of exponential variance, of mean R (Andrews and Mallows 1974)."""
     edges = np.concatenate([[0.0], np.geomspace(1e-6, 40, 200), [np.inf]])
     weights = -np.diff(np.exp(-edges))
     return weights, 0.0, level * np.concatenate([[5e-7], np.sqrt(edges[1:-2] * edges[2:-1]), [41.0]]), 0.0
