@@ -39,7 +39,8 @@ endurance: install
 	$(BIN)/python -m pytest -n 0 -s tests/dataset/test_interrupted.py tests/recording/test_mutations.py --kills 100 --mutations 10000
 
 protobuf: install
-	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording twin/recording/endotwin.proto
+	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording --pyi_out twin/recording \
+	  twin/recording/endotwin.proto
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

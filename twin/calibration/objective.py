@@ -63,4 +63,5 @@ def _of_log(episode: Episode | None, loop: MeasuredLoop) -> Array:
     if loop.tension.size:
         scale = np.sqrt(2) * TENSION_SHARE * loop.tension_range
         off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T / scale)
-    return np.concatenate(off) / np.sqrt(count)
+    weighted: Array = np.concatenate(off) / np.sqrt(count)
+    return weighted

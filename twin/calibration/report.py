@@ -123,7 +123,8 @@ def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Fi
 
 
 def _centred(values: Array, among: NDArray[np.bool_]) -> Array:
-    return values - (values[among].max() + values[among].min()) / 2
+    centred: Array = values - (values[among].max() + values[among].min()) / 2
+    return centred
 
 
 def _rmse(off: Array) -> float | None:

@@ -111,7 +111,8 @@ def _coarse(preset: Preset) -> Preset:
 
 def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, used: int) -> Fit:
     def of_one(numbers: Array) -> Array:
-        return residuals([free.decode(numbers)], loops)[0]
+        residual: Array = residuals([free.decode(numbers)], loops)[0]
+        return residual
 
     def jacobian(numbers: Array) -> Array:
         up = np.minimum(numbers + DIFFERENCE, free.upper)
@@ -120,7 +121,8 @@ def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, u
         both = [np.where(number == i, side, numbers) for side in (up, down) for i in number]
         off = residuals([free.decode(numbers) for numbers in both], loops)
         count = len(numbers)
-        return ((off[:count] - off[count:]) / (up - down)[:, None]).T
+        derivative: Array = ((off[:count] - off[count:]) / (up - down)[:, None]).T
+        return derivative
 
     margin = 1e-6
     inside = np.clip(start, free.lower + margin, free.upper - margin)

@@ -80,7 +80,8 @@ class BoucWen:
         increment = np.asarray(pull_mm, dtype=float) - previous
         w, gain = self._advance(self._internal(bend_deg, previous), increment)
         n = np.asarray(self.n)
-        return 1 / (1 + n * gain * np.abs(w) ** (n - 1))
+        slope: Array = 1 / (1 + n * gain * np.abs(w) ** (n - 1))
+        return slope
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
         """Return the bending angle along a command.
@@ -128,7 +129,8 @@ class BoucWen:
     def _internal(self, bend_deg: ArrayLike, pull_mm: Array) -> Array:
         """Return the internal variable w at an angle [deg] and a pulling distance [mm]."""
         kappa_x, kappa_w = np.asarray(self.kappa_x_deg_per_mm), np.asarray(self.kappa_w_deg)
-        return (np.asarray(bend_deg, dtype=float) - kappa_x * pull_mm) / kappa_w
+        w: Array = (np.asarray(bend_deg, dtype=float) - kappa_x * pull_mm) / kappa_w
+        return w
 
     def _advance(self, w: Array, increment_mm: Array) -> tuple[Array, Array]:
         """Return w one sample later, and the factor of its power in the implicit equation.

@@ -60,7 +60,8 @@ class ColemanHodgdon:
     def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
         """Return the derivative of a step with respect to the angle (eq. 7): 1 - a |increment|."""
         increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
-        return 1 - np.asarray(self.a_per_mm) * np.abs(increment)
+        slope: Array = 1 - np.asarray(self.a_per_mm) * np.abs(increment)
+        return slope
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
         """Return the bending angle along a command.

@@ -74,7 +74,8 @@ class PrandtlIshlinskii:
             (..., N) bending angle [deg].
         """
         angle = np.tensordot(self.weights_deg_per_mm, plays_along(pull_mm, self.thresholds_mm), axes=1)
-        return np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
+        bend_deg: Array = np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
+        return bend_deg
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters by name."""
@@ -99,7 +100,8 @@ class PrandtlIshlinskii:
 def moved(plays_mm: Array, pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:
     """Return the plays (m, ...) after a move to the pull (...) [mm]: each moves only beyond its dead band."""
     threshold = np.reshape(thresholds_mm, (-1,) + (1,) * pull_mm.ndim)
-    return np.maximum(pull_mm - threshold, np.minimum(pull_mm + threshold, plays_mm))
+    plays: Array = np.maximum(pull_mm - threshold, np.minimum(pull_mm + threshold, plays_mm))
+    return plays
 
 
 def plays_along(pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:

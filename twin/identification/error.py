@@ -53,7 +53,8 @@ class Stack:
         """Return `mean_square_error` of these records."""
         with np.errstate(over="ignore", invalid="ignore"):
             total = (self.error(model) ** 2).sum(axis=(-1, -2))
-        return np.nan_to_num(total / self.weight.sum(), nan=DIVERGED, posinf=DIVERGED)
+        mean: Array = np.nan_to_num(total / self.weight.sum(), nan=DIVERGED, posinf=DIVERGED)
+        return mean
 
 
 def mean_square_error(model: HysteresisModel, records: Records) -> Array:

@@ -49,16 +49,16 @@ def search(
     return result.X, float(result.F[0])
 
 
-class _UnitCube(Problem):
+class _UnitCube(Problem):  # type: ignore[misc]  # pymoo has no types
     def __init__(self, cost: Callable[[Array], Array], variables: int):
         super().__init__(n_var=variables, n_obj=1, xl=0.0, xu=1.0)
         self.cost = cost
 
-    def _evaluate(self, x: Array, out: dict, *args: object, **kwargs: object) -> None:
+    def _evaluate(self, x: Array, out: dict[str, Array], *args: object, **kwargs: object) -> None:
         out["F"] = self.cost(x)[:, None]
 
 
-class _Progress(Callback):
+class _Progress(Callback):  # type: ignore[misc]  # pymoo has no types
     def __init__(self, on_generation: Callable[[int, float], None]):
         super().__init__()
         self.on_generation = on_generation

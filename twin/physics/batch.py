@@ -134,7 +134,8 @@ class EndoscopeBatch:
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
-        return self._friction[:, self.layout.element]
+        friction: Array = self._friction[:, self.layout.element]
+        return friction
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
         """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
@@ -179,4 +180,5 @@ def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
 
 
 def _field(model: mujoco.MjModel, name: str) -> Array:
-    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+    field: Array = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+    return field

@@ -40,7 +40,7 @@ class State:
     sheath_friction: Array
 
 
-class Endoscope(dm_mujoco.Physics):
+class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
     """Simulated endoscope. Make one with `Endoscope.from_preset`."""
 
     preset: Preset
@@ -93,11 +93,13 @@ class Endoscope(dm_mujoco.Physics):
 
     def joint_angle(self) -> Array:
         """Return the hinge angles in the plane of wires a and b, base to tip (vertebrae,) [rad]."""
-        return self.data.ptr.qpos[self.layout.hinge[0]]
+        angle: Array = self.data.ptr.qpos[self.layout.hinge[0]]
+        return angle
 
     def lateral_joint_angle(self) -> Array:
         """Return the hinge angles in the plane of wires c and d, (vertebrae,) [rad]; empty with one plane."""
-        return self.data.ptr.qpos[self.layout.hinge[1:]].reshape(-1)
+        angle: Array = self.data.ptr.qpos[self.layout.hinge[1:]].reshape(-1)
+        return angle
 
     def set_pose(self, joint_angle: Array, lateral_joint_angle: Array | None = None) -> None:
         """Set the hinge angles (vertebrae,) [rad] for drawing only: wires and friction do not follow."""
@@ -112,11 +114,13 @@ class Endoscope(dm_mujoco.Physics):
 
     def wire_tension(self) -> Array:
         """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
-        return self._loads.tension(self._loads.stretch(self._qpos))[0]
+        tension: Array = self._loads.tension(self._loads.stretch(self._qpos))[0]
+        return tension
 
     def wire_slack(self) -> Array:
         """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
-        return self._loads.slack(self._loads.stretch(self._qpos))[0]
+        slack: Array = self._loads.slack(self._loads.stretch(self._qpos))[0]
+        return slack
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
         """Return `wire_tension` and `wire_slack`, at little more than the cost of one."""
@@ -125,12 +129,14 @@ class Endoscope(dm_mujoco.Physics):
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
-        return self.model.ptr.dof_frictionloss[self.layout.element]
+        friction: Array = self.model.ptr.dof_frictionloss[self.layout.element]
+        return friction
 
     def tip_position(self) -> Array:
         """Return the position of the tip, (3,) [m]."""
         mujoco.mj_kinematics(self.model.ptr, self.data.ptr)
-        return self.named.data.site_xpos["tip"].copy()
+        position: Array = self.named.data.site_xpos["tip"].copy()
+        return position
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
         """Advance the simulation by one control period.

@@ -25,7 +25,8 @@ def friction_per_tension(friction: Array | float, bend: Array | float, elements:
         bend: angle phi that the whole sheath is bent by [rad].
         elements: number of elements that share it.
     """
-    return 2 * _tanh(friction * np.asarray(bend) / elements / 2)
+    force: Array = 2 * _tanh(friction * np.asarray(bend) / elements / 2)
+    return force
 
 
 def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:

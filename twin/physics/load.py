@@ -57,7 +57,10 @@ class Loads:
         Args:
             qpos: (B, nq) positions.
         """
-        return self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(self._shape)
+        stretch: Array = self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(
+            self._shape
+        )
+        return stretch
 
     def tension(self, stretch: Array) -> Array:
         """Return the tension of each wire segment, (B, wires, elements + 1) [N]; 0 where slack."""
@@ -82,7 +85,8 @@ class Loads:
         Returns:
             (B,) factor on the coefficient and on the floor.
         """
-        return 1 + self._warm_up * np.exp(-time / self._warm_up_time) + self._wear * travel
+        factor: Array = 1 + self._warm_up * np.exp(-time / self._warm_up_time) + self._wear * travel
+        return factor
 
     def friction(
         self, tension: Array, qpos: Array, sheath_bend: Array, drift: Array | float
@@ -130,7 +134,9 @@ class Loads:
         if self._stiffens:
             stiffness = np.sqrt(stiffness**2 + 4 * self._quadratic * tension)
         soon = stretch + self._ahead * np.matmul(self._lengthening, qvel[:, :, None]).reshape(self._shape)
-        return (np.maximum(stretch, soon) > -NEARLY_TAUT) * (self._wire_damping + self._time_step * stiffness)
+        taut = np.maximum(stretch, soon) > -NEARLY_TAUT
+        damping: Array = taut * (self._wire_damping + self._time_step * stiffness)
+        return damping
 
 
 def _column(values: Sequence[float]) -> Array:

@@ -38,7 +38,8 @@ def model_xml(preset: Preset) -> str:
     for wire in WIRES[: preset.wires]:
         _add_wire(spec, preset, wire)
     spec.compile()
-    return spec.to_xml()
+    xml: str = spec.to_xml()
+    return xml
 
 
 def element_mass(preset: Preset) -> float:

@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
-from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
+from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.poses import LATERAL_HINGE
 
 Array = NDArray[np.float64]

@@ -46,7 +46,7 @@ def link_length(episode: Episode) -> float | None:
     preset = episode.metadata.get("preset")
     if not isinstance(preset, Mapping) or not {"section_length", "vertebrae"} <= set(preset):
         return None
-    joints = episode.joint_angle.shape[1]
+    joints = int(episode.joint_angle.shape[1])
     if preset["vertebrae"] != joints:
         raise ValueError(f"joint_angle has {joints} columns, the preset {preset['vertebrae']} vertebrae")
     return float(preset["section_length"]) / joints

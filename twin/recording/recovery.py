@@ -144,7 +144,7 @@ def _expected(salvage: Salvage, metadata: dict[str, Any]) -> int | None:
     if salvage.statistics is not None:
         counts = salvage.statistics.channel_message_counts
         topics = salvage.contents.topics
-        return sum(count for channel, count in counts.items() if topics.get(channel) == _CLOCK)
+        return sum(int(count) for channel, count in counts.items() if topics.get(channel) == _CLOCK)
     if salvage.data_whole and salvage.chunks_lost == 0:
         return len({*salvage.contents.times.get(_CLOCK, ())})
     samples = metadata.get("samples")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.episode import OPTIONAL, Episode
-from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
+from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.mcap_file.layout import Stream
 from twin.recording.messages import SCENE_TOPIC, wire_names
 from twin.recording.poses import hinge_angles, joint_states, link_length, rotations, transforms

@@ -171,7 +171,8 @@ def _spread(heights: list[float], apart: float) -> NDArray[np.float64]:
     spread = np.array(heights, dtype=float)
     for index in range(1, len(spread)):
         spread[index] = max(spread[index], spread[index - 1] + apart)
-    return spread - (spread - heights).mean()
+    centred: NDArray[np.float64] = spread - (spread - heights).mean()
+    return centred
 
 
 def _draw_loop(axes: Axes, episode: Episode, samples: list[int]) -> None:

@@ -75,12 +75,14 @@ def check_finite(pull: Array) -> None:
 
 
 def _sine(time: Array, rng: np.random.Generator) -> Array:
-    return np.sin(2 * np.pi * time / rng.uniform(10.0, 20.0))
+    wave: Array = np.sin(2 * np.pi * time / rng.uniform(10.0, 20.0))
+    return wave
 
 
 def _decaying_sine(time: Array, rng: np.random.Generator) -> Array:
     period = rng.uniform(8.0, 15.0)
-    return np.exp(-rng.uniform(1.0, 2.0) * time / time[-1]) * np.sin(2 * np.pi * time / period)
+    wave: Array = np.exp(-rng.uniform(1.0, 2.0) * time / time[-1]) * np.sin(2 * np.pi * time / period)
+    return wave
 
 
 def _triangle(time: Array, rng: np.random.Generator) -> Array:
@@ -103,7 +105,8 @@ def _random_steps(time: Array, rng: np.random.Generator) -> Array:
     index = np.minimum((time // (hold + rise)).astype(int), count - 1)
     progress = np.clip((time - index * (hold + rise)) / rise, 0, 1)
     blend = (1 - np.cos(np.pi * progress)) / 2
-    return levels[index] * (1 - blend) + levels[index + 1] * blend
+    wave: Array = levels[index] * (1 - blend) + levels[index + 1] * blend
+    return wave
 
 
 SIGNALS: dict[str, Callable[[Array, np.random.Generator], Array]] = {

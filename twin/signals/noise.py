@@ -99,7 +99,8 @@ def _known(kind: str) -> _Kind:
 
 
 def _gaussian(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return np.sqrt(level) * rng.standard_normal(shape)
+    noise: Array = np.sqrt(level) * rng.standard_normal(shape)
+    return noise
 
 
 def _poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -108,7 +109,8 @@ def _poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 def _dithered_poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Draw Poisson noise off its integer lattice, which would leak the angle: y mod 1 = theta mod 1."""
-    return rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
+    noise: Array = rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
+    return noise
 
 
 def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:

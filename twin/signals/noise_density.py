@@ -48,7 +48,8 @@ class NoiseDensity:
         """Return the score (B,) [1 / deg] of innovations (B,) [deg] at a standard deviation of the belief."""
         lower, share = _place(spread_deg)
         row = (1 - share) * self.scores[lower] + share * self.scores[lower + 1]
-        return np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        score: Array = np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        return score
 
     def information(self, spread_deg: float) -> float:
         """Return the Fisher information of an innovation [1 / deg^2]: the mean slope of the score."""

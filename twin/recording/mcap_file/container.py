@@ -192,7 +192,8 @@ class Container:
 def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    data: bytes = builder.end()
+    return data
 
 
 def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:

@@ -149,7 +149,8 @@ def _extremes(size: int) -> tuple[int, int]:
 
 def _numbers_at(places: Indices, message: Bytes) -> Array:
     """Return the doubles (K,) at these offsets."""
-    return message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
+    doubles: Array = message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
+    return doubles
 
 
 def _changed(stream: Stream, one: Bytes, other: Bytes, size: int) -> Indices:
