@@ -25,7 +25,7 @@ Told = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def with_sensor(tmp_path, monkeypatch, capfd) -> Told:
+def told(tmp_path, monkeypatch, capfd) -> Told:
     """Run the command in a folder with a recipe; exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "recipe.yaml").write_text(RECIPE)

@@ -62,4 +62,5 @@ def spread_thresholds(records: Records) -> tuple[float, ...]:
 
 
 def _centred(values: Array) -> Array:
-    return values - values.mean(axis=-1, keepdims=True)
+    centred: Array = values - values.mean(axis=-1, keepdims=True)
+    return centred

@@ -94,7 +94,8 @@ def _multi_sine(time: Array, rng: np.random.Generator) -> Array:
     periods = rng.uniform(8.0, 30.0, size=4)
     phases = rng.uniform(0, 2 * np.pi, size=4)
     wave = np.sin(2 * np.pi * time[:, None] / periods + phases).sum(axis=1)
-    return wave / max(np.abs(wave).max(), 1.0)  # a short record need not span the stroke: speed stays bounded
+    scaled: Array = wave / max(np.abs(wave).max(), 1.0)  # a short record need not span the stroke
+    return scaled
 
 
 def _random_steps(time: Array, rng: np.random.Generator) -> Array:

@@ -118,7 +118,8 @@ def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 
 def _student(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
+    noise: Array = _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
+    return noise
 
 
 def _student_scale(level: float) -> float:
@@ -136,7 +137,8 @@ def _uniform(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 def _salt_and_pepper(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     outlier = rng.choice([-OUTLIER_DEG, OUTLIER_DEG], shape) * (rng.uniform(size=shape) < level)
-    return _gaussian(BACKGROUND_DEG2, shape, rng) + outlier
+    noise: Array = _gaussian(BACKGROUND_DEG2, shape, rng) + outlier
+    return noise
 
 
 def _salt_and_pepper_information(level: float) -> float:
