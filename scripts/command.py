@@ -136,10 +136,10 @@ def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
 class Progress:
     """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
 
-    _shown: ClassVar[list[tqdm[Any]]] = []
+    _shown: ClassVar[list["tqdm[Any]"]] = []
 
     def __init__(self, what: str, unit: str = ""):
-        self.bar: tqdm[Any] | None = None
+        self.bar: "tqdm[Any] | None" = None
         self.what = what
         self.unit = unit
 

@@ -61,8 +61,8 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
     Args:
         preset: the endoscope.
         amplitude: of the commands [m].
-        episodes: how many.
-        on_progress: told how many of how many episodes are made.
+        episodes: number of episodes.
+        on_progress: called with the number of episodes made and their total.
 
     Returns:
         Results by name.
@@ -78,7 +78,7 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
                 recipe, folder, workers, lambda done, all_: on_progress(turn * all_ + done, 2 * TURNS * all_)
             )
 
-        # What starts the workers and describes the dataset is part of the work: nothing is warmed up.
+        # Starting the workers and describing the dataset is part of the work: nothing is warmed up.
         two, one = in_turn(lambda: make(2), lambda: make(1), TURNS, warm_up=False)
         paths = sorted(folder.glob("*.mcap"))
         size = sum(path.stat().st_size for path in paths)

@@ -74,14 +74,14 @@ def match(
     """Fit a preset such that the Coleman-Hodgdon model of its loops has given parameters.
 
     Damped Gauss-Newton steps on 100 log(parameter / target), with a little weight on the model's misfit and
-    on how far a parameter moves: more is free than three figures tell.
+    on how far a parameter moves, as there are more parameters than targets.
 
     Args:
-        free: what is fitted, and from where.
+        free: the fitted parameters and their starting values.
         target: a [1/mm], b [deg/mm], c [deg/mm].
         commands: (N,) pulling distances [m] that the loops are made with.
-        iterations: at most so many.
-        on_iteration: told the iteration, the model's a, b, c and its RMSE [deg].
+        iterations: largest number of iterations.
+        on_iteration: called with the iteration, the model's a, b, c and its RMSE [deg].
 
     Returns:
         The fitted preset.

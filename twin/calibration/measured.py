@@ -55,9 +55,9 @@ def measured_loop(
 
     Args:
         episode: the log; its measured bending angle is what counts.
-        name: what messages call it.
+        name: name of the log in messages.
         sample_time: of the grid [s].
-        pace: how many times faster than recorded it is played. Without it, the recorded pace; a log of
+        pace: playback speed relative to the recording. Without it, the recorded pace; a log of
             phases, which has none, is played at `SIMULATED_SECONDS_PER_CYCLE`.
         fraction: share of the log, from its start, that is fitted.
 

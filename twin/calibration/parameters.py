@@ -90,7 +90,7 @@ def free_parameters(
     Args:
         base: everything that is not fitted.
         loops: the logs.
-        names: parameters to fit; without them, those that the logs can tell.
+        names: parameters to fit; without them, those that the logs can determine.
 
     Raises:
         ValueError: a name is no parameter, or one that cannot be fitted.

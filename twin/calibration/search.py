@@ -60,12 +60,12 @@ def calibrate(
     differences of all parameters in one batch.
 
     Args:
-        free: what is fitted, and from where.
+        free: the fitted parameters and their starting values.
         loops: the logs.
         seed: of the evolution strategy.
         evaluations: simulations of all logs that the evolution strategy may use.
         state_file: where its state is kept after each generation; an interrupted calibration goes on there.
-        on_progress: told how many of how many evaluations are done, and the best cost so far.
+        on_progress: called with the evaluations done, their total, and the best cost so far.
 
     Returns:
         The fit.

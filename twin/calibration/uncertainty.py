@@ -63,8 +63,8 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
 def likely_ranges(fit: Fit, free: FreeParameters, known: Uncertainty) -> Ranges:
     """Return ranges for domain randomisation: three standard deviations about each fitted parameter.
 
-    A parameter that the logs do not tell is drawn within a factor of 3, or one step of the search where it
-    may be negative; all stay within their physical limits.
+    A parameter that the logs do not determine is drawn within a factor of 3, or one step of the search where
+    it may be negative; all stay within their physical limits.
     """
     ranges = []
     for name in free.names:

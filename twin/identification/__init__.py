@@ -38,8 +38,8 @@ def identify(
         monotone: constrain a Coleman-Hodgdon model to c >= b / 2, so that loops of any size are monotone.
         thresholds_mm: of a Prandtl-Ishlinskii model; if not given, spread evenly over the stroke.
         population: candidates per generation of the genetic algorithm.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].

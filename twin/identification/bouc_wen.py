@@ -37,8 +37,8 @@ def identify_bouc_wen(
         records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
         seed: of the genetic algorithm.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].

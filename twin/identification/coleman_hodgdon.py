@@ -31,8 +31,8 @@ def identify_coleman_hodgdon(
         seed: of the genetic algorithm.
         monotone: constrain c >= b / 2, so that loops of any size are monotone.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].

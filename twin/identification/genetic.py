@@ -24,11 +24,11 @@ def search(
 
     Args:
         cost: mean square errors (candidates,) [deg^2] of points (candidates, variables) of the unit cube.
-        variables: how many.
+        variables: number of variables.
         seed: of the genetic algorithm.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best point (variables,), and its cost [deg^2].

@@ -38,7 +38,7 @@ class CsvColumns:
 
         Args:
             name: which.
-            may_miss: whether a value may be missing (see `MISSING`): it is NaN then.
+            may_miss: allow missing values (see `MISSING`), which become NaN.
 
         Raises:
             ValueError: there is no such column, or two; or a value is not a finite number.

@@ -82,7 +82,7 @@ def read_measured_log(
     Args:
         path: a CSV file with a header.
         form: its columns and units.
-        on_warning: told, in one line, what is odd but no fault.
+        on_warning: called with each warning, in one line.
 
     Returns:
         N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,

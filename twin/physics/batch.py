@@ -41,8 +41,8 @@ def simulate_batch(
         sample_time: time between two samples [s], of all.
         sheath_bends: B bends of the sheath, as `simulate` takes them.
         lateral_pulls: B lateral commands.
-        threads: how many; 0 for one per core.
-        on_sample: told how many of how many samples are done.
+        threads: number of threads; 0 for one per core.
+        on_sample: called with the number of samples done and their total.
 
     Returns:
         B records; None in the place of an endoscope whose simulation diverged.

@@ -9,7 +9,7 @@ def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
     Args:
         degrees: number of hinges.
         time_step: of the physics [s].
-        seconds: how long it runs, in simulated time.
+        seconds: duration of the run in simulated time [s].
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = time_step

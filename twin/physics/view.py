@@ -19,7 +19,7 @@ class SideView:
         """Place the camera and render once, so that a missing library is reported at the start.
 
         Args:
-            endoscope: what is drawn, in whatever pose it has when a picture is taken.
+            endoscope: the endoscope, drawn in its pose at the time of the picture.
             centre: (2,) what the camera looks at, as (x, z) [m].
             half_height: of what is seen there [m].
             width: of a picture [pixels].

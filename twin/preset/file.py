@@ -33,7 +33,7 @@ def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
     """Build a preset from the parameters of a YAML file.
 
     Args:
-        name: what it is called, unless a `name` is among the parameters.
+        name: name of the preset, unless a `name` is among the parameters.
         parameters: by name; the others keep their defaults.
 
     Raises:

@@ -21,7 +21,7 @@ def read_episode(path: str | Path) -> Episode:
     """Read one episode; `messages.decode` says which arrays are empty where nothing was recorded.
 
     Args:
-        path: an MCAP file as `write_episode` makes it. Topics beyond those of an episode are passed over.
+        path: an MCAP file as `write_episode` makes it. Topics beyond those of an episode are skipped.
 
     Returns:
         The episode. In its metadata, tuples have become lists, as JSON has no tuples.
@@ -94,8 +94,8 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
     if len(data) < 2 * len(MAGIC) or not data.endswith(MAGIC):
         raise ValueError("is cut off: it does not end with the MCAP mark")
     contents = Contents(len(data), kept)
-    # What can go wrong in bytes from anywhere is no closed list: mcap, zstandard and Protobuf have their own
-    # exceptions and let through those of struct, of codecs and of dictionaries.
+    # Damaged bytes raise exceptions of no closed list: mcap, zstandard and Protobuf have their own and let
+    # through those of struct, of codecs and of dictionaries.
     try:
         # No chunk is unpacked before the CRC of the data section is known to match, which comes last.
         for record in list(_records(data)):

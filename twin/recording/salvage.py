@@ -103,7 +103,7 @@ class Salvage:
 
     def _edges(self) -> Iterator[int]:
         """Yield the log times at which a chunk or message borders on something lost."""
-        # Those that hold no topic of an episode border on nothing.
+        # Chunks without a topic of the episode do not count as neighbours.
         pieces = [self._pieces[place] for place in sorted(self._pieces) if self._pieces[place] != ()]
         for before, after in itertools.pairwise(pieces):
             if before is None and after is not None:
@@ -186,7 +186,7 @@ class Salvage:
         """Add one record, or note why its contents are lost.
 
         Raises:
-            Exception: where the record ends cannot be believed either.
+            Exception: the length of the record is not credible either.
         """
         if record.opcode == 0:
             raise ValueError("no record has opcode 0")

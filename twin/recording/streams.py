@@ -24,8 +24,8 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     """Return the message streams of an episode, one for each topic.
 
     A measurement that is missing is no message. `/tension` is left out without wire tensions,
-    `/joint_states` without joints, and `/tf` also without a preset in the metadata that tells the geometry.
-    `/scene` has one message, at the first sample, where the preset tells what to draw.
+    `/joint_states` without joints, and `/tf` also without a preset in the metadata that states the geometry.
+    `/scene` has one message, at the first sample, where the preset states the geometry.
 
     Args:
         episode: N samples.

@@ -116,7 +116,7 @@ class EpisodeWriter:
         chunks of their own, in the order of time; their sequence numbers count those of a topic.
 
         Args:
-            topic: where it goes; its schema is that of the first message on the topic.
+            topic: name of the topic; its schema is that of the first message on it.
             message: any Protobuf message.
             time: nanoseconds of simulation; both log time and publish time.
 

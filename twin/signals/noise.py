@@ -49,14 +49,14 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 
     Args:
         kind: one of `NOISES`.
-        level: what it means depends on the kind:
+        level: its meaning depends on the kind:
 
             - gaussian, laplace, student-t, uniform, gamma: the variance R [deg^2];
             - poisson, poisson-dithered: the expectation lambda [deg] (eq. 14);
             - salt-and-pepper: the probability that a sample is off by +-`OUTLIER_DEG` besides its Gaussian
               noise.
         shape: shape of the result.
-        rng: where the numbers come from.
+        rng: source of random numbers.
 
     Returns:
         Noise to be added to the true angle [deg]. Poisson and gamma noise are not centred: their means are

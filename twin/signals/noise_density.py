@@ -63,7 +63,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
     """Return the density of a noise of `twin.signals.noise`.
 
     Integer Poisson noise has the density of the dithered one: the lattice would give the angle away, and
-    nobody is to win by that.
+    no estimator is to profit from that.
 
     Raises:
         ValueError: the kind has no density here.
@@ -81,7 +81,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         scores[row, first : last + 1] = -slope[first : last + 1] / np.maximum(
             density[first : last + 1], 1e-14
         )
-        # Where nothing ever falls, the score stays what it was.
+        # Outside of the support the score is extended by its last value.
         scores[row, :first], scores[row, last + 1 :] = scores[row, first], scores[row, last]
         informations[row] = integrate.trapezoid(scores[row] ** 2 * density, _INNOVATIONS)
     variance = noise_variance(kind, level)

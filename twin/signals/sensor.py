@@ -23,7 +23,7 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
         preset: the parameters of the sensor.
         time: (N,) instants of the samples [s], increasing.
         bend: (N,) true bending angle [rad].
-        rng: where the noise comes from: one number for each reading that is reported, if there is noise.
+        rng: source of random numbers; one is drawn for each reported reading, if there is noise.
 
     Returns:
         (N,) reported bending angle [rad]; the true one, bit for bit, where the sensor's parameters are all 0.
@@ -56,7 +56,7 @@ def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
         )
         return time[sample], reported
 
-    period = max(preset.sensor_period, tolerance)  # shorter ones cannot be told apart
+    period = max(preset.sensor_period, tolerance)  # shorter ones cannot be distinguished
     number, reported = np.unique(np.maximum(np.floor((taken - time[0]) / period), 0), return_inverse=True)
     instant = time[0] + number * period
     # An instant that coincides with a sample is moved exactly there, or rounding would leak into the reading.

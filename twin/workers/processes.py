@@ -22,7 +22,7 @@ def local_workers(count: int) -> Iterator[Executor]:
         try:
             yield executor
         except BaseException:
-            for process in multiprocessing.active_children():  # nobody wants what is half done
+            for process in multiprocessing.active_children():  # unfinished work is of no use
                 process.terminate()
             executor.shutdown(cancel_futures=True)
             raise

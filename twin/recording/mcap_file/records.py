@@ -141,7 +141,7 @@ class _Fields(ReadDataStream):
 def parse(data: bytes, record: FileRecord) -> Any:
     """Parse the fields of a record into an object of `mcap.records`.
 
-    Not of a header, a message or a message index, of which nobody asks for the fields.
+    Not of a header, a message or a message index, whose fields are not needed.
 
     Raises:
         ValueError: a field goes on beyond the end of the record, or is no text.
