@@ -139,7 +139,7 @@ class Progress:
     _shown: ClassVar[list["tqdm[Any]"]] = []
 
     def __init__(self, what: str, unit: str = ""):
-        self.bar: "tqdm[Any] | None" = None
+        self.bar: tqdm[Any] | None = None
         self.what = what
         self.unit = unit
 
