@@ -47,7 +47,8 @@ endurance: install
 	$(BIN)/python -m pytest -m endurance -n 0 -s
 
 protobuf: install
-	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording twin/recording/endotwin.proto
+	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording --pyi_out twin/recording \
+	  twin/recording/endotwin.proto
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -37,7 +37,7 @@ def main() -> int:
         guess = f" (did you mean {close[0]!r}?)" if close else ""
         print(f"endotwin: unknown verb {verb!r}{guess}; valid: {', '.join(VERBS)}", file=sys.stderr)
         return MISTAKE
-    return importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest)
+    return int(importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest))
 
 
 def _help() -> str:

@@ -28,6 +28,14 @@ Arguments = TypeVar("Arguments")
 MISTAKE = 2
 MODULES = {"import": "import_log"}
 """Module of each verb that cannot name one: `import` is a word of Python."""
+SPOKEN = {
+    "address": "--dask",
+    "folder": "--out",
+    "pulley_radius": "--pulley-radius-mm",
+    "recover_episode": "`endotwin export FILE --recover`",
+    "reverse_angle": "--reverse-angle",
+}
+"""Names of the library that a command line spells otherwise, or that belong to another verb."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +81,7 @@ def run_verb(
         return MISTAKE
     except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
         Progress.close_all()  # the line about the mistake is the last
-        print(f"{name}: {_one_line(error)}", file=sys.stderr)
+        print(f"{name}: {with_flags(_one_line(error), parsed)}", file=sys.stderr)
         return MISTAKE
     except KeyboardInterrupt as stop:
         Progress.close_all()
@@ -143,10 +151,10 @@ def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
 class Progress:
     """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
 
-    _shown: ClassVar[list["tqdm"]] = []
+    _shown: ClassVar[list["tqdm[Any]"]] = []
 
     def __init__(self, what: str, unit: str = ""):
-        self.bar: tqdm | None = None
+        self.bar: tqdm[Any] | None = None
         self.what = what
         self.unit = unit
 
@@ -185,3 +193,13 @@ def _one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split()) or type(error).__name__
+
+
+def with_flags(line: str, arguments: Any = None) -> str:
+    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
+    flags = SPOKEN | {
+        field.name: "--" + field.name.replace("_", "-")
+        for field in (dataclasses.fields(arguments) if arguments else ())
+    }
+    line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
+    return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)

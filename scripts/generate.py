@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Progress, Summary, output_folder, run_verb, with_flags
 from twin.errors import require_extra
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _verify(folder: Path) -> Summary:
 
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:
-        print(fault, file=sys.stderr)
+        print(with_flags(fault), file=sys.stderr)
     line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
     if faults:
         line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')}"

@@ -46,7 +46,7 @@ def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
     for changes, rule in (
         ({"sheath_bend": np.linspace(0, 1, count)}, "the sheath's bend changes"),
         ({"lateral_pull": np.linspace(0, 1e-3, count)}, "wires c and d are pulled too"),
-        ({"measured_bend": -episode.measured_bend}, "import it with --reverse-angle"),
+        ({"measured_bend": -episode.measured_bend}, "import it with `reverse_angle`"),
         ({"wire_tension": np.full((count, 2, 1), 5.0)}, "the tensions do not change"),
     ):
         with pytest.raises(ValueError, match=f"odd: .*{rule}"):

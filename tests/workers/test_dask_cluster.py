@@ -48,7 +48,7 @@ def test_cluster_makes_the_same_bytes_though_a_worker_is_killed_in_the_middle(cl
 def test_scheduler_that_does_not_answer_is_said_in_one_line(monkeypatch):
     monkeypatch.setattr("twin.workers.dask_cluster.CONNECT_SECONDS", 0.5)
     with (
-        pytest.raises(ValueError, match=r"--dask tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
+        pytest.raises(ValueError, match=r"address = tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
         dask_workers("tcp://127.0.0.1:9"),
     ):
         pass

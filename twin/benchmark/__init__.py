@@ -1,1 +1,1 @@
-"""Long measurements of the twin: physics against theory at full size, and speed (`endotwin benchmark`)."""
+"""Benchmarks of the twin: physics against theory at full size, and speed (`endotwin benchmark`)."""

@@ -1,4 +1,4 @@
-"""Datasets: rate on one and two cores, cost of logging, memory, size of the files, time to read them."""
+"""Benchmarks of datasets: rate on one and two cores, cost of logging, memory, file size, reading time."""
 
 import itertools
 import multiprocessing
@@ -26,7 +26,7 @@ OnProgress = Callable[[int, int], None]
 
 
 def logging(preset: Preset, amplitude: float) -> Result:
-    """Time that a worker needs for sensor, statistics, file and hash, against that of the simulation alone.
+    """Measure the time of sensor, statistics, file and hash against that of the simulation alone.
 
     One batch of episodes of 60 s, simulated alone and made into files, in turn.
     """
@@ -56,13 +56,13 @@ def logging(preset: Preset, amplitude: float) -> Result:
 
 
 def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProgress) -> dict[str, Result]:
-    """Make episodes of 60 s by two workers and by one, in turn; weigh the files and read them.
+    """Measure rate, file size and reading time of episodes of 60 s, by two workers and by one in turn.
 
     Args:
         preset: the endoscope.
         amplitude: of the commands [m].
-        episodes: how many.
-        on_progress: told how many of how many episodes are made.
+        episodes: number of episodes.
+        on_progress: called with the number of episodes made and their total.
 
     Returns:
         Results by name.
@@ -78,7 +78,7 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
                 recipe, folder, workers, lambda done, all_: on_progress(turn * all_ + done, 2 * TURNS * all_)
             )
 
-        # What starts the workers and describes the dataset is part of the work: nothing is warmed up.
+        # Starting the workers and describing the dataset is part of the work: nothing is warmed up.
         two, one = in_turn(lambda: make(2), lambda: make(1), TURNS, warm_up=False)
         paths = sorted(folder.glob("*.mcap"))
         size = sum(path.stat().st_size for path in paths)
@@ -105,7 +105,7 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
 
 
 def memory(preset: Preset, amplitude: float, episodes: int = 1000) -> Result:
-    """Peak memory of the parent and of a worker while they make many episodes of 10 s, against 10 of them."""
+    """Measure the peak memory of parent and worker over many episodes of 10 s, against 10 of them."""
     peaks = {}
     fresh = multiprocessing.get_context("spawn")
     for count in (10, episodes):
@@ -123,7 +123,7 @@ def memory(preset: Preset, amplitude: float, episodes: int = 1000) -> Result:
 
 
 def _peak_memory(preset: Preset, amplitude: float, episodes: int) -> float:
-    """Peak resident memory of this process and the largest of its workers [MB]."""
+    """Return the peak resident memory of this process and of its largest worker [MB]."""
     recipe = _recipe(preset, amplitude, episodes, seconds=10.0)
     with tempfile.TemporaryDirectory() as scratch:
         _write(recipe, Path(scratch), 2, lambda done, total: None)
@@ -132,7 +132,7 @@ def _peak_memory(preset: Preset, amplitude: float, episodes: int) -> float:
 
 
 def _write(recipe: Recipe, folder: Path, workers: int, on_progress: OnProgress) -> None:
-    """Make a dataset by processes."""
+    """Write a dataset by worker processes."""
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
         write_dataset(recipe, folder, executor, workers=workers, on_progress=on_progress)
 

@@ -1,4 +1,4 @@
-"""Do the covariances of the Kalman filters stay covariances over a million samples, however badly scaled?"""
+"""Numerical stability of the Kalman filters: valid covariances over a million samples at extreme scales."""
 
 import itertools
 from collections.abc import Callable
@@ -29,7 +29,7 @@ AT_ONCE = 1000  # covariances that are looked at together
 
 
 def covariances(steps: int = 1_000_000, on_progress: OnProgress | None = None) -> Result:
-    """KF, EKF and UKF at extreme ratios of Q, R and P: the least 1 - correlation^2 that a covariance had."""
+    """Measure the least 1 - correlation^2 of the covariances of KF, EKF and UKF at extreme Q, R and P."""
     margins = []
     for done, filter_type in enumerate(FILTERS.values()):
         margins.append(least_margin(filter_type, steps))
@@ -46,7 +46,7 @@ def covariances(steps: int = 1_000_000, on_progress: OnProgress | None = None) -
 
 
 def least_margin(filter_type: type[ActiveModel], steps: int) -> float:
-    """Return the least 1 - correlation^2 of theta and f; minus infinity where a covariance is none at all."""
+    """Return the least 1 - correlation^2 of theta and f; minus infinity where a covariance is invalid."""
     settings = np.array(list(itertools.product(MEASUREMENT_VARIANCES, INITIAL_VARIANCES))).T
     active_model = filter_type(ColemanHodgdon(1.15, 22.38, 5.0), 0.1, measurement_variance=settings[0])
     rng = np.random.default_rng(0)

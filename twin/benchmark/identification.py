@@ -1,4 +1,4 @@
-"""Speed of identification: the genetic algorithm on batches, beside the same search one candidate at a time.
+"""Speed of identification: the genetic algorithm on batches against one candidate at a time.
 
 The search is the same in all: population, generations, seed. Only the cost of a generation is had in another
 way. Each uses one core, and the time of that core is taken, so that other work on the machine counts little.
@@ -29,18 +29,18 @@ Array = NDArray[np.float64]
 SECONDS, SAMPLE_TIME = 60.0, 0.1
 FINE = 5  # the endoscope is simulated at a fifth of the sample time
 NOISE_VARIANCE = 0.1
-"""R of the record's noise, as in training [deg^2]."""
+"""Variance R of the noise of the record, as in training [deg^2]."""
 POPULATION, GENERATIONS, SEED = 80, 150, 0
 REPEATS = 5
 
 
 def against_one_at_a_time(preset: Preset, amplitude: float) -> Result:
-    """Seconds to identify a Coleman-Hodgdon model from 60 s at T = 0.1 s, against one candidate at a time."""
+    """Measure the identification of a Coleman-Hodgdon model in batches, against one candidate at a time."""
     return _against(preset, amplitude, _of_model, "the same search through the model, one at a time", 10.0)
 
 
 def against_plain_numbers(preset: Preset, amplitude: float) -> Result:
-    """Seconds of the same identification, against a loop over plain numbers, one candidate at a time."""
+    """Measure the same identification against a loop over plain numbers, one candidate at a time."""
     return _against(preset, amplitude, _of_numbers, "the same search in plain Python numbers", None)
 
 
@@ -75,7 +75,7 @@ def _against(
 
 
 def _record(preset: Preset, amplitude: float) -> tuple[Array, Array]:
-    """Return (600,) pull [mm] and noisy angle [deg] of a simulated multi-sine, which stands still nowhere."""
+    """Return pull [mm] and noisy angle [deg] of a simulated multi-sine, each (600,): 60 s at T = 0.1 s."""
     rng = np.random.default_rng(SEED)
     pull = command("multi-sine", (-amplitude, amplitude), SECONDS, SAMPLE_TIME / FINE, rng)
     episode = simulate(preset, pull, SAMPLE_TIME / FINE).every(SAMPLE_TIME)
@@ -92,7 +92,7 @@ def _of_model(model: ColemanHodgdon, pull: Array, bend: Array) -> float:
 
 
 def _of_numbers(model: ColemanHodgdon, pull: Array, bend: Array) -> float:
-    """Return the same by eq. 4 over Python's floats [deg^2]."""
+    """Return the mean square error of one candidate by eq. 4 over Python floats [deg^2]."""
     a, b, c = float(model.a_per_mm), float(model.b_deg_per_mm), float(model.c_deg_per_mm)  # type: ignore[arg-type]
     angles, commands = bend.tolist(), pull.tolist()
     angle, before, total = angles[0], commands[0], 0.0

@@ -1,4 +1,4 @@
-"""The twin's physics against theory, at the size that a test has no time for."""
+"""Physics of the twin against theory, at a size that is too long for tests."""
 
 import statistics
 from collections.abc import Callable
@@ -21,7 +21,7 @@ AT_ONCE = 100  # endoscopes in one batch of the long measurements
 
 
 def rate_independence(preset: Preset, amplitude: float) -> Result:
-    """Loop area at periods of 2, 8 and 32 s: how far apart."""
+    """Measure the spread of loop areas at periods of 2, 8 and 32 s."""
     periods = (2.0, PERIOD, 32.0)
     episodes = _whole(
         simulate_batch([preset] * 3, [sinusoid(amplitude, period, 2) for period in periods], SAMPLE_TIME)
@@ -35,7 +35,7 @@ def rate_independence(preset: Preset, amplitude: float) -> Result:
 
 
 def hold(preset: Preset, amplitude: float) -> Result:
-    """A command held for 30 s after stops at full speed, anywhere on a loop: the largest drift."""
+    """Measure the largest drift of a command held for 30 s after stops at full speed, anywhere on a loop."""
     stops = 1 + np.arange(16) / 16
     moving = [sinusoid(amplitude, PERIOD, cycles) for cycles in stops]
     rest = round(30 / SAMPLE_TIME)
@@ -46,7 +46,7 @@ def hold(preset: Preset, amplitude: float) -> Result:
 
 
 def time_step(preset: Preset, amplitude: float) -> Result:
-    """The default time step against one 8 times smaller: the largest difference."""
+    """Measure the largest difference between the default time step and one 8 times smaller."""
     command = [sinusoid(amplitude, PERIOD, 2)]
     coarse, fine = (
         _whole(simulate_batch([p], command, SAMPLE_TIME))[0]
@@ -57,7 +57,7 @@ def time_step(preset: Preset, amplitude: float) -> Result:
 
 
 def capstan(preset: Preset, amplitude: float) -> Result:
-    """Tension out over in of a sliding wire, pulled and released, sheath bent by 0 to 2 pi: worst error."""
+    """Measure the worst error of the tension ratio of a sliding wire against exp(-mu phi), phi up to 2 pi."""
     bends = np.linspace(0, 2 * np.pi, 9)
     bare = preset.replace(sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0)
     presets = [bare.replace(sheath_bend=float(bend), sheath_bend_offset=0.0) for bend in bends]
@@ -75,7 +75,7 @@ def capstan(preset: Preset, amplitude: float) -> Result:
 
 
 def return_point(preset: Preset, amplitude: float) -> Result:
-    """Madelung's rules: minor loops close and are wiped out; the largest trace that one leaves."""
+    """Measure the largest trace that a minor loop leaves (Madelung's rules: it closes and is wiped out)."""
     worst, span = 0.0, 0.0
     for low, high in ((-0.25, 0.5), (0.1, 0.9), (-0.75, -0.5), (-0.9, 0.9)):
         before = np.concatenate([sinusoid(amplitude, PERIOD, 1.25), np.linspace(1, low, 300)[1:] * amplitude])
@@ -89,7 +89,7 @@ def return_point(preset: Preset, amplitude: float) -> Result:
 
 
 def no_friction(preset: Preset, amplitude: float) -> Result:
-    """Without dry friction: width of the loop at the same pull, against its range."""
+    """Measure the width of the loop without dry friction, relative to its range."""
     episode = _whole(
         simulate_batch([preset.without_friction()], [sinusoid(amplitude, PERIOD, 2)], SAMPLE_TIME)
     )[0]
@@ -102,7 +102,7 @@ def no_friction(preset: Preset, amplitude: float) -> Result:
 
 
 def vertebrae(preset: Preset, amplitude: float) -> Result:
-    """8, 16, 32 and 64 vertebrae at equal total stiffness: the largest difference between loops."""
+    """Measure the largest difference between loops of 8, 16, 32 and 64 vertebrae at equal total stiffness."""
     command = [sinusoid(amplitude, PERIOD, 2)]
     presets = [preset.replace(vertebrae=n) for n in (8, 16, 32, 64)]
     bends = [_whole(simulate_batch([p], command, SAMPLE_TIME))[0].bend for p in presets]
@@ -112,7 +112,7 @@ def vertebrae(preset: Preset, amplitude: float) -> Result:
 def closed_cycles(
     preset: Preset, amplitude: float, count: int = 1000, on_progress: OnProgress | None = None
 ) -> Result:
-    """Work of the drive over random closed cycles, settled: the least, as a share of the largest."""
+    """Measure the least work of the drive over random closed cycles, relative to the largest."""
     rng = np.random.default_rng(0)
     waves = random_cycles(count, amplitude, PERIOD, rng)
     twice = np.concatenate([waves, waves[:, 1:]], axis=1)
@@ -138,7 +138,7 @@ def random_draws(
     count: int = 10_000,
     on_progress: OnProgress | None = None,
 ) -> Result:
-    """Endoscopes drawn from the randomisation ranges, each driven for 10 s: how many diverge."""
+    """Count the diverging simulations among endoscopes drawn from the ranges, each driven for 10 s."""
     rng = np.random.default_rng(0)
     diverged = 0
     for start in range(0, count, AT_ONCE):
@@ -156,7 +156,7 @@ def random_draws(
 
 
 def _whole(episodes: list[Episode | None]) -> list[Episode]:
-    """Narrow the type: a diverged run ends the measurement.
+    """Return the episodes, all of them complete.
 
     Raises:
         FloatingPointError: one diverged.

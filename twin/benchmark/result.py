@@ -1,4 +1,4 @@
-"""One line of `benchmark.json`: a figure, beside a peer's where there is one."""
+"""Entry of `benchmark.json`: a measured figure, beside that of a peer where there is one."""
 
 import dataclasses
 import os
@@ -8,25 +8,33 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """A measured figure."""
+    """Measured figure of a benchmark.
+
+    Attributes:
+        name: name of the figure.
+        value: measured value, in `unit`.
+        unit: unit of both values.
+        bar: required bound, in words; empty where nothing is promised.
+        holds: True if the bound holds.
+        peer: reference measured in the same run; None without one.
+        peer_value: measured value of the reference, in `unit`.
+    """
 
     name: str
     value: float
     unit: str
     bar: str
-    """What must hold, in words; empty where nothing was promised."""
     holds: bool = True
     peer: str | None = None
-    """What it is compared with, in the same run."""
     peer_value: float | None = None
 
     @property
     def ratio(self) -> float | None:
-        """The value over the peer's."""
+        """Value divided by that of the peer; None without one."""
         return None if not self.peer_value else self.value / self.peer_value
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as `benchmark.json` holds it."""
+        """Return the entry as `benchmark.json` holds it."""
         return {
             "value": self.value,
             "unit": self.unit,

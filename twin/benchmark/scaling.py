@@ -1,4 +1,4 @@
-"""Does the cost of an evaluation grow linearly with the number of noise seeds, and with that of samples?"""
+"""Scaling of an evaluation: time against the number of noise seeds and of samples, which must be linear."""
 
 import time
 
@@ -22,12 +22,12 @@ LINEAR = 1.15  # twice the work may take this much more than twice the time: clo
 
 
 def cost_of_seeds(preset: Preset, amplitude: float) -> Result:
-    """Time of an evaluation with 40 seeds over that with 20."""
+    """Measure the time of an evaluation with 40 seeds against 20."""
     return _doubled("seeds", amplitude, (2 * SEEDS, SAMPLES), (4 * SEEDS, SAMPLES))
 
 
 def cost_of_samples(preset: Preset, amplitude: float) -> Result:
-    """Time of an evaluation of records of 120 s over that of 60 s."""
+    """Measure the time of an evaluation of records of 120 s against 60 s."""
     return _doubled("samples", amplitude, (2 * SEEDS, SAMPLES), (2 * SEEDS, 2 * SAMPLES))
 
 

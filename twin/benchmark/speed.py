@@ -1,4 +1,4 @@
-"""Speed of the simulation, beside a plain MuJoCo chain of the same size in the same run."""
+"""Speed of the simulation, against a plain MuJoCo chain of the same size in the same run."""
 
 import statistics
 import time
@@ -15,7 +15,7 @@ PERIOD = 8.0
 
 
 def one_core(preset: Preset, amplitude: float) -> Result:
-    """Simulated seconds per second of one endoscope, and of a plain chain of hinges of the same nv."""
+    """Measure simulated seconds per second of one endoscope, against a plain chain of the same nv."""
     command = sinusoid(amplitude, PERIOD, 2)
     degrees = Endoscope.from_preset(preset).model.ptr.nv
     ours, theirs = in_turn(
@@ -35,7 +35,7 @@ def one_core(preset: Preset, amplitude: float) -> Result:
 
 
 def two_threads(preset: Preset, amplitude: float) -> Result:
-    """Simulated seconds per second of a batch on two threads, against one."""
+    """Measure simulated seconds per second of a batch on two threads, against one."""
     count = 32
     commands = [sinusoid(amplitude, PERIOD, 2)] * count
     two, one = in_turn(
@@ -55,7 +55,7 @@ def two_threads(preset: Preset, amplitude: float) -> Result:
 
 
 def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
-    """Time for a simulated second with 64 vertebrae, against 8: it may be 8 times as long."""
+    """Measure the time of a simulated second with 64 vertebrae, against 8."""
     command = sinusoid(amplitude, 4.0, 1)
     few, many = (preset.replace(vertebrae=n) for n in (8, 64))
     slow, fast = in_turn(
@@ -75,7 +75,7 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
 def in_turn(
     first: Callable[[], object], second: Callable[[], object], repeats: int = REPEATS, warm_up: bool = True
 ) -> tuple[float, float]:
-    """Median times of two jobs that take turns, so that a noisy machine disturbs both alike [s]."""
+    """Return the median times [s] of two jobs that take turns, so that noise disturbs both alike."""
     times: tuple[list[float], list[float]] = ([], [])
     for repeat in range(repeats + warm_up):
         for job, taken in zip((first, second), times, strict=True):

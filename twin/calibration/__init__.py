@@ -1,4 +1,4 @@
-"""Calibration of a preset on measured logs: logs -> free parameters -> fit -> uncertainty."""
+"""Calibration of a preset on measured logs: free parameters, fit, uncertainty, report."""
 
 from twin.calibration.measured import MeasuredLoop, measured_loop
 from twin.calibration.parameters import FreeParameters, free_parameters

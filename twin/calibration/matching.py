@@ -1,4 +1,4 @@
-"""Calibration to a Coleman-Hodgdon model: for an instrument of which only a, b and c are published."""
+"""Calibration to a Coleman-Hodgdon model, for an instrument of which only a, b and c are published."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,14 +22,14 @@ MATCHED = (
     "pretension",
 )
 """Parameters of a preset that are fitted to a published Coleman-Hodgdon model."""
-SAMPLE_TIME = 0.02  # [s] of the records; the model is fitted to every fifth sample
-THINNED = 5
-MISFIT_WEIGHT = 0.3  # [1 / deg] how much a loop that the model fits badly costs, against 1 % in a, b or c
-MOVE_WEIGHT = 0.5  # the same for a parameter that moves by a factor of e from its start
+SAMPLE_TIME = 0.02  # of the records [s]
+THINNED = 5  # the model is fitted to every fifth sample
+MISFIT_WEIGHT = 0.3  # residual per RMSE of the Coleman-Hodgdon fit [1 / deg]; 1 is 1 % in a, b or c
+MOVE_WEIGHT = 0.5  # residual of a parameter that moves by a factor of e from its start
 
 
 def best_coleman_hodgdon(records: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:
-    """Return the Coleman-Hodgdon model nearest to records, and how near.
+    """Fit a Coleman-Hodgdon model to records; returns its parameters and RMSE.
 
     For a given a the response is linear in b and c (variable projection, Golub and Pereyra 1973), so that the
     search is along one line.
@@ -62,7 +62,7 @@ def best_coleman_hodgdon(records: Sequence[tuple[Array, Array]]) -> tuple[Array,
 
 
 def training_commands(stroke: tuple[float, float], episodes: int, seconds: float, seed: int) -> list[Array]:
-    """Return the commands [m] of `endotwin generate` with that seed."""
+    """Return the commands [m] of a generated dataset with that seed."""
     kinds = list(SIGNALS)
     streams = (np.random.SeedSequence([seed, number]).spawn(1)[0] for number in range(episodes))
     return [
@@ -82,14 +82,14 @@ def match(
     """Fit a preset such that the Coleman-Hodgdon model of its loops has given parameters.
 
     Damped Gauss-Newton steps on 100 log(parameter / target), with a little weight on the model's misfit and
-    on how far a parameter moves: more is free than three figures tell.
+    on how far a parameter moves, as there are more parameters than targets.
 
     Args:
-        free: what is fitted, and from where.
+        free: the fitted parameters and their starting values.
         target: a [1/mm], b [deg/mm], c [deg/mm].
         commands: (N,) pulling distances [m] that the loops are made with.
-        iterations: at most so many.
-        on_iteration: told the iteration, the model's a, b, c and its RMSE [deg].
+        iterations: largest number of iterations.
+        on_iteration: called with the iteration, the model's a, b, c and its RMSE [deg].
 
     Returns:
         The fitted preset.

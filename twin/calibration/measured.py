@@ -1,4 +1,4 @@
-"""Logs made ready for calibration: checked, on an even grid of samples, at a pace the physics can follow."""
+"""Preparation of measured logs for calibration: checks, resampling to an even grid, playback speed."""
 
 import dataclasses
 import math
@@ -13,29 +13,33 @@ Array = NDArray[np.float64]
 LEAST_MOTION = 1e-6  # [m]
 LEAST_TENSION = 1e-3  # [N]
 SIMULATED_SECONDS_PER_CYCLE = 8.0
-"""Pace of a log that tells the phase of a cycle and not its time: quasi-static, and quick to simulate."""
+"""Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MeasuredLoop:
-    """One log, on an even grid."""
+    """Measured log on an even time grid.
+
+    Attributes:
+        name: name of the log in messages.
+        sample_time: time between two samples [s].
+        pull: commanded pulling distance, (N,) [m].
+        bend: measured bending angle, (N,) [rad].
+        tension: measured tension of wires a and b at the pulley, (N, 2) [N]; (N, 0) without load cells.
+        sheath_bend: bend angle of the sheath [rad]; None if the log does not state it.
+        fitted: mask of the samples that are fitted, (N,); the others are only predicted.
+    """
 
     name: str
     sample_time: float
-    """Time between two samples [s]."""
     pull: Array
-    """(N,) commanded pulling distance [m]."""
     bend: Array
-    """(N,) measured bending angle [rad]."""
     tension: Array
-    """(N, 2) measured tension of wires a and b at the pulley [N]; (N, 0) without load cells."""
     sheath_bend: float | None
-    """Angle that the sheath was bent by [rad], where the log tells."""
     fitted: NDArray[np.bool_]
-    """(N,) which samples are fitted; the others are only predicted."""
 
     def only_predicted(self) -> "MeasuredLoop":
-        """Return the log with no sample to fit."""
+        """Return the log with no fitted sample, for prediction only."""
         return dataclasses.replace(self, fitted=np.zeros_like(self.fitted))
 
     @property
@@ -47,13 +51,13 @@ class MeasuredLoop:
 def measured_loop(
     episode: Episode, name: str, sample_time: float, *, pace: float | None = None, fraction: float = 1.0
 ) -> MeasuredLoop:
-    """Check a log and put it on an even grid, linear between its own samples; what is missing is not fitted.
+    """Check a log and resample it linearly to an even grid; missing measurements are not fitted.
 
     Args:
         episode: the log; its measured bending angle is what counts.
-        name: what messages call it.
+        name: name of the log in messages.
         sample_time: of the grid [s].
-        pace: how many times faster than recorded it is played. Without it, the recorded pace; a log of
+        pace: playback speed relative to the recording. Without it, the recorded pace; a log of
             phases, which has none, is played at `SIMULATED_SECONDS_PER_CYCLE`.
         fraction: share of the log, from its start, that is fitted.
 
@@ -85,7 +89,7 @@ def measured_loop(
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     _check_motion(pull[fitted], name)
     if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
-        raise ValueError(f"{name}: the angle falls where the command rises: import it with --reverse-angle")
+        raise ValueError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise ValueError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
@@ -93,7 +97,7 @@ def measured_loop(
 
 
 def _check_fits(episode: Episode, name: str) -> None:
-    """Refuse what the comparison with one plane in a sheath at rest cannot follow."""
+    """Check that the log has one bending plane and a constant sheath bend."""
     if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
         raise ValueError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
     if episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION:

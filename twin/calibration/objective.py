@@ -1,4 +1,4 @@
-"""How far candidates are from the logs: all candidates times all logs in one batch of simulations."""
+"""Residuals of candidate presets against logs: all candidates times all logs in one batch simulation."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 
 BEND_SCALE = np.radians(1.0)
-"""[rad] An angle off by this costs 1."""
+"""Scale of the angle residuals [rad]: an error of this size costs 1."""
 TENSION_SHARE = 0.1
-"""Share of the range of a log's tensions: both tensions off by this cost 1 together."""
+"""Scale of the tension residuals, relative to their range: both tensions off by this cost 1 together."""
 _HOPELESS = 1e3  # residual of a candidate whose simulation diverged
 
 
 def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[list[Episode | None]]:
-    """Simulate every candidate along every log: (candidates, logs); None where it diverged.
+    """Simulate every candidate along every log; returns (candidates, logs), None where one diverged.
 
     The wires are wound up in the sheath as it is bent in that log.
     """
@@ -39,7 +39,7 @@ def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[li
 
 
 def residuals(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> Array:
-    """Return the weighted differences between candidates and logs.
+    """Return the weighted residuals of candidates against logs.
 
     Each log weighs the same: its squared differences are divided by its number of samples.
 
@@ -63,4 +63,5 @@ def _of_log(episode: Episode | None, loop: MeasuredLoop) -> Array:
     if loop.tension.size:
         scale = np.sqrt(2) * TENSION_SHARE * loop.tension_range
         off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T / scale)
-    return np.concatenate(off) / np.sqrt(count)
+    weighted: Array = np.concatenate(off) / np.sqrt(count)
+    return weighted

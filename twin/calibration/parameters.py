@@ -1,4 +1,4 @@
-"""Which parameters of a preset are fitted, from where, and how a candidate's numbers become a preset."""
+"""Free parameters of a calibration: selection, initial guess, and scaling of the search space."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,41 +12,46 @@ from twin.preset.preset import Preset, parameter_limits
 Array = NDArray[np.float64]
 
 SIGNED = {"initial_bend": 0.1, "joint_friction_taper": 0.3, "friction_warm_up": 0.2}
-"""Parameters that may be negative: searched on a linear scale, in these steps. Others by their logarithm."""
+"""Step of each parameter that may be negative: it is searched on a linear scale, the others by logarithm."""
 _FARTHEST = np.log(100.0)  # a positive parameter is searched up to a factor of 100 from its start
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeParameters:
-    """The fitted parameters: a preset to start from and the scale of each."""
+    """Fitted parameters of a preset and their scaling in the search space.
+
+    Attributes:
+        base: preset to start from; it gives every other parameter too.
+        names: names of the P fitted parameters.
+    """
 
     base: Preset
     names: tuple[str, ...]
 
     @property
     def start(self) -> Array:
-        """(P,) the starting preset on the scale of the search."""
+        """Starting point in the search space, (P,)."""
         return self.encode(self.base)
 
     @property
     def lower(self) -> Array:
-        """(P,) lowest values on the scale of the search."""
+        """Lower bounds in the search space, (P,)."""
         return self._limits(0)
 
     @property
     def upper(self) -> Array:
-        """(P,) highest values on the scale of the search."""
+        """Upper bounds in the search space, (P,)."""
         return self._limits(1)
 
     def encode(self, preset: Preset) -> Array:
-        """Return (P,) the numbers of the search for a preset."""
+        """Return the point (P,) of a preset in the search space."""
         values = [getattr(preset, name) for name in self.names]
         return np.array(
             [v / SIGNED[n] if n in SIGNED else np.log(v) for n, v in zip(self.names, values, strict=True)]
         )
 
     def decode(self, numbers: Array) -> Preset:
-        """Return the preset of (P,) numbers of the search; those beyond their limits are put there."""
+        """Return the preset at a point (P,) of the search space; numbers are clipped to their bounds."""
         values = {}
         for name, number in zip(self.names, np.clip(numbers, self.lower, self.upper), strict=True):
             value = number * SIGNED[name] if name in SIGNED else np.exp(number)
@@ -54,7 +59,7 @@ class FreeParameters:
         return self.base.replace(**values)
 
     def standard_deviation(self, preset: Preset, deviation: Array) -> dict[str, float]:
-        """Return standard deviations in the parameters' units from (P,) those on the search's scale."""
+        """Convert standard deviations (P,) from the search space to the units of the parameters."""
         return {
             name: float(d * (SIGNED[name] if name in SIGNED else getattr(preset, name)))
             for name, d in zip(self.names, deviation, strict=True)
@@ -76,7 +81,7 @@ class FreeParameters:
 def free_parameters(
     base: Preset, loops: Sequence[MeasuredLoop], names: Sequence[str] | None = None
 ) -> FreeParameters:
-    """Choose what to fit and start it from what the logs show at a glance.
+    """Choose the parameters to fit and guess their starting values from the logs.
 
     Without load cells the scale of all forces is not in the data: the stiffness of the section then stays and
     sets it. Without logs at different bends of the sheath, only friction coefficient times bend is in the
@@ -85,7 +90,7 @@ def free_parameters(
     Args:
         base: everything that is not fitted.
         loops: the logs.
-        names: parameters to fit; without them, those that the logs can tell.
+        names: parameters to fit; without them, those that the logs can determine.
 
     Raises:
         ValueError: a name is no parameter, or one that cannot be fitted.
@@ -114,7 +119,7 @@ def free_parameters(
 
 
 def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
-    """Rough values from the slopes and ranges of the logs; all positive parameters above zero."""
+    """Return initial guesses from the slopes and ranges of the logs; all positive parameters above zero."""
     guess = {name: value for name, value in _FROM_NOTHING.items() if getattr(base, name) == 0}
     loop = max(loops, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
     speed = np.diff(loop.pull)
@@ -156,7 +161,7 @@ DEFAULT = (
     "sheath_bend_offset",
     "sheath_friction_floor",
 )
-"""Parameters that loops at several bends of the sheath, with tensions, can tell."""
+"""Parameters that can be identified from loops at several sheath bends with measured tensions."""
 _FROM_NOTHING = {
     "joint_friction": 1e-3,
     "wire_stiffening": 0.1,

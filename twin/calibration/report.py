@@ -1,4 +1,4 @@
-"""What a calibration reports: errors on every log, parameters with their uncertainty, and a figure."""
+"""Report of a calibration: errors on every log, parameters with their uncertainty, and a figure."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +24,7 @@ _MEASURED, _TWIN = "#8a939e", "#c4161c"
 def fit_report(
     fit: Fit, free: FreeParameters, known: Uncertainty, loops: Sequence[MeasuredLoop], seed: int
 ) -> tuple[dict[str, Any], list[Episode]]:
-    """Simulate the fit along every log and compare.
+    """Simulate the fitted preset along every log and compare.
 
     Beside the twin stands a Coleman-Hodgdon model fitted to the same samples of each log alone: what a
     phenomenological model, which knows neither tension nor sheath, makes of them.
@@ -80,7 +80,7 @@ def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
 
 
 def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
-    """(N,) error [deg] of a Coleman-Hodgdon model fitted to the log alone; None where nothing is fitted.
+    """Return the error (N,) [deg] of a Coleman-Hodgdon model fitted to the log alone, or None if unfitted.
 
     The model is odd about zero: it gets the log centred, or it could not follow.
     """
@@ -93,7 +93,7 @@ def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
 
 
 def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Figure:
-    """Draw every log and its simulation: bend over pull, and the tensions where they were measured."""
+    """Plot every log and its simulation: bend over pull, and the tensions where they were measured."""
     with_tension = any(loop.tension.size for loop in loops)
     rows = 2 if with_tension else 1
     figure = Figure(figsize=(3.4 * len(loops) + 0.4, 2.9 * rows), layout="constrained")
@@ -123,11 +123,12 @@ def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Fi
 
 
 def _centred(values: Array, among: NDArray[np.bool_]) -> Array:
-    return values - (values[among].max() + values[among].min()) / 2
+    centred: Array = values - (values[among].max() + values[among].min()) / 2
+    return centred
 
 
 def _rmse(off: Array) -> float | None:
-    """Root mean square of errors; None of none."""
+    """Return the root mean square of errors, or None if there are none."""
     return float(np.sqrt(np.mean(off**2))) if off.size else None
 
 

@@ -1,4 +1,4 @@
-"""Calibration: an evolution strategy finds the valley, least squares its bottom, and how well it is known."""
+"""Fit of a preset to logs: CMA-ES for the global search, then nonlinear least squares."""
 
 import dataclasses
 import pickle
@@ -27,15 +27,20 @@ DIFFERENCE = 0.02  # of finite differences, on the same scale
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """A fitted preset and what is known about its parameters."""
+    """Fitted preset, with residuals and Jacobian at the fit.
+
+    Attributes:
+        preset: the fitted preset.
+        cost: sum over logs of the mean square error, in units of `BEND_SCALE` and `TENSION_SHARE`.
+        jacobian: derivative of the residuals with respect to the search space, (R, P).
+        residual: weighted residuals, (R,).
+        evaluations: number of simulations of all logs.
+    """
 
     preset: Preset
     cost: float
-    """Sum over logs of the mean square error, in units of `BEND_SCALE` and `TENSION_SHARE`."""
     jacobian: Array
-    """(R, P) change of the residuals with the numbers of the search, at the fit."""
     residual: Array
-    """(R,) at the fit."""
     evaluations: int
 
 
@@ -55,12 +60,12 @@ def calibrate(
     differences of all parameters in one batch.
 
     Args:
-        free: what is fitted, and from where.
+        free: the fitted parameters and their starting values.
         loops: the logs.
         seed: of the evolution strategy.
         evaluations: simulations of all logs that the evolution strategy may use.
         state_file: where its state is kept after each generation; an interrupted calibration goes on there.
-        on_progress: told how many of how many evaluations are done, and the best cost so far.
+        on_progress: called with the evaluations done, their total, and the best cost so far.
 
     Returns:
         The fit.
@@ -96,7 +101,7 @@ def calibrate(
 
 
 def _coarse(preset: Preset) -> Preset:
-    """Double the time step, where the control period allows it."""
+    """Return the preset with twice the time step, where the control period allows it."""
     doubled = 2 * preset.time_step
     fits = round(preset.control_period / preset.time_step) % 2 == 0
     return (
@@ -106,7 +111,8 @@ def _coarse(preset: Preset) -> Preset:
 
 def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, used: int) -> Fit:
     def of_one(numbers: Array) -> Array:
-        return residuals([free.decode(numbers)], loops)[0]
+        residual: Array = residuals([free.decode(numbers)], loops)[0]
+        return residual
 
     def jacobian(numbers: Array) -> Array:
         up = np.minimum(numbers + DIFFERENCE, free.upper)
@@ -115,7 +121,8 @@ def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, u
         both = [np.where(number == i, side, numbers) for side in (up, down) for i in number]
         off = residuals([free.decode(numbers) for numbers in both], loops)
         count = len(numbers)
-        return ((off[:count] - off[count:]) / (up - down)[:, None]).T
+        derivative: Array = ((off[:count] - off[count:]) / (up - down)[:, None]).T
+        return derivative
 
     margin = 1e-6
     inside = np.clip(start, free.lower + margin, free.upper - margin)
@@ -132,7 +139,7 @@ def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, u
 
 
 def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluations: int) -> tuple[Any, ...]:
-    """What an interrupted calibration must have in common with the one that goes on."""
+    """Return the inputs of a calibration: a saved state is resumed only if they are the same."""
     logs = [
         (
             loop.name,
@@ -154,7 +161,7 @@ def _new_strategy(free: FreeParameters, seed: int, evaluations: int) -> Any:
 
 
 def _resume(state_file: Path | None, key: tuple[Any, ...]) -> tuple[list[tuple[float, Array]], Any]:
-    """Return what this very calibration left when interrupted: finished starts, and the strategy."""
+    """Return the saved state of this calibration: finished starts, and the strategy of an unfinished one."""
     if state_file is None or not state_file.is_file():
         return [], None
     try:

@@ -1,4 +1,4 @@
-"""How well a calibration knows its parameters, and which of them the logs do not tell."""
+"""Uncertainty of fitted parameters, and warnings about those that the logs do not determine."""
 
 import dataclasses
 
@@ -13,27 +13,30 @@ from twin.preset.randomization import Ranges
 Array = NDArray[np.float64]
 
 UNKNOWN = 0.5
-"""A positive parameter whose standard deviation is above this share of it is not told by the logs."""
+"""Relative standard deviation above which a positive parameter counts as poorly known."""
 BLIND = 3.0
-"""Beyond this, a factor of 20, they tell nothing at all."""
+"""Relative standard deviation above which it counts as unknown: a factor of 20."""
 ENTANGLED = 0.98
-"""Two parameters whose estimates correlate beyond this are told only in combination."""
+"""Correlation above which two parameters are known only in combination."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations and correlations of fitted parameters."""
+    """Standard deviations and correlations of fitted parameters.
+
+    Attributes:
+        deviation: standard deviation of each parameter by name, in its own unit.
+        correlation: correlation of the estimates, (P, P).
+        warnings: one sentence for each parameter or pair that the logs do not determine.
+    """
 
     deviation: dict[str, float]
-    """Standard deviation of each, in its own unit."""
     correlation: Array
-    """(P, P) between the estimates."""
     warnings: tuple[str, ...]
-    """One sentence for each parameter or pair that the logs do not tell."""
 
 
 def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
-    """Return the standard deviations by linearised least squares.
+    """Estimate standard deviations and correlations by linearised least squares.
 
     The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989). Residuals of neighbouring samples are alike, so
     that there is less information than samples: s^2 is inflated by (1 + r) / (1 - r), with r their
@@ -60,8 +63,8 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
 def likely_ranges(fit: Fit, free: FreeParameters, known: Uncertainty) -> Ranges:
     """Return ranges for domain randomisation: three standard deviations about each fitted parameter.
 
-    A parameter that the logs do not tell is drawn within a factor of 3, or one step of the search where it
-    may be negative; all stay within their physical limits.
+    A parameter that the logs do not determine is drawn within a factor of 3, or one step of the search where
+    it may be negative; all stay within their physical limits.
     """
     ranges = []
     for name in free.names:

@@ -1,1 +1,1 @@
-"""Files on disk: atomic writing, folders, hashes, locks, and where the product keeps its own."""
+"""Files on disk: atomic writing, folders, hashes, locks, and the assets folder."""

@@ -1,4 +1,4 @@
-"""Where the files of `assets/` are: beside the packages in a checkout, inside `twin` once installed."""
+"""Location of `assets/`: beside the packages in a checkout, inside `twin` once installed."""
 
 from pathlib import Path
 

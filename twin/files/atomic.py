@@ -1,4 +1,4 @@
-"""Atomic writing: a file appears under its name only when it is whole."""
+"""Atomic writing: a file appears under its name only when it is complete."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 
 class WholeFile:
-    """Context manager: an open binary file that takes its final name when the block ends well.
+    """Context manager: an open binary file that takes its final name when the block succeeds.
 
     Until then it is `.NAME.XXXXXXXX.partial` in the same folder, so that renaming it never crosses a file
     system and that two processes never write into the same one. Under an exception that file is removed, and
@@ -65,7 +65,7 @@ class WholeFile:
 
 
 def write_whole(path: str | Path, content: bytes | str) -> None:
-    """Write a file, whole or not at all; text as UTF-8.
+    """Write a file atomically; text as UTF-8.
 
     Raises:
         FileNotFoundError: the folder does not exist.
@@ -76,7 +76,7 @@ def write_whole(path: str | Path, content: bytes | str) -> None:
 
 
 def remove_partial_files(folder: Path) -> None:
-    """Remove what killed processes have left of whole files."""
+    """Remove the temporary files that killed processes have left."""
     for path in folder.glob(".*.????????.partial"):
         if path.is_file():  # a folder that is being exported is named alike
             path.unlink(missing_ok=True)

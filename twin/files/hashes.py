@@ -1,4 +1,4 @@
-"""What a file is known by."""
+"""SHA-256 of a file."""
 
 import hashlib
 from pathlib import Path

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL, errno.EACCES)
-"""What file systems say that cannot lock a folder."""
+"""Error numbers of file systems that cannot lock a folder."""
 
 
 @contextlib.contextmanager
 def claim(folder: Path) -> Iterator[None]:
-    """Context manager: no other process that asks can write into the folder meanwhile; ends with the process.
+    """Context manager: an exclusive advisory lock on a folder, released when the process ends.
 
     Some file systems cannot lock folders (NFS). There, nothing keeps two runs apart: each file is whole all
     the same, but one run may find that the other has removed what it was writing, and end with an error.

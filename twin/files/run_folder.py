@@ -1,4 +1,4 @@
-"""A run folder belongs to one configuration, which it states in `config.yaml`."""
+"""Run folder: belongs to one configuration, stated in its `config.yaml`."""
 
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from twin.files.atomic import write_whole
 
 
 def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
-    """Write `config.yaml`, or check that the run already there has the same configuration.
+    """Write `config.yaml` into a run folder, or check that the run already there has this configuration.
 
     Raises:
         ValueError: it has another one.
@@ -19,7 +19,7 @@ def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
     if path.is_file():
         if path.read_text() != text:
             raise ValueError(
-                f"{folder} holds a run of another configuration: choose another --out or remove it"
+                f"{folder} holds a run of another configuration: choose another `folder` or remove it"
             )
         return
     write_whole(path, text)

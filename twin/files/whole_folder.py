@@ -1,4 +1,4 @@
-"""A folder that appears under its name only when all of its files are whole."""
+"""Atomic folder: appears under its name only when all of its files are complete."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ from twin.files.lock import claim
 
 
 class WholeFolder:
-    """Context manager: a new folder that takes its final name when the block ends well.
+    """Context manager: a new folder that takes its final name when the block succeeds.
 
     Until then it is `.NAME.partial` beside it, so that renaming it never crosses a file system. Under an
     exception it is removed; what a killed process has left of it is removed by the next one.
@@ -22,7 +22,7 @@ class WholeFolder:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Name the folder; nothing is made yet.
+        """Name the folder; nothing is created yet.
 
         Args:
             path: the final name.
@@ -39,7 +39,7 @@ class WholeFolder:
             raise ValueError(f"the folder {path} is not empty: choose another name, or remove it")
 
     def __enter__(self) -> Path:
-        """Make the folder under its temporary name and return that.
+        """Create the folder under its temporary name and return that name.
 
         Raises:
             OSError: it cannot be made.
@@ -85,7 +85,7 @@ class WholeFolder:
         _to_disk(self.path.parent)
 
     def _is_here(self, error: OSError) -> bool:
-        """Whether an error is of this folder: of a file in it, or of one that the error does not name."""
+        """Return True if an error concerns a file in this folder, or a file that it does not name."""
         return error.errno is not None and str(error.filename or self._partial).startswith(str(self._partial))
 
     def _named(self, error: OSError) -> OSError:
@@ -100,7 +100,7 @@ def _remove(path: Path) -> None:
 
 
 def _to_disk(folder: Path) -> None:
-    """Make the names in a folder survive a power cut; the files in it are on the disk already."""
+    """Flush the directory entries of a folder to disk; its files are on the disk already."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

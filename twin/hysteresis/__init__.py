@@ -1,4 +1,4 @@
-"""Models of hysteresis from pulling distance to bending angle; each is one file, none knows the physics."""
+"""Hysteresis models from pulling distance to bending angle, one file each, independent of the simulation."""
 
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.coleman_hodgdon import ColemanHodgdon

@@ -1,4 +1,4 @@
-"""The Bouc-Wen model of hysteresis (Bouc 1971, Wen 1976), normalised as by Ikhouane and Rodellar (2007).
+"""Bouc-Wen hysteresis model (Bouc 1971, Wen 1976), normalised as by Ikhouane and Rodellar (2007).
 
     theta = kappa_x l + kappa_w w
     dw = rho (dl - sigma |dl| |w|^(n-1) w + (sigma - 1) dl |w|^n),    sigma >= 1/2, n >= 1
@@ -24,29 +24,32 @@ from twin.hysteresis.reading import numbers
 Array = NDArray[np.float64]
 
 HALLEY_STEPS = 3
-"""From the bound that the root is searched from: to 1e-14 for all n from 1 to 10 and any increment."""
+"""Iterations of Halley's method: they reach 1e-14 for all n from 1 to 10 and any increment."""
 
 
 @dataclasses.dataclass(frozen=True)
 class BoucWen:
-    """Parameters of the model; arrays of one shape hold many candidates at once."""
+    """Bouc-Wen model: its parameters; arrays of one shape hold many candidates at once.
+
+    Attributes:
+        kappa_x_deg_per_mm: slope once w is saturated, positive [deg / mm].
+        kappa_w_deg: half the height of a large loop, with its sign, not zero [deg].
+        rho_per_mm: rate at which w changes with the pull, positive [1 / mm].
+        sigma: shape, at least 1/2: 2 sigma rho is the slope of w just after a reversal from saturation.
+        n: sharpness of the transition into saturation, at least 1.
+    """
 
     name: ClassVar[str] = "bouc-wen"
     affine: ClassVar[bool] = False
 
     kappa_x_deg_per_mm: ArrayLike
-    """Slope once w is saturated [deg / mm]."""
     kappa_w_deg: ArrayLike
-    """How far the branches of a large loop lie from its middle; not zero [deg]."""
     rho_per_mm: ArrayLike
-    """How fast w moves after a reversal [1 / mm]."""
     sigma: ArrayLike
-    """Shape: 2 sigma rho is the slope of w just after a reversal from saturation."""
     n: ArrayLike
-    """How sharply w bends into saturation."""
 
     def start(self, pull_mm: ArrayLike) -> Array:
-        """Return no memory (0, B): the angle holds all of it."""
+        """Return the memory at the first sample, (0, B): empty, as the angle is the whole state."""
         return np.empty((0, np.size(pull_mm)))
 
     def step(
@@ -72,15 +75,16 @@ class BoucWen:
         return bend_deg + moved, memory
 
     def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
-        """Return how much of a deviation of the angle is left after a step; in (0, 1]."""
+        """Return the derivative of a step with respect to the angle, in (0, 1]."""
         previous = np.asarray(previous_pull_mm, dtype=float)
         increment = np.asarray(pull_mm, dtype=float) - previous
         w, gain = self._advance(self._internal(bend_deg, previous), increment)
         n = np.asarray(self.n)
-        return 1 / (1 + n * gain * np.abs(w) ** (n - 1))
+        slope: Array = 1 / (1 + n * gain * np.abs(w) ** (n - 1))
+        return slope
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the model's bending angle along a command.
+        """Return the bending angle along a command.
 
         Args:
             pull_mm: (..., N) pulling distance [mm].
@@ -107,7 +111,7 @@ class BoucWen:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "BoucWen":
-        """Return the model of such values.
+        """Return the model with these parameters.
 
         Raises:
             ValueError: a parameter is missing, is no number or is out of range.
@@ -123,12 +127,13 @@ class BoucWen:
         return cls(*found)
 
     def _internal(self, bend_deg: ArrayLike, pull_mm: Array) -> Array:
-        """Return w of an angle at a pull."""
+        """Return the internal variable w at an angle [deg] and a pulling distance [mm]."""
         kappa_x, kappa_w = np.asarray(self.kappa_x_deg_per_mm), np.asarray(self.kappa_w_deg)
-        return (np.asarray(bend_deg, dtype=float) - kappa_x * pull_mm) / kappa_w
+        w: Array = (np.asarray(bend_deg, dtype=float) - kappa_x * pull_mm) / kappa_w
+        return w
 
     def _advance(self, w: Array, increment_mm: Array) -> tuple[Array, Array]:
-        """Return w one sample later, and the factor of its power in the equation that it solves.
+        """Return w one sample later, and the factor of its power in the implicit equation.
 
         Seen along the motion, u = sign(dl) w follows du = h (1 - phi(u)) with h = rho |dl| and a rising
         phi(u) = u^n for u >= 0, -(2 sigma - 1) |u|^n below. Backward Euler is v + h phi(v) = u + h. Its

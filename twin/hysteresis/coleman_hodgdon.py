@@ -1,4 +1,4 @@
-"""The Coleman-Hodgdon model of hysteresis (Coleman and Hodgdon 1986; eq. 1 of the RAM paper), in batches.
+"""Coleman-Hodgdon hysteresis model (Coleman and Hodgdon 1986; eq. 1 of the RAM paper), in batches.
 
     d theta / dt = a |v| (b l - theta) + c v,    v = dl / dt
 
@@ -19,20 +19,23 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class ColemanHodgdon:
-    """Parameters of the model; arrays of one shape hold many candidates at once."""
+    """Coleman-Hodgdon model: its parameters; arrays of one shape hold many candidates at once.
+
+    Attributes:
+        a_per_mm: decay rate of the memory of a reversal, positive [1 / mm].
+        b_deg_per_mm: slope that a long pull approaches, positive [deg / mm].
+        c_deg_per_mm: slope where angle and asymptote b l meet [deg / mm].
+    """
 
     name: ClassVar[str] = "coleman-hodgdon"
     affine: ClassVar[bool] = True
 
     a_per_mm: ArrayLike
-    """How fast the memory of a reversal is lost [1 / mm]."""
     b_deg_per_mm: ArrayLike
-    """Slope that a long pull approaches [deg / mm]."""
     c_deg_per_mm: ArrayLike
-    """Slope added at every point; b a l + c governs the slope after a reversal [deg / mm]."""
 
     def start(self, pull_mm: ArrayLike) -> Array:
-        """Return no memory (0, B): the angle holds all of it."""
+        """Return the memory at the first sample, (0, B): empty, as the angle is the whole state."""
         return np.empty((0, np.size(pull_mm)))
 
     def step(
@@ -55,12 +58,13 @@ class ColemanHodgdon:
         return bend_deg + a * np.abs(increment) * (b * pull - bend_deg) + c * increment, memory
 
     def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
-        """Return how much of a deviation of the angle is left after a step (eq. 7): 1 - a |increment|."""
+        """Return the derivative of a step with respect to the angle (eq. 7): 1 - a |increment|."""
         increment = np.asarray(pull_mm, dtype=float) - np.asarray(previous_pull_mm, dtype=float)
-        return 1 - np.asarray(self.a_per_mm) * np.abs(increment)
+        slope: Array = 1 - np.asarray(self.a_per_mm) * np.abs(increment)
+        return slope
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the model's bending angle along a command.
+        """Return the bending angle along a command.
 
         Args:
             pull_mm: (..., N) pulling distance [mm].
@@ -87,11 +91,11 @@ class ColemanHodgdon:
         return np.moveaxis(bend, 0, -1)
 
     def monotone(self) -> bool:
-        """Whether loops of any size rise with the pull and fall with the release: c >= b / 2 >= 0."""
+        """Return True if loops of any size rise with the pull and fall with the release: c >= b / 2 >= 0."""
         return bool(np.all(np.asarray(self.c_deg_per_mm) >= np.asarray(self.b_deg_per_mm) / 2))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters by name, and how far the model is from monotone loops."""
+        """Return the parameters by name, with c / b and whether loops are monotone."""
         a, b, c = (float(np.asarray(v)) for v in dataclasses.astuple(self))
         return {
             "a_per_mm": a,
@@ -103,7 +107,7 @@ class ColemanHodgdon:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "ColemanHodgdon":
-        """Return the model of such values.
+        """Return the model with these parameters.
 
         Raises:
             ValueError: a parameter is missing, is no number or is out of range.
@@ -117,6 +121,6 @@ class ColemanHodgdon:
 
 
 def _with_axes(values: Array, axes: int) -> Array:
-    """(time, ...) values with room for candidates: (time, 1..., ...) where the parameters have more axes."""
+    """Insert axes for candidates after time: (time, ...) becomes (time, 1..., ...)."""
     extra = max(axes - (values.ndim - 1), 0)
     return values.reshape(len(values), *(1,) * extra, *values.shape[1:])

@@ -1,4 +1,4 @@
-"""What every model of hysteresis can do, and the file that an identified one is kept in."""
+"""Interface of hysteresis models, and the JSON file of an identified one."""
 
 import dataclasses
 import json
@@ -17,37 +17,39 @@ Array = NDArray[np.float64]
 
 
 class HysteresisModel(Protocol):
-    """A frozen dataclass of parameters; one that is searched for in batches takes arrays of candidates too.
+    """Interface of a hysteresis model: a frozen dataclass of parameters.
 
-    The bending angle is part of the state, so that a filter can correct it. What the angle and the pull do
-    not tell of the past is `memory`, which the command alone moves.
+    The bending angle is part of the state, so that a filter can correct it. `memory` is the rest of the
+    state; the command alone moves it. A model that is identified in batches also takes arrays of candidates.
+
+    Attributes:
+        name: name of the model on the command line and in files.
+        affine: True if the next angle is affine in the angle, so that a plain Kalman filter is exact.
     """
 
     name: ClassVar[str]
-    """Its name on the command line and in files."""
     affine: ClassVar[bool]
-    """Whether the next angle is affine in the angle, so that a plain Kalman filter is exact."""
 
     def start(self, pull_mm: ArrayLike) -> Array:
-        """Return the memory (m, B) at the first sample, reached from rest at zero by pulling to (B,) [mm]."""
+        """Return the memory (m, B) at the first sample, after a pull from rest at zero to (B,) [mm]."""
 
     def step(
         self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
     ) -> tuple[Array, Array]:
-        """Return the angle (B,) and the memory (m, B) one sample later, from those at the previous one."""
+        """Return angle (B,) [deg] and memory (m, B) one sample later."""
 
     def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
-        """Return d step / d bend (B,), which an extended Kalman filter needs; 1 at rest."""
+        """Return the derivative of a step with respect to the angle, (B,), for an extended Kalman filter."""
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the angle (..., N) along commands (..., N) from first angles (...)."""
+        """Return the angle (..., N) [deg] along commands (..., N) [mm] from first angles (...) [deg]."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters by name, as the model's file holds them."""
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """Return the model of such values; `ValueError` where they are none."""
+        """Return the model with these parameters; raises `ValueError` if one is missing or out of range."""
 
 
 MODELS: dict[str, Callable[[dict[str, Any]], HysteresisModel]] = {
@@ -55,16 +57,16 @@ MODELS: dict[str, Callable[[dict[str, Any]], HysteresisModel]] = {
     BoucWen.name: BoucWen.from_dict,
     PrandtlIshlinskii.name: PrandtlIshlinskii.from_dict,
 }
-"""How a model is read, by the name on the command line and in its file."""
+"""Hysteresis models by their name on the command line and in files."""
 
 
 def model_to_dict(model: HysteresisModel) -> dict[str, Any]:
-    """Return the name and the parameters of a model, as every file holds them."""
+    """Return the name and the parameters of a model, as files hold them."""
     return {"model": model.name, **model.to_dict()}
 
 
 def model_from_dict(values: dict[str, Any]) -> HysteresisModel:
-    """Return the model that `model_to_dict` has described.
+    """Return the model that `model_to_dict` described.
 
     Raises:
         KeyError: there is no name, or no model of that name.
@@ -75,7 +77,15 @@ def model_from_dict(values: dict[str, Any]) -> HysteresisModel:
 
 @dataclasses.dataclass(frozen=True)
 class IdentifiedModel:
-    """A fitted model and how it was found; the contents of `coleman_hodgdon.json` and its like."""
+    """Identified model with its fit error and origin: the contents of `coleman_hodgdon.json` and its like.
+
+    Attributes:
+        model: the hysteresis model.
+        rmse_deg: root mean square error over the records it was identified from [deg].
+        optimizer: method of the fit, in words.
+        seed: seed of the optimizer.
+        source: origin of the records.
+    """
 
     model: HysteresisModel
     rmse_deg: float

@@ -1,4 +1,4 @@
-"""The Prandtl-Ishlinskii model of hysteresis: a weighted sum of plays (Krasnosel'skii and Pokrovskii 1989).
+"""Prandtl-Ishlinskii hysteresis model: a weighted sum of plays (Krasnosel'skii and Pokrovskii 1989).
 
     theta = sum_i w_i p_i,    p_i(k) = max(l(k) - r_i, min(l(k) + r_i, p_i(k-1)))
 
@@ -24,15 +24,18 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class PrandtlIshlinskii:
-    """Weights of the plays, and their thresholds."""
+    """Prandtl-Ishlinskii model: weights and thresholds of its plays.
+
+    Attributes:
+        weights_deg_per_mm: weight of each play, not negative, (m,) [deg / mm].
+        thresholds_mm: threshold of each play, half the width of its dead band, not negative, (m,) [mm].
+    """
 
     name: ClassVar[str] = "prandtl-ishlinskii"
     affine: ClassVar[bool] = True
 
     weights_deg_per_mm: tuple[float, ...]
-    """Of each play, not negative [deg / mm]."""
     thresholds_mm: tuple[float, ...]
-    """Of each play, half the width of its dead band; not negative [mm]."""
 
     def start(self, pull_mm: ArrayLike) -> Array:
         """Return the plays (m, B) after a monotone pull from rest at zero to (B,) [mm]."""
@@ -57,11 +60,11 @@ class PrandtlIshlinskii:
         return bend_deg + np.tensordot(self.weights_deg_per_mm, plays - memory, axes=1), plays
 
     def slope(self, bend_deg: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike) -> Array:
-        """Return how much of a deviation of the angle is left after a step: all of it."""
+        """Return the derivative of a step with respect to the angle: 1."""
         return np.ones(np.broadcast_shapes(np.shape(bend_deg), np.shape(pull_mm)))
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the model's bending angle along a command that was reached from rest at zero.
+        """Return the bending angle along a command that was reached from rest at zero.
 
         Args:
             pull_mm: (..., N) pulling distance [mm].
@@ -71,7 +74,8 @@ class PrandtlIshlinskii:
             (..., N) bending angle [deg].
         """
         angle = np.tensordot(self.weights_deg_per_mm, plays_along(pull_mm, self.thresholds_mm), axes=1)
-        return np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
+        bend_deg: Array = np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
+        return bend_deg
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters by name."""
@@ -79,7 +83,7 @@ class PrandtlIshlinskii:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "PrandtlIshlinskii":
-        """Return the model of such values.
+        """Return the model with these parameters.
 
         Raises:
             ValueError: a parameter is missing, is no list of numbers or is out of range.
@@ -94,13 +98,14 @@ class PrandtlIshlinskii:
 
 
 def moved(plays_mm: Array, pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:
-    """Return the plays (m, ...) once the pull is (...) [mm]: each is dragged only beyond its dead band."""
+    """Return the plays (m, ...) after a move to the pull (...) [mm]: each moves only beyond its dead band."""
     threshold = np.reshape(thresholds_mm, (-1,) + (1,) * pull_mm.ndim)
-    return np.maximum(pull_mm - threshold, np.minimum(pull_mm + threshold, plays_mm))
+    plays: Array = np.maximum(pull_mm - threshold, np.minimum(pull_mm + threshold, plays_mm))
+    return plays
 
 
 def plays_along(pull_mm: Array, thresholds_mm: Sequence[float]) -> Array:
-    """Return the plays (m, ..., N) along commands (..., N) whose first is reached from rest at zero [mm]."""
+    """Return the plays (m, ..., N) along commands (..., N) [mm], the first reached from rest at zero."""
     pull = np.moveaxis(np.asarray(pull_mm, dtype=float), -1, 0)
     plays = np.empty((len(pull), len(thresholds_mm), *pull.shape[1:]))
     last = np.zeros(plays.shape[1:])

@@ -1,4 +1,4 @@
-"""Reading the parameters of a model of hysteresis from its file, with one rule for what is refused."""
+"""Reading and checking the parameters of a hysteresis model from its file."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
-    """Return the named values, each one number.
+    """Return the named values, each a single number.
 
     Raises:
         ValueError: one is missing or is no number; the message lists all that are needed.
@@ -21,7 +21,7 @@ def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
 
 
 def series(values: dict[str, Any], name: str) -> tuple[float, ...]:
-    """Return the named list of finite numbers.
+    """Return a named list of finite numbers.
 
     Raises:
         ValueError: it is missing, is no list, is empty, or holds something else.

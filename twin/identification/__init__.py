@@ -1,4 +1,4 @@
-"""Identification of models of hysteresis from records: arrays in, a fitted model out; one file per model."""
+"""Identification of hysteresis models from records: arrays in, a fitted model out; one file per model."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,7 +15,7 @@ OPTIMIZERS = {
     BoucWen.name: "pymoo GA, population {population}, generations {generations}, then scipy least_squares",
     PrandtlIshlinskii.name: "scipy nnls",
 }
-"""How each model is fitted, in words for its file."""
+"""Method of the fit of each model, in words for its file."""
 
 
 def identify(
@@ -29,7 +29,7 @@ def identify(
     generations: int = 150,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[HysteresisModel, float]:
-    """Fit a model of hysteresis to all records.
+    """Fit a hysteresis model to all records.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
@@ -38,8 +38,8 @@ def identify(
         monotone: constrain a Coleman-Hodgdon model to c >= b / 2, so that loops of any size are monotone.
         thresholds_mm: of a Prandtl-Ishlinskii model; if not given, spread evenly over the stroke.
         population: candidates per generation of the genetic algorithm.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].
@@ -66,7 +66,7 @@ def identify(
 
 
 def check_options(name: str, *, monotone: bool = False, thresholds_mm: Sequence[float] = ()) -> None:
-    """Refuse a model that is none of `MODELS`, and an option that the model does not have.
+    """Check that the model is one of `MODELS` and has the options given.
 
     Raises:
         ValueError: so it is.

@@ -20,7 +20,7 @@ LOWER = np.array([0.1, -60.0, 0.05, 0.5, 1.0])  # kappa_x [deg/mm], kappa_w [deg
 UPPER = np.array([80.0, 60.0, 20.0, 5.0, 10.0])
 LOGARITHMIC = np.array([False, False, True, False, True])
 DIFFERENCE = 1e-6
-"""Of a point of the unit cube to either side, for derivatives."""
+"""Step of the finite differences, to either side, on the scale of the unit cube."""
 
 
 def identify_bouc_wen(
@@ -31,14 +31,14 @@ def identify_bouc_wen(
     generations: int = 150,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[BoucWen, float]:
-    """Fit one model to all records.
+    """Fit one Bouc-Wen model to all records.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
         seed: of the genetic algorithm.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].
@@ -56,7 +56,7 @@ def identify_bouc_wen(
         return stack.error(_model(point)).ravel()
 
     def derivatives(point: Array) -> Array:
-        """Central differences of all variables in one batch; one-sided at the edge of the cube."""
+        """Return central differences of all variables in one batch; one-sided at the edge of the cube."""
         ends = [np.clip(point + sign * DIFFERENCE * np.eye(len(point)), 0, 1) for sign in (1, -1)]
         above, below = (stack.error(_model(end.T[..., None])).reshape(len(point), -1) for end in ends)
         return ((above - below) / np.diagonal(ends[0] - ends[1])[:, None]).T
@@ -70,7 +70,7 @@ def identify_bouc_wen(
 
 
 def _model(unit: Array) -> BoucWen:
-    """The model at (5, ...) of the unit cube."""
+    """Return the model at points (5, ...) of the unit cube."""
     kappa_x, kappa_w, rho, sigma, n = (
         low * (high / low) ** value if logarithmic else low + (high - low) * value
         for low, high, logarithmic, value in zip(LOWER, UPPER, LOGARITHMIC, unit, strict=True)

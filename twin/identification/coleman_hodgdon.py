@@ -24,15 +24,15 @@ def identify_coleman_hodgdon(
     generations: int = 150,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[ColemanHodgdon, float]:
-    """Fit one model to all records by pymoo's genetic algorithm (Blank and Deb 2020).
+    """Fit one Coleman-Hodgdon model to all records by pymoo's genetic algorithm (Blank and Deb 2020).
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` of each record; the angle at the first sample is known.
         seed: of the genetic algorithm.
         monotone: constrain c >= b / 2, so that loops of any size are monotone.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best model and its RMSE over all samples [deg].
@@ -53,7 +53,7 @@ def identify_coleman_hodgdon(
 
 
 def model_at(unit: Array, monotone: bool = False) -> ColemanHodgdon:
-    """Return the model at (3, ...) of the unit cube: log a, b and c, or c - b / 2 if monotone."""
+    """Return the model at points (3, ...) of the unit cube: log a, b and c, or c - b / 2 if monotone."""
     a = LOWER[0] * (UPPER[0] / LOWER[0]) ** unit[0]
     b = LOWER[1] + (UPPER[1] - LOWER[1]) * unit[1]
     c = LOWER[2] + (UPPER[2] - LOWER[2]) * unit[2]

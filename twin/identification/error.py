@@ -1,4 +1,4 @@
-"""The records that a model is identified from: what is refused, and how far off them a response is."""
+"""Identification records: validation and mean square error of a response."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
 Records = Sequence[tuple[Array, Array]]
-"""`(pull_mm (N,), bend_deg (N,))` of each record."""
+"""Records as pairs of pulling distance (N,) [mm] and bending angle (N,) [deg]."""
 
 NEVER_REVERSES = "the command never reverses: a loop needs at least one reversal to identify hysteresis"
 DIVERGED = 1e12
@@ -17,7 +17,7 @@ DIVERGED = 1e12
 
 
 def check(records: Records) -> None:
-    """Refuse records that no model of hysteresis can be identified from.
+    """Check that a hysteresis model can be identified from the records.
 
     Raises:
         ValueError: there is no record, a command does not move or never reverses, or a value is not finite.
@@ -34,7 +34,7 @@ def check(records: Records) -> None:
 
 
 class Stack:
-    """Records of any length side by side: shorter ones stand still at their end, with no weight there."""
+    """Records of any length stacked into one array: shorter ones are padded, with zero weight there."""
 
     def __init__(self, records: Records):
         samples = max(len(pull) for pull, _ in records)
@@ -43,7 +43,7 @@ class Stack:
         self.weight = np.stack([np.arange(samples) < len(pull) for pull, _ in records])
 
     def error(self, model: HysteresisModel) -> Array:
-        """Return response minus angle (..., records, N) [deg], zero where a record has ended.
+        """Return response minus angle, (..., records, N) [deg]; 0 where a record has ended.
 
         The response starts from the measured angle at the first sample.
         """
@@ -53,7 +53,8 @@ class Stack:
         """Return `mean_square_error` of these records."""
         with np.errstate(over="ignore", invalid="ignore"):
             total = (self.error(model) ** 2).sum(axis=(-1, -2))
-        return np.nan_to_num(total / self.weight.sum(), nan=DIVERGED, posinf=DIVERGED)
+        mean: Array = np.nan_to_num(total / self.weight.sum(), nan=DIVERGED, posinf=DIVERGED)
+        return mean
 
 
 def mean_square_error(model: HysteresisModel, records: Records) -> Array:

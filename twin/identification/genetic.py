@@ -1,4 +1,4 @@
-"""A genetic algorithm over the unit cube that costs a generation at once (pymoo; Blank and Deb 2020)."""
+"""Genetic algorithm over the unit cube, each generation as one batch (pymoo; Blank and Deb 2020)."""
 
 from collections.abc import Callable
 
@@ -20,15 +20,15 @@ def search(
     generations: int,
     on_generation: Callable[[int, float], None] | None = None,
 ) -> tuple[Array, float]:
-    """Return the point of least cost that was found.
+    """Minimise a cost over the unit cube; returns the best point found.
 
     Args:
         cost: mean square errors (candidates,) [deg^2] of points (candidates, variables) of the unit cube.
-        variables: how many.
+        variables: number of variables.
         seed: of the genetic algorithm.
         population: candidates per generation.
-        generations: how many of them.
-        on_generation: told the number of the generation and the best RMSE so far [deg].
+        generations: number of generations.
+        on_generation: called with the number of the generation and the best RMSE so far [deg].
 
     Returns:
         The best point (variables,), and its cost [deg^2].
@@ -49,16 +49,16 @@ def search(
     return result.X, float(result.F[0])
 
 
-class _UnitCube(Problem):
+class _UnitCube(Problem):  # type: ignore[misc]  # pymoo has no types
     def __init__(self, cost: Callable[[Array], Array], variables: int):
         super().__init__(n_var=variables, n_obj=1, xl=0.0, xu=1.0)
         self.cost = cost
 
-    def _evaluate(self, x: Array, out: dict, *args: object, **kwargs: object) -> None:
+    def _evaluate(self, x: Array, out: dict[str, Array], *args: object, **kwargs: object) -> None:
         out["F"] = self.cost(x)[:, None]
 
 
-class _Progress(Callback):
+class _Progress(Callback):  # type: ignore[misc]  # pymoo has no types
     def __init__(self, on_generation: Callable[[int, float], None]):
         super().__init__()
         self.on_generation = on_generation

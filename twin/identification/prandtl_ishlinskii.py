@@ -16,13 +16,13 @@ from twin.identification.error import Records, check, mean_square_error
 Array = NDArray[np.float64]
 
 PLAYS = 8
-"""How many, where no thresholds are given."""
+"""Number of plays where no thresholds are given."""
 
 
 def identify_prandtl_ishlinskii(
     records: Records, *, thresholds_mm: Sequence[float] = ()
 ) -> tuple[PrandtlIshlinskii, float]:
-    """Fit the weights to all records.
+    """Fit the weights of one Prandtl-Ishlinskii model to all records.
 
     The first angle of a record is measured with noise that a play never forgets, so the level of each record
     is left free in the fit. The error that is returned is that of the response from the measured first angle,
@@ -53,7 +53,7 @@ def identify_prandtl_ishlinskii(
 
 
 def spread_thresholds(records: Records) -> tuple[float, ...]:
-    """Return `PLAYS` thresholds from zero, evenly up to but without half the largest range of a command [mm].
+    """Return `PLAYS` thresholds [mm], evenly spaced from 0 to just below half the largest command range.
 
     A play of half the range is dragged once and never comes back.
     """
@@ -62,4 +62,5 @@ def spread_thresholds(records: Records) -> tuple[float, ...]:
 
 
 def _centred(values: Array) -> Array:
-    return values - values.mean(axis=-1, keepdims=True)
+    centred: Array = values - values.mean(axis=-1, keepdims=True)
+    return centred

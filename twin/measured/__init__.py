@@ -1,1 +1,1 @@
-"""Logs from outside: CSV files of real endoscopes, read into episodes and recorded commands."""
+"""Measured logs: CSV files of real endoscopes, read into episodes and recorded commands."""

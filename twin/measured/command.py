@@ -1,4 +1,4 @@
-"""A recorded command from a CSV file, as a pulling distance on an even grid of samples."""
+"""Recorded command signal from a CSV file, resampled to an even time grid."""
 
 from pathlib import Path
 
@@ -10,11 +10,11 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 SECONDS_PER_CYCLE = 20.0
-"""A phase column says how far a cycle is, not how fast it runs: it is played at this slow rate."""
+"""Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
 
 
 def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
-    """Return the pulling distance of a recorded command (N,) [m].
+    """Read a recorded command; returns its pulling distance, (N,) [m].
 
     The file has a header. The command is in `pull_mm`, or in `command_deg`, an angle of the preset's pulley;
     time is in `time_s`, or in `phase_rad`. Samples at one time are averaged; between samples the command is

@@ -1,4 +1,4 @@
-"""Columns of numbers from a CSV file that somebody else made; a fault is named with its line."""
+"""Columns of numbers from a CSV file; errors name the line."""
 
 import csv
 import dataclasses
@@ -11,30 +11,34 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "#n/a", "null", "none"})
-"""How programs write that there is no value, in lower case."""
+"""Texts that mean a missing value, in lower case."""
 
 MOST_LATE = 0.1
-"""Largest share of rows that may run backwards: a log with more is in no order of time."""
+"""Largest share of rows that may run backwards in time; a log with more is not in order."""
 
 
 @dataclasses.dataclass(frozen=True)
 class CsvColumns:
-    """A CSV file with a header; a column is read as numbers only when it is asked for."""
+    """Table of a CSV file with a header; a column is converted to numbers only when it is read.
+
+    Attributes:
+        path: the file, for messages.
+        names: column names of the header.
+        lines: line of the file on which each row ends, (N,); the first line is 1.
+        rows: rows of data as text, (N,).
+    """
 
     path: Path
     names: tuple[str, ...]
-    """The header."""
     lines: tuple[int, ...]
-    """(N,) line of the file that each row of data ends on; the first line is 1."""
     rows: tuple[Sequence[str], ...]
-    """(N,) rows of data, as text."""
 
     def column(self, name: str, *, may_miss: bool = False) -> Array:
-        """Return a column (N,) of numbers.
+        """Return a column of numbers, (N,).
 
         Args:
             name: which.
-            may_miss: whether a value may be missing (see `MISSING`): it is NaN then.
+            may_miss: allow missing values (see `MISSING`), which become NaN.
 
         Raises:
             ValueError: there is no such column, or two; or a value is not a finite number.
@@ -58,7 +62,7 @@ class CsvColumns:
         return values
 
     def first_of(self, names: Sequence[str]) -> str:
-        """Return the first of some names that is a column.
+        """Return the first of some names that is a column of the file.
 
         Raises:
             ValueError: none is.
@@ -71,7 +75,7 @@ class CsvColumns:
         )
 
     def time(self, name: str) -> Array:
-        """Return a column (N,) of times or phases: it may stand still from row to row, but not go back.
+        """Return a column of times or phases, (N,): it may stand still from row to row, but not go back.
 
         Raises:
             ValueError: as `column`, or the column runs backwards.
@@ -85,14 +89,14 @@ class CsvColumns:
         return values
 
     def only(self, rows: NDArray[np.bool_]) -> "CsvColumns":
-        """Return some of the rows (N,), each still with its line."""
+        """Return the table of the rows selected by a mask (N,), with their line numbers."""
         kept = np.flatnonzero(rows)
         return dataclasses.replace(
             self, lines=tuple(self.lines[row] for row in kept), rows=tuple(self.rows[row] for row in kept)
         )
 
     def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
-        """Return the rows that have a time; one warning counts the others.
+        """Return the table of the rows that have a time; one warning counts the others.
 
         Raises:
             ValueError: as `column`, or no row has one.
@@ -105,7 +109,7 @@ class CsvColumns:
         return self.only(~missing)
 
     def in_order(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
-        """Return the rows that are not before the latest time so far; one warning counts the others.
+        """Return the table without rows before the latest time so far; one warning counts them.
 
         Raises:
             ValueError: as `column`, or more than `MOST_LATE` of the rows run backwards.
@@ -119,13 +123,13 @@ class CsvColumns:
         return self.only(~late)
 
     def count(self, rows: NDArray[np.bool_], what: str) -> str:
-        """Say in how many rows (N,) something is so, and in which line first."""
+        """Describe a mask of rows (N,) in words: their number, and the line of the first."""
         line = self.lines[int(rows.argmax())]
         return f"{self.path} line {line}: {what}, as in {rows.sum()} of {len(rows)} rows"
 
 
 def read_columns(path: Path) -> CsvColumns:
-    """Read a CSV file; blank lines are passed over.
+    """Read a CSV file; blank lines are skipped.
 
     Raises:
         ValueError: it is not a CSV file, or holds no lines of data.
@@ -146,7 +150,7 @@ def read_columns(path: Path) -> CsvColumns:
 
 
 def average_repeats(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return the instants (M,) of a time that may repeat, and the mean values (M, ...) at each.
+    """Return the distinct times (M,) of a time that may repeat, and the mean values (M, ...) at each.
 
     Args:
         time: (N,) times.
@@ -162,6 +166,6 @@ def average_repeats(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def hold(values: Array) -> Array:
-    """Return values (N,) with each NaN replaced by the last value before it, if there is one."""
+    """Return values (N,) with each NaN replaced by the last value before it, where there is one."""
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return values[last]

@@ -1,4 +1,4 @@
-"""A measured log: a CSV file of what a real endoscope was told and what its sensors saw, as an episode.
+"""Measured log of a real endoscope: commands and sensor readings of a CSV file, read as an episode.
 
 Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
@@ -24,9 +24,9 @@ LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
 
 GAP = 20.0
-"""A step of time this many times the usual one is a gap."""
+"""Time step, relative to the median one, from which on it counts as a gap."""
 
-# What no endoscope does: a value beyond these is in another unit than was said.
+# Plausible limits: a value beyond them is in another unit than stated.
 _LARGEST_BEND_DEG = 720.0
 _LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
 _LARGEST_PULL_MM = 200.0
@@ -36,30 +36,36 @@ _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 @dataclasses.dataclass(frozen=True)
 class LogFormat:
-    """Which columns of a log hold what, in which unit; a unit of None is what the column's name ends in."""
+    """Columns and units of a measured log; a unit of None is the ending of the column's name.
+
+    Attributes:
+        command_column: column of the command.
+        command_unit: deg or rad for a pulley angle, mm or m for a pulling distance.
+        pulley_radius: radius that converts a pulley angle to a pulling distance [m].
+        angle_column: column of the measured bending angle.
+        angle_unit: deg or rad.
+        reverse_angle: True if the sensor counts a bend towards wire a as negative.
+        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
+        time_unit: s, ms or us; rad for a phase.
+        seconds_per_cycle: duration of a phase of 2 pi [s].
+        tension_a_column: column of the tension of wire a at the pulley [N]; None: tension_a_n, if both
+            tension_a_n and tension_b_n exist.
+        tension_b_column: the same for wire b.
+        sheath_bend_deg: bend angle of the sheath [deg]; None: the column of that name, if it exists.
+    """
 
     command_column: str = "command_deg"
     command_unit: str | None = None
-    """deg or rad: an angle of the pulley; mm or m: a pulling distance."""
     pulley_radius: float = 0.01
-    """Radius by which an angle of the pulley becomes a pulling distance [m]."""
     angle_column: str = "angle_deg"
-    """Measured bending angle."""
     angle_unit: str | None = None
-    """deg or rad."""
     reverse_angle: bool = False
-    """Whether the sensor counts a bend towards wire a as negative."""
     time_column: str | None = None
-    """None: time_s or phase_rad, whichever there is."""
     time_unit: str | None = None
-    """s, ms or us; rad: a phase."""
     seconds_per_cycle: float = SECONDS_PER_CYCLE
-    """Time that 2 pi of a phase take [s]."""
     tension_a_column: str | None = None
-    """Tension of wire a at the pulley [N]; None: tension_a_n, if there are it and tension_b_n."""
     tension_b_column: str | None = None
     sheath_bend_deg: float | None = None
-    """Angle that the sheath was bent by; None: the column of that name, if there is one."""
 
 
 def read_measured_log(
@@ -68,7 +74,7 @@ def read_measured_log(
     *,
     on_warning: Callable[[str], None] | None = None,
 ) -> Episode:
-    """Read a measured log; rows at one time are averaged, the other samples are the log's own.
+    """Read a measured log as an episode; rows with the same time are averaged.
 
     A value is missing where its field is empty or says so (`csv_columns.MISSING`). What is dropped or held
     is counted in a warning and in the metadata.
@@ -76,7 +82,7 @@ def read_measured_log(
     Args:
         path: a CSV file with a header.
         form: its columns and units.
-        on_warning: told, in one line, what is odd but no fault.
+        on_warning: called with each warning, in one line.
 
     Returns:
         N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
@@ -99,7 +105,7 @@ def read_measured_log(
 
     time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
     time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
-    time_unit = _unit(table, time_column, form.time_unit, time_units, "--time-unit")
+    time_unit = _unit(table, time_column, form.time_unit, time_units, "time_unit")
     row_count = len(table.rows)
     table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
 
@@ -169,25 +175,23 @@ def read_measured_log(
 
 
 def _check_format(form: LogFormat) -> None:
-    for flag, value in (
-        ("--pulley-radius-mm", form.pulley_radius * 1e3),
-        ("--seconds-per-cycle", form.seconds_per_cycle),
-    ):
-        if not 0 < value < np.inf:
-            raise ValueError(f"{flag} {value:g}: must be positive")
+    if not 0 < form.pulley_radius < np.inf:
+        raise ValueError(f"`pulley_radius` is {form.pulley_radius:g} m: must be positive")
+    if not 0 < form.seconds_per_cycle < np.inf:
+        raise ValueError(f"seconds_per_cycle = {form.seconds_per_cycle:g}: must be positive")
     bend = form.sheath_bend_deg
     if bend is not None and not 0 <= bend <= _LARGEST_SHEATH_BEND_DEG:
-        raise ValueError(f"--sheath-bend-deg {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
+        raise ValueError(f"sheath_bend_deg = {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
 
 
 def _in_time_order(
     table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
 ) -> tuple[CsvColumns, Array]:
-    """Rows with a time that does not go back, and that time in the column's unit [`unit` s]."""
+    """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
     table = table.timed(name, on_warning)
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
-    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check --time-unit")
+    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check `time_unit`")
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if not phase:
         table = table.in_order(name, on_warning)
@@ -195,15 +199,15 @@ def _in_time_order(
 
 
 def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) commanded pulling distance [m], NaN where missing, and the unit that the column has it in."""
+    """Return the commanded pulling distance (N,) [m], NaN where missing, and the unit of its column."""
     name = form.command_column
     values = table.column(name, may_miss=True)
     lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
-    unit = _unit(table, name, form.command_unit, lengths, "--command-unit")
+    unit = _unit(table, name, form.command_unit, lengths, "command_unit")
     with np.errstate(over="ignore"):
         pull = values * lengths[unit]
         millimetres = pull * 1e3
-    advice = "check --command-unit" + (" and --pulley-radius-mm" if unit in ANGLE_UNITS else "")
+    advice = "check `command_unit`" + (" and `pulley_radius`" if unit in ANGLE_UNITS else "")
     limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
     _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     known = values[~np.isnan(values)]
@@ -215,15 +219,15 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
 
 
 def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """(N,) measured bending angle [rad], NaN where missing, and the unit that the column has it in."""
+    """Return the measured bending angle (N,) [rad], NaN where missing, and the unit of its column."""
     name = form.angle_column
     values = table.column(name, may_miss=True)
-    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "--angle-unit")
+    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
     limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
     with np.errstate(over="ignore"):
         degrees = np.degrees(bend)
-    _refuse_implausible(table, name, degrees, "deg", limits, "check --angle-unit")
+    _refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
     return bend, unit
 
 
@@ -234,7 +238,7 @@ def _sheath_bend_column(table: CsvColumns, form: LogFormat) -> str | None:
 
 def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
     bend = table.column(name)
-    advice = "give --sheath-bend-deg"
+    advice = "give `sheath_bend_deg`"
     _refuse_implausible(table, name, bend, "deg", (0.0, _LARGEST_SHEATH_BEND_DEG), advice)
     return bend
 
@@ -242,7 +246,7 @@ def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
 def _tension_columns(
     table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
 ) -> tuple[str, ...]:
-    """Names of the columns of both tensions, or none: one wire's alone is no state of the endoscope."""
+    """Return the names of both tension columns, or none: one wire alone is of no use."""
     names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
     found = [name for name in names if name in table.names]
     asked_for = form.tension_a_column is not None or form.tension_b_column is not None
@@ -254,16 +258,16 @@ def _tension_columns(
     return ()
 
 
-def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], flag: str) -> str:
+def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], parameter: str) -> str:
     *most, last = units
     valid = f"{', '.join(most)} or {last}"
     if given is not None:
         if given not in units:
-            raise ValueError(f"{flag} {given}: must be {valid}")
+            raise ValueError(f"{parameter} = {given}: must be {valid}")
         return given
     ending = name.lower().rpartition("_")[2] if "_" in name else ""
     if ending not in units:
-        raise ValueError(f"{table.path}: column {name} does not end in its unit: give {flag} {valid}")
+        raise ValueError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
     return ending
 
 

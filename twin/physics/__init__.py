@@ -1,4 +1,4 @@
-"""The endoscope in MuJoCo: model, named readings, friction of the sheath, simulation and rendering."""
+"""MuJoCo simulation of the endoscope: model, readings, friction, drive, single and batch runs."""
 
 from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_control is imported
 from twin.physics.batch import EndoscopeBatch, simulate_batch

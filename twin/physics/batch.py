@@ -1,4 +1,4 @@
-"""Many endoscopes of one layout at once, on all cores: presets and commands in, one `Episode` each out.
+"""Batch simulation of endoscopes of one layout on all cores: presets and commands in, `Episode`s out.
 
 The physics is that of `simulate`, bit for bit; `mujoco.batch` steps the endoscopes on a pool of threads, and
 what follows the load is computed for all of them together.
@@ -33,7 +33,7 @@ def simulate_batch(
     threads: int = 0,
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
-    """Run many endoscopes, each along its own command.
+    """Simulate many endoscopes at once, each along its own command.
 
     Args:
         presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
@@ -41,8 +41,8 @@ def simulate_batch(
         sample_time: time between two samples [s], of all.
         sheath_bends: B bends of the sheath, as `simulate` takes them.
         lateral_pulls: B lateral commands.
-        threads: how many; 0 for one per core.
-        on_sample: told how many of how many samples are done.
+        threads: number of threads; 0 for one per core.
+        on_sample: called with the number of samples done and their total.
 
     Returns:
         B records; None in the place of an endoscope whose simulation diverged.
@@ -88,10 +88,10 @@ def simulate_batch(
 
 
 class EndoscopeBatch:
-    """B endoscopes that are stepped together."""
+    """Batch of B simulated endoscopes that are stepped together."""
 
     def __init__(self, presets: Sequence[Preset], threads: int = 0) -> None:
-        """Build all of them, at rest and straight.
+        """Build all B endoscopes, straight and at rest.
 
         Raises:
             ValueError: there is none, or they differ in layout.
@@ -129,15 +129,16 @@ class EndoscopeBatch:
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
-        """(B, wires, elements + 1) tension of each length of wire, pulley to tip [N]; slack likewise [m]."""
+        """Return tension [N] and slack [m] of each wire segment, both (B, wires, elements + 1)."""
         return self._loads.tension_and_slack(self.qpos)
 
     def sheath_friction(self) -> Array:
-        """(B, wires, elements) force at which each element of the sheath begins to slide [N]."""
-        return self._friction[:, self.layout.element]
+        """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
+        friction: Array = self._friction[:, self.layout.element]
+        return friction
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
-        """Run one control period of those that are active, as `Endoscope.advance`; the others stand still.
+        """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
 
         Args:
             inputs: (B, 3) pull, lateral pull and bend of the sheath.
@@ -179,4 +180,5 @@ def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
 
 
 def _field(model: mujoco.MjModel, name: str) -> Array:
-    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+    field: Array = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+    return field

@@ -1,4 +1,4 @@
-"""The drive between command and physics: servo, encoder and gear turn a commanded distance into a pulled one.
+"""Drive train between command and wires: servo, encoder and gear backlash.
 
 Two parts in a row, each exact over one control period: a motor under a position loop with limits, then the
 play of a gear (Brokate and Sprekels 1996, 'Hysteresis and Phase Transitions', chapter 2: play operator).
@@ -12,11 +12,11 @@ DriveState = tuple[float, float, float]
 """Position of the motor, its distance in the last control period, position of the pulley [m]."""
 
 _LEAST_CHANGE = 1e-200
-"""Least limit of the change of a stride [m]: one that underflows would divide by zero."""
+"""Smallest allowed change of velocity per control period [m]: a smaller one could underflow to zero."""
 
 
 class Drive:
-    """Motor, encoder, gear and pulley; every position is a pulling distance at the pulley [m].
+    """Drive train of one bending plane: motor, encoder, gear and pulley; positions are pulling distances [m].
 
     The motor moves by one *stride* s in each control period T, by the error e that its encoder counts:
 
@@ -34,7 +34,7 @@ class Drive:
     """
 
     def __init__(self, preset: Preset) -> None:
-        """Take the parameters of the drive from a preset; it starts as `reset` leaves it."""
+        """Set up the drive of a preset, in the state that `reset` leaves."""
         period = preset.control_period
         gain, speed, acceleration = preset.servo_gain, preset.servo_speed, preset.servo_acceleration
         self._share = -math.expm1(-gain * period) if gain else 1.0
@@ -48,23 +48,23 @@ class Drive:
 
     @property
     def rigid(self) -> bool:
-        """Whether the pulley is always where the command is: no servo, no encoder, no backlash."""
+        """True if the pulley follows the command exactly: no servo, no encoder, no backlash."""
         return self._stiff and not self._count and not self._half_play
 
     def reset(self) -> None:
-        """Put motor and pulley to rest at 0, in the middle of the play."""
+        """Reset motor and pulley to rest at 0, in the middle of the backlash."""
         self._motor = self._stride = self._pulley = 0.0
 
     def state(self) -> DriveState:
-        """Return all that the next `advance` depends on."""
+        """Return the complete state of the drive."""
         return self._motor, self._stride, self._pulley
 
     def restore(self, state: DriveState) -> None:
-        """Go on from what `state` returned, bit for bit."""
+        """Restore a state that `state` returned; the run continues bit for bit."""
         self._motor, self._stride, self._pulley = state
 
     def advance(self, command: float) -> float:
-        """Run one control period; the servo is told the distance for its end from its start.
+        """Advance the drive by one control period.
 
         Args:
             command: pulling distance that is asked for at the end of the period [m].

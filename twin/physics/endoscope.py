@@ -1,4 +1,4 @@
-"""The endoscope as a dm_control `Physics`: named readings, load-dependent friction and the whole state."""
+"""Endoscope as a dm_control `Physics`: named readings, load-dependent friction, complete state."""
 
 import dataclasses
 import math
@@ -21,22 +21,27 @@ _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """Everything that the future of a run depends on: restored, the run continues bit for bit."""
+    """Complete state of a simulated endoscope: restored, the run continues bit for bit.
+
+    Attributes:
+        physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`): positions, velocities, actuator states,
+            warm start of the solver and more.
+        drive: state of servo and backlash of each bending plane [m].
+        travel: total distance that the pulleys have travelled, which wears the sheath [m].
+        sheath_bend: bend angle of the sheath [rad].
+        sheath_friction: breakaway friction of the sheath elements in the last control period, (wires,
+            elements) [N].
+    """
 
     physics: Array
-    """MuJoCo's integration state: positions, velocities, actuator memory, warm start of the solver, ..."""
     drive: tuple[DriveState, ...]
-    """State of servo and backlash in each bending plane."""
     travel: float
-    """Distance that the pulleys have travelled, which wears the sheath [m]."""
     sheath_bend: float
-    """Angle that the sheath is bent by [rad]."""
     sheath_friction: Array
-    """(wires, elements) friction of the sheath in the last control period [N]."""
 
 
-class Endoscope(dm_mujoco.Physics):
-    """A simulated endoscope. Make one with `Endoscope.from_preset`."""
+class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
+    """Simulated endoscope. Make one with `Endoscope.from_preset`."""
 
     preset: Preset
     xml: str
@@ -44,7 +49,7 @@ class Endoscope(dm_mujoco.Physics):
 
     @classmethod
     def from_preset(cls, preset: Preset) -> "Endoscope":
-        """Build the model of a preset, at rest and straight."""
+        """Build the endoscope of a preset, straight and at rest."""
         xml = model_xml(preset)
         physics = cast("Endoscope", cls.from_xml_string(xml))
         physics.xml = xml
@@ -52,7 +57,7 @@ class Endoscope(dm_mujoco.Physics):
         return physics
 
     def _bind(self, preset: Preset) -> None:
-        """Look up by name, once, what is read and written at every control period."""
+        """Look up, once, the indices of what every control period reads and writes."""
         self.preset = preset
         self.layout = Layout.of(self.model.ptr, preset)
         self._loads = Loads([preset], self.layout)
@@ -69,7 +74,7 @@ class Endoscope(dm_mujoco.Physics):
         self._follow_load(self._sheath_bend)
 
     def reset(self, keyframe_id: int | None = None) -> None:
-        """Go back to rest and straight, with a new sheath; drive and wear included."""
+        """Reset to straight and at rest, with a new sheath; drive and wear are reset too."""
         super().reset(keyframe_id)
         if hasattr(self, "_drives"):  # dm_control resets while it builds, before there is anything to read
             for drive in self._drives:
@@ -79,56 +84,62 @@ class Endoscope(dm_mujoco.Physics):
             self._follow_load(self._sheath_bend)
 
     def bend(self) -> float:
-        """Bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
+        """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
         return float(self.joint_angle().sum())
 
     def lateral_bend(self) -> float:
-        """Bending angle of the tip in the plane of wires c and d [rad]; zero with one bending plane."""
+        """Return the bending angle of the tip in the plane of wires c and d [rad]; 0 with one plane."""
         return float(self.data.ptr.qpos[self.layout.hinge[1:]].sum())
 
     def joint_angle(self) -> Array:
-        """(vertebrae,) angle of each hinge in the plane of wires a and b, base to tip [rad]."""
-        return self.data.ptr.qpos[self.layout.hinge[0]]
+        """Return the hinge angles in the plane of wires a and b, base to tip (vertebrae,) [rad]."""
+        angle: Array = self.data.ptr.qpos[self.layout.hinge[0]]
+        return angle
 
     def lateral_joint_angle(self) -> Array:
-        """(vertebrae,) angle of each sideways hinge, base to tip [rad]; empty with one bending plane."""
-        return self.data.ptr.qpos[self.layout.hinge[1:]].reshape(-1)
+        """Return the hinge angles in the plane of wires c and d, (vertebrae,) [rad]; empty with one plane."""
+        angle: Array = self.data.ptr.qpos[self.layout.hinge[1:]].reshape(-1)
+        return angle
 
     def set_pose(self, joint_angle: Array, lateral_joint_angle: Array | None = None) -> None:
-        """Put the hinges at (vertebrae,) angles [rad], to be drawn; wires and friction stay behind."""
+        """Set the hinge angles (vertebrae,) [rad] for drawing only: wires and friction do not follow."""
         self.data.ptr.qpos[self.layout.hinge[0]] = joint_angle
         if lateral_joint_angle is not None and len(lateral_joint_angle):
             self.data.ptr.qpos[self.layout.hinge[1]] = lateral_joint_angle
         self.forward()
 
     def pull(self) -> float:
-        """Distance that the pulley has pulled wire a [m]."""
+        """Return the distance by which the pulley has pulled wire a [m]."""
         return float(self.data.ptr.qpos[self.layout.pulley[0]])
 
     def wire_tension(self) -> Array:
-        """(wires, elements + 1) tension in each length of wire, pulley to tip [N]; zero where slack."""
-        return self._loads.tension(self._loads.stretch(self._qpos))[0]
+        """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
+        tension: Array = self._loads.tension(self._loads.stretch(self._qpos))[0]
+        return tension
 
     def wire_slack(self) -> Array:
-        """(wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
-        return self._loads.slack(self._loads.stretch(self._qpos))[0]
+        """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
+        slack: Array = self._loads.slack(self._loads.stretch(self._qpos))[0]
+        return slack
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
-        """`wire_tension` and `wire_slack`, at little more than the cost of one."""
+        """Return `wire_tension` and `wire_slack`, at little more than the cost of one."""
         tension, slack = self._loads.tension_and_slack(self._qpos)
         return tension[0], slack[0]
 
     def sheath_friction(self) -> Array:
-        """(wires, elements) friction force at which each element of the sheath begins to slide [N]."""
-        return self.model.ptr.dof_frictionloss[self.layout.element]
+        """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
+        friction: Array = self.model.ptr.dof_frictionloss[self.layout.element]
+        return friction
 
     def tip_position(self) -> Array:
-        """(3,) position of the tip [m]."""
+        """Return the position of the tip, (3,) [m]."""
         mujoco.mj_kinematics(self.model.ptr, self.data.ptr)
-        return self.named.data.site_xpos["tip"].copy()
+        position: Array = self.named.data.site_xpos["tip"].copy()
+        return position
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
-        """Run one control period.
+        """Advance the simulation by one control period.
 
         The friction of the sheath follows the tension that the wires have at the start of the period.
 
@@ -165,7 +176,7 @@ class Endoscope(dm_mujoco.Physics):
             )
 
     def _follow_load(self, sheath_bend: Array) -> None:
-        """Set friction and damping for the tension that the wires have now."""
+        """Update friction and damping to the present wire tension."""
         loads = self._loads
         stretch = loads.stretch(self._qpos)
         tension = loads.tension(stretch)
@@ -179,7 +190,7 @@ class Endoscope(dm_mujoco.Physics):
         self._damping[self.layout.wire] = loads.damping(stretch, tension, self._qvel)[0]
 
     def save_state(self) -> State:
-        """Return the whole state, friction memory included."""
+        """Return the complete state, friction memory included."""
         model, data = self.model.ptr, self.data.ptr
         physics = np.empty(mujoco.mj_stateSize(model, _WHOLE_STATE))
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
@@ -187,7 +198,7 @@ class Endoscope(dm_mujoco.Physics):
         return State(physics, drive, self._travel, float(self._sheath_bend[0]), self.sheath_friction())
 
     def restore_state(self, state: State) -> None:
-        """Go back to a saved state of an endoscope of the same preset.
+        """Restore a saved state of an endoscope of the same preset.
 
         Raises:
             ValueError: the state is of a model of another size.

@@ -1,4 +1,4 @@
-"""Dry friction that follows the load: of a wire in its bent sheath and on the vertebrae that guide it."""
+"""Load-dependent dry friction: of a wire in its bent sheath (capstan) and on the vertebrae that guide it."""
 
 import math
 
@@ -11,7 +11,7 @@ _tanh = np.vectorize(math.tanh, otypes=[float])
 
 
 def friction_per_tension(friction: Array | float, bend: Array | float, elements: int) -> Array:
-    """Return the friction force of one element of the sheath, per mean tension on its two sides.
+    """Return the friction force of one sheath element per unit of mean tension on its two sides.
 
     A wire that slides over an angle dphi loses tension by T_out = T_in exp(-mu dphi) (Euler 1769, Eytelwein
     1808). With the mean tension of both sides, that is a force
@@ -25,11 +25,12 @@ def friction_per_tension(friction: Array | float, bend: Array | float, elements:
         bend: angle phi that the whole sheath is bent by [rad].
         elements: number of elements that share it.
     """
-    return 2 * _tanh(friction * np.asarray(bend) / elements / 2)
+    force: Array = 2 * _tanh(friction * np.asarray(bend) / elements / 2)
+    return force
 
 
 def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:
-    """Return the largest friction force of each element of the sheath.
+    """Return the breakaway friction force of each sheath element.
 
     Args:
         tension: (..., elements + 1) tension in each length of wire [N].
@@ -43,7 +44,7 @@ def element_friction(tension: Array, per_tension: Array | float, floor: Array | 
 
 
 def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: Array) -> Array:
-    """Return the largest friction torque of each hinge: its own, and that of the wires on the vertebrae.
+    """Return the breakaway friction torque of each hinge: its own plus that of the wires on the vertebrae.
 
     Where hinge i is bent by d_i, a wire of tension T presses on its guide with T |d_i|. Bending the hinges
     beyond i further pulls the wire through that guide, by the moment arm r times their angles. The work

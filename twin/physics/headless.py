@@ -1,4 +1,4 @@
-"""Chooses how MuJoCo draws without a screen. Imported before dm_control, which binds to a backend then."""
+"""Choice of MuJoCo's headless OpenGL backend; must be imported before dm_control, which binds to it."""
 
 import ctypes.util
 import os

@@ -1,4 +1,4 @@
-"""Where things are in MuJoCo's arrays: looked up by name once, used at every control period."""
+"""Indices into MuJoCo's arrays, looked up by name once and used at every control period."""
 
 import dataclasses
 
@@ -21,22 +21,25 @@ def hinge_groups(vertebrae: int) -> list[Index]:
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """Indices of joints (positions and velocities alike: no joint has more than one) and tendons."""
+    """Indices of joints and tendons in MuJoCo's arrays; positions and velocities share those of joints.
+
+    Attributes:
+        hinge: joints of the hinges, base to tip, (planes, vertebrae).
+        pulley: joints of the pulleys, (planes,).
+        element: joints of the sheath elements, pulley to tip, (wires, elements).
+        wire: tendons of the wire segments, pulley to tip, (wires, elements + 1).
+        joints: tendons that carry the friction of the hinges, base to tip, (planes, groups).
+    """
 
     hinge: Index
-    """(planes, vertebrae), base to tip."""
     pulley: Index
-    """(planes,)"""
     element: Index
-    """(wires, elements) of the sheath, pulley to tip."""
     wire: Index
-    """(wires, elements + 1) tendons, the lengths of every wire, pulley to tip."""
     joints: Index
-    """(planes, groups) tendons that hold the friction of the hinges, base to tip."""
 
     @classmethod
     def of(cls, model: mujoco.MjModel, preset: Preset) -> "Layout":
-        """Look everything up in a compiled model of a preset."""
+        """Look up all indices in the compiled model of a preset."""
         planes, wires = PLANES[: preset.bending_planes], WIRES[: preset.wires]
         vertebrae, elements = range(preset.vertebrae), range(preset.sheath_elements)
         lengths, groups = range(preset.sheath_elements + 1), range(len(hinge_groups(preset.vertebrae)))
@@ -50,5 +53,5 @@ class Layout:
 
     @property
     def wires(self) -> int:
-        """How many wires there are."""
+        """Number of wires."""
         return len(self.element)

@@ -1,4 +1,4 @@
-"""What follows the load: tension from positions; friction and damping from tension. Batched over endoscopes.
+"""Load-dependent forces in batches: tension from positions, friction and damping from tension.
 
 MuJoCo knows one constant friction force per joint. Here it is rewritten, once per control period, from where
 the wires are; so is the damping of the wires, which must vanish with their tension.
@@ -16,16 +16,16 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 LEAST_FRICTION = 1e-9
-"""[N] Keeps the constraint in the model where the friction of the sheath is set to zero."""
+"""Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
 NEARLY_TAUT = 1e-6
-"""[m] Slack that counts as none: a wire that lies there is as good as taut."""
+"""Slack up to which a wire counts as taut [m]."""
 
 
 class Loads:
-    """The load-dependent parts of B endoscopes that differ in numbers alone, not in their layout."""
+    """Load-dependent forces of B endoscopes of one layout, which may differ in their parameters."""
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
-        """Gather the parameters of every endoscope; the leading axis of all arrays here is the endoscope."""
+        """Gather the parameters of all endoscopes, along the leading axis of every array."""
         self.layout = layout
         self.elements = presets[0].sheath_elements
         self._stiffness = _column([segment_stiffness(p) for p in presets])
@@ -52,19 +52,22 @@ class Loads:
         self._ahead = 2 * presets[0].control_period
 
     def stretch(self, qpos: Array) -> Array:
-        """(B, wires, elements + 1) stretch of each length of wire, pulley to tip [m]; negative where slack.
+        """Return the stretch of each wire segment, (B, wires, elements + 1) [m]; below 0 where slack.
 
         Args:
             qpos: (B, nq) positions.
         """
-        return self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(self._shape)
+        stretch: Array = self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(
+            self._shape
+        )
+        return stretch
 
     def tension(self, stretch: Array) -> Array:
-        """(B, wires, elements + 1) tension in each length of wire [N] at its stretch; zero where slack."""
+        """Return the tension of each wire segment, (B, wires, elements + 1) [N]; 0 where slack."""
         return tension_at(stretch, self._stiffness, self._quadratic)
 
     def slack(self, stretch: Array) -> Array:
-        """(B, wires, elements + 1) how much too long each length of wire is [m]; zero where it is taut."""
+        """Return the slack of each wire segment, (B, wires, elements + 1) [m]; 0 where taut."""
         return np.maximum(-stretch, 0.0)
 
     def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
@@ -73,7 +76,7 @@ class Loads:
         return self.tension(stretch), self.slack(stretch)
 
     def drift(self, time: Array, travel: Array) -> Array:
-        """Return by what the friction of the sheath has changed since new and warm.
+        """Return the factor of sheath friction due to warm-up and wear.
 
         Args:
             time: (B,) time since the start of the run [s].
@@ -82,12 +85,13 @@ class Loads:
         Returns:
             (B,) factor on the coefficient and on the floor.
         """
-        return 1 + self._warm_up * np.exp(-time / self._warm_up_time) + self._wear * travel
+        factor: Array = 1 + self._warm_up * np.exp(-time / self._warm_up_time) + self._wear * travel
+        return factor
 
     def friction(
         self, tension: Array, qpos: Array, sheath_bend: Array, drift: Array | float
     ) -> tuple[Array, Array]:
-        """Return the largest friction of every element and hinge.
+        """Return the breakaway friction of every sheath element and hinge.
 
         Args:
             tension: (B, wires, elements + 1), of `tension`.
@@ -112,7 +116,7 @@ class Loads:
         return sheath, self._joint + np.add.reduceat(of_hinges, self._first, axis=2) / self._sizes
 
     def damping(self, stretch: Array, tension: Array, qvel: Array) -> Array:
-        """Return the damping of every length of wire, none where it is slack.
+        """Return the damping of every wire segment, 0 where it is slack.
 
         Beside the wire's own it holds time step times stiffness: what makes MuJoCo's implicit step in the
         velocities an implicit (backward Euler) step of the springs, whose stiffness it would otherwise take
@@ -130,16 +134,18 @@ class Loads:
         if self._stiffens:
             stiffness = np.sqrt(stiffness**2 + 4 * self._quadratic * tension)
         soon = stretch + self._ahead * np.matmul(self._lengthening, qvel[:, :, None]).reshape(self._shape)
-        return (np.maximum(stretch, soon) > -NEARLY_TAUT) * (self._wire_damping + self._time_step * stiffness)
+        taut = np.maximum(stretch, soon) > -NEARLY_TAUT
+        damping: Array = taut * (self._wire_damping + self._time_step * stiffness)
+        return damping
 
 
 def _column(values: Sequence[float]) -> Array:
-    """(B, 1, 1): one number for each endoscope."""
+    """Return one number per endoscope as (B, 1, 1), ready to broadcast."""
     return np.array(values, dtype=float)[:, None, None]
 
 
 def _lengthening(preset: Preset, layout: Layout) -> Array:
-    """(wires * (elements + 1), nq) by how much each length of wire grows with each coordinate."""
+    """Return the Jacobian of the wire segments' lengths, (wires * (elements + 1), nq)."""
     lengths = preset.sheath_elements + 1
     matrix = np.zeros((layout.wires, lengths, layout.element.size + layout.pulley.size + layout.hinge.size))
     for wire in range(layout.wires):
@@ -153,7 +159,7 @@ def _lengthening(preset: Preset, layout: Layout) -> Array:
 
 
 def joint_friction(preset: Preset) -> Array:
-    """(groups,) dry friction torque of each hinge of a group, base to tip [N m]."""
+    """Return the dry friction torque of a hinge of each group, base to tip, (groups,) [N m]."""
     place = (np.arange(preset.vertebrae) + 0.5) / preset.vertebrae
     of_hinges = preset.joint_friction * (1 + preset.joint_friction_taper * (1 - 2 * place))
     return np.array([of_hinges[group].mean() for group in hinge_groups(preset.vertebrae)])

@@ -1,4 +1,4 @@
-"""The MJCF model of an endoscope: the hand-written scene, and what repeats along section and sheath.
+"""MJCF model of an endoscope: the hand-written scene plus generated vertebrae, wires and sheath elements.
 
 A joint `hinge_i` bends each vertebra. The pulley and the friction elements of the sheath (`sheath_a0`,
 `sheath_a1`, ..., pulley to tip) slide. Between two of them a wire is a spring, a fixed tendon `wire_a0`,
@@ -25,7 +25,7 @@ _PULLEY_STIFFNESS = 4e6  # [N/m], far above that of a wire
 
 
 def model_xml(preset: Preset) -> str:
-    """Return the whole model as MJCF text."""
+    """Return the complete model as MJCF text."""
     spec = mujoco.MjSpec.from_file(str(assets_folder() / "endoscope.xml"))
     spec.option.timestep = preset.time_step
     spec.option.gravity = preset.gravity
@@ -38,11 +38,12 @@ def model_xml(preset: Preset) -> str:
     for wire in WIRES[: preset.wires]:
         _add_wire(spec, preset, wire)
     spec.compile()
-    return spec.to_xml()
+    xml: str = spec.to_xml()
+    return xml
 
 
 def element_mass(preset: Preset) -> float:
-    """Inertia of one sheath element [kg].
+    """Return the inertia of one sheath element [kg].
 
     A wire's own mass would need steps of microseconds. The motion is quasi-static and the springs are taken
     implicitly, so an inertia well below stiffness times the time step squared changes nothing that is
@@ -53,13 +54,13 @@ def element_mass(preset: Preset) -> float:
 
 
 def section_inertia(preset: Preset) -> float:
-    """Inertia added against bending of the whole section [kg m^2]: as `element_mass`, stiffest mode."""
+    """Return the inertia added to the bending of the whole section [kg m^2], sized as in `element_mass`."""
     stiffness = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
     return 0.3 * _LIGHTNESS * stiffness * preset.time_step**2
 
 
 def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
-    """Drive a pulley where it is told to be; servo and backlash come before it (`twin/physics/drive.py`).
+    """Add a position actuator to a pulley; servo and backlash come before it (`twin/physics/drive.py`).
 
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
@@ -89,7 +90,7 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
 
 
 def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
-    """The pulleys and the sheath's friction elements, as coordinates: unseen bodies without weight.
+    """Add pulleys and sheath elements as slide joints of invisible, weightless bodies.
 
     They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
     the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
@@ -120,7 +121,7 @@ def _add_weightless(parent: mujoco.MjsBody, name: str) -> mujoco.MjsBody:
 
 
 def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Draw the shaft."""
+    """Add the visible shaft."""
     spec.worldbody.add_geom(
         name="sheath",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -131,7 +132,7 @@ def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
 
 
 def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
-    """A chain of links on hinges; returns the last one, the tip."""
+    """Add the bending section, a chain of links on hinges; returns the last one, the tip."""
     link = preset.section_length / preset.vertebrae
     body = spec.worldbody
     for index in range(preset.vertebrae):
@@ -151,7 +152,7 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
-    """One hinge; time step times stiffness makes its spring implicit, as in `Loads.damping`."""
+    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.damping`)."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     body.add_joint(
@@ -166,7 +167,7 @@ def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int],
 
 
 def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
-    """The lengths of one wire, as springs in series, stretched by the tension that winding up leaves."""
+    """Add the segments of one wire as springs in series, stretched by the tension left by winding up."""
     place = WIRES.index(wire)
     plane, side = PLANES[place // 2], 1.0 - 2.0 * (place % 2)
     stiffness, quadratic = segment_stiffness(preset), quadratic_stiffness(preset)
@@ -190,7 +191,7 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
 
 
 def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
-    """Dry friction of the hinges, as one constraint for each group of neighbours.
+    """Add the dry friction of the hinges, one constraint for each group of neighbours.
 
     A fixed tendon over the hinges of a group opposes their common motion by the same torque in each of them.
     They act in series and carry nearly the same moment, so that they move together; a constraint for every
@@ -204,7 +205,7 @@ def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None
 
 
 def _draw_link(body: mujoco.MjsBody, link: float, preset: Preset) -> None:
-    """The inside of one link: a disc that guides the wires, on a slender backbone."""
+    """Add the visible parts of one link: a disc that guides the wires, on a slender backbone."""
     radius = preset.wire_offset
     _draw(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.45 * radius, "backbone")
     _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.28 * link, 0.72 * link, 1.05 * radius, "vertebra")
@@ -223,7 +224,7 @@ def _draw(
     material: str,
     place: tuple[float, float] = (0, 0),
 ) -> None:
-    """Add a shape along x that is only seen: it has no mass and touches nothing."""
+    """Add a purely visual shape along x: no mass, no contact."""
     body.add_geom(
         type=shape, fromto=[start, *place, end, *place], size=[radius, 0, 0], material=material, mass=0
     )

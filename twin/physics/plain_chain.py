@@ -1,15 +1,15 @@
-"""The yardstick of the twin's speed: a MuJoCo chain of the same size with nothing that makes hysteresis."""
+"""Speed reference for the twin: a plain MuJoCo chain of the same size, without friction and wires."""
 
 import mujoco
 
 
 def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
-    """Step a chain of hinges with springs and damping: no wires, no friction, no contact.
+    """Simulate a chain of hinges with springs and damping: no wires, no friction, no contact.
 
     Args:
         degrees: number of hinges.
         time_step: of the physics [s].
-        seconds: how long it runs, in simulated time.
+        seconds: duration of the run in simulated time [s].
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = time_step

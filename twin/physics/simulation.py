@@ -1,4 +1,4 @@
-"""Driving the endoscope by command signals: arrays in, an `Episode` out."""
+"""Simulation of one endoscope along a command signal: arrays in, an `Episode` out."""
 
 import dataclasses
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from twin.signals.excitation import approach, check_finite
 Array = NDArray[np.float64]
 
 MUJOCO = mujoco.__version__
-"""Version of MuJoCo."""
+"""Version of MuJoCo that simulates."""
 
 
 def simulate(
@@ -32,17 +32,17 @@ def simulate(
     endoscope: Endoscope | None = None,
     on_sample: Callable[[Endoscope], None] | None = None,
 ) -> Episode:
-    """Run the twin along a command signal.
+    """Simulate an endoscope along a command signal.
 
     Args:
         preset: the endoscope.
         pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
         sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
         lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; without it,
-        zero.
+            zero.
         sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
             angle; without it, the preset's.
-        state: where the run begins. Without it the run begins straight and at rest, and goes to `pull[0]`
+        state: initial state of the run. Without it the run begins straight and at rest, and goes to `pull[0]`
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
@@ -75,20 +75,27 @@ def simulate(
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """What an endoscope is told during a run, checked, at every sample and at every control period."""
+    """Checked input of a simulation, at every sample and at every control period.
+
+    Attributes:
+        preset: parameters of the endoscope.
+        sample_time: time between two samples [s].
+        pull: commanded pulling distance of wire a at each sample, (N,) [m].
+        lateral_pull: commanded pulling distance of wire c at each sample, (N,) [m].
+        sheath_bend: bend angle of the sheath at each sample, (N,) [rad].
+        before: pull [m], lateral pull [m] and sheath bend [rad] at each control period before the first
+            sample, (M, 3).
+        between: the same at each control period from the previous sample to this one, (N, periods, 3); not
+            used for the first sample.
+    """
 
     preset: Preset
     sample_time: float
     pull: Array
-    """(N,) pulling distance of wire a at each sample [m]."""
     lateral_pull: Array
-    """(N,) pulling distance of wire c at each sample [m]."""
     sheath_bend: Array
-    """(N,) angle that the sheath is bent by at each sample [rad]."""
     before: Array
-    """(M, 3) pull, lateral pull and bend of the sheath at each control period before the first sample."""
     between: Array
-    """(N, periods, 3) the same at each control period that leads to a sample; the first sample has none."""
 
     @classmethod
     def of(
@@ -99,7 +106,7 @@ class Command:
         lateral_pull: Array | None = None,
         sheath_bend: Array | float | None = None,
     ) -> "Command":
-        """Check the signals of a run and spread them over the control periods; see `simulate`."""
+        """Check the signals of a run and interpolate them to the control periods; see `simulate`."""
         pull = np.asarray(pull, dtype=float)
         check_finite(pull)
         if lateral_pull is None:
@@ -128,7 +135,7 @@ class Command:
 
 
 def _approach(first: Array, preset: Preset) -> Array:
-    """(M, 3) inputs on the way from rest to the first sample; the shorter way waits at rest."""
+    """Return the inputs (M, 3) on the way from rest to the first sample; the shorter way waits at rest."""
     ways = [approach(start, preset.control_period) for start in first[:2]]
     inputs = np.zeros((max(map(len, ways)), 3))
     for column, way in enumerate(ways):
@@ -138,10 +145,10 @@ def _approach(first: Array, preset: Preset) -> Array:
 
 
 class Recorder:
-    """Collects what an endoscope does at each sample of a command."""
+    """Recorder of a simulation: collects the readings of every sample into an `Episode`."""
 
     def __init__(self, command: Command, layout: Layout) -> None:
-        """Make room for every sample."""
+        """Allocate the arrays of all samples."""
         count = len(command.pull)
         self._command, self._layout = command, layout
         self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))
@@ -152,14 +159,14 @@ class Recorder:
     def add(
         self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array, wire_slack: Array
     ) -> None:
-        """Note one sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
+        """Store a sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
         self._qpos[sample] = qpos
         self._wire_tension[sample] = wire_tension
         self._sheath_friction[sample] = sheath_friction
         self._wire_slack[sample] = wire_slack
 
     def episode(self, xml: str) -> Episode:
-        """Return the whole record, with the model that made it."""
+        """Return the recorded episode, with the MJCF model attached."""
         command, preset = self._command, self._command.preset
         # Contiguous, so that sums round as `Endoscope.bend` does.
         joint_angle = np.ascontiguousarray(self._qpos[:, self._layout.hinge])

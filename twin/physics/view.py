@@ -1,4 +1,4 @@
-"""The endoscope seen from the side, drawn by MuJoCo without a screen."""
+"""Side view of the endoscope, rendered by MuJoCo without a screen."""
 
 import os
 
@@ -11,15 +11,15 @@ from twin.physics.headless import HOW_TO_INSTALL
 
 
 class SideView:
-    """A camera that looks along y, at right angles to the bending plane."""
+    """Camera that looks along y, at right angles to the bending plane."""
 
     def __init__(
         self, endoscope: Endoscope, centre: NDArray[np.float64], half_height: float, width: int, height: int
     ) -> None:
-        """Place the camera and draw once, so that a missing library is told at the start.
+        """Place the camera and render once, so that a missing library is reported at the start.
 
         Args:
-            endoscope: what is drawn, in whatever pose it has when a picture is taken.
+            endoscope: the endoscope, drawn in its pose at the time of the picture.
             centre: (2,) what the camera looks at, as (x, z) [m].
             half_height: of what is seen there [m].
             width: of a picture [pixels].
@@ -40,6 +40,6 @@ class SideView:
             raise OSError(f"nothing here can draw without a screen ({cause}): {HOW_TO_INSTALL}") from error
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return the endoscope as it is now, on white, (height, width, 3)."""
+        """Return a picture of the endoscope as it is now, on white, (height, width, 3)."""
         picture: NDArray[np.uint8] = self._camera.render().copy()  # the camera draws into one buffer
         return picture

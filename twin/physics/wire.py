@@ -1,4 +1,4 @@
-"""One length of wire: a spring that pulls, stiffens under tension and cannot push; how wires are wound up.
+"""Tension law of a wire segment: a spring that stiffens under tension and cannot push; pretension.
 
     T = k x + k2 x^2  for a stretch x > 0, else 0,   with k2 = s k^2 / 2
 
@@ -17,23 +17,23 @@ Array = NDArray[np.float64]
 
 
 def segment_stiffness(preset: Preset) -> float:
-    """Stiffness k of one length of wire between two elements [N / m]: all of them in series are the wire."""
+    """Return the stiffness k of one wire segment [N / m]: all segments in series are the wire."""
     return preset.wire_stiffness * (preset.sheath_elements + 1)
 
 
 def quadratic_stiffness(preset: Preset) -> float:
-    """Coefficient k2 of one length of wire [N / m^2]."""
+    """Return the quadratic coefficient k2 of one wire segment [N / m^2]."""
     return preset.wire_stiffening * segment_stiffness(preset) ** 2 / 2
 
 
 def tension_at(stretch: Array, stiffness: Array | float, quadratic: Array | float) -> Array:
-    """Return the tension [N] of lengths of wire at a stretch [m]."""
+    """Return the tension [N] of wire segments at a stretch [m]."""
     taut = np.maximum(stretch, 0.0)
     return taut * (stiffness + quadratic * taut)
 
 
 def stretch_at(tension: Array, stiffness: Array | float, quadratic: Array | float) -> Array:
-    """Return the stretch [m] of lengths of wire at a tension [N]: the inverse of `tension_at`.
+    """Return the stretch [m] of wire segments at a tension [N]: the inverse of `tension_at`.
 
     The root is written such that it loses no digits where `quadratic` is small or zero.
     """
@@ -41,7 +41,7 @@ def stretch_at(tension: Array, stiffness: Array | float, quadratic: Array | floa
 
 
 def wound_tension(preset: Preset) -> Array:
-    """Return the tension that winding up from slack leaves in each length of wire.
+    """Return the tension that winding up from slack leaves in each wire segment.
 
     The pulley pulls both wires alike until they carry `preset.pretension` there. All elements then slide
     towards the pulley, so that every one of them keeps its share of the tension from the tip (capstan

@@ -1,4 +1,4 @@
-"""The physical parameters of an endoscope: presets, their files, and the ranges they are drawn from."""
+"""Physical parameters of an endoscope: presets, their files, and ranges for domain randomisation."""
 
 from twin.preset.file import load_preset, preset_names
 from twin.preset.preset import Preset

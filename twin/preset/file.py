@@ -1,4 +1,4 @@
-"""Preset files: YAML of `parameter: value`, among the assets or of a user."""
+"""Preset files: YAML of `parameter: value`, built in or from a user."""
 
 import contextlib
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from twin.preset.preset import Preset, suggestion
 
 
 def preset_names() -> list[str]:
-    """Return the names of the presets that come with the product."""
+    """Return the names of the built-in presets."""
     return sorted(path.stem for path in assets_folder().glob("*.yaml"))
 
 
@@ -30,10 +30,10 @@ def load_preset(name_or_path: str | Path) -> Preset:
 
 
 def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
-    """Return the preset that parameters from a YAML file describe.
+    """Build a preset from the parameters of a YAML file.
 
     Args:
-        name: what it is called, unless a `name` is among the parameters.
+        name: name of the preset, unless a `name` is among the parameters.
         parameters: by name; the others keep their defaults.
 
     Raises:
@@ -44,7 +44,7 @@ def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
 
 
 def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
-    """Return the name of a preset's file, without its ending, and what it holds.
+    """Read a preset file; returns its name, without the ending, and its contents.
 
     Raises:
         ValueError: the preset is unknown, or its file is not YAML of `parameter: value`.
@@ -68,7 +68,7 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
 
 
 def _number(value: Any) -> Any:
-    """Read 1e6 as the number that it looks like: YAML 1.1 takes it for text without a point and a sign."""
+    """Convert text such as 1e6 to a number: YAML 1.1 reads it as text without a point and a sign."""
     if isinstance(value, str):
         with contextlib.suppress(ValueError):
             return float(value)

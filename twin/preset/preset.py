@@ -1,4 +1,4 @@
-"""The physical parameters of one endoscope: a frozen dataclass, read from a YAML preset and checked."""
+"""Physical parameters of one endoscope: a frozen dataclass, read from a YAML preset and checked."""
 
 import dataclasses
 import difflib
@@ -8,112 +8,125 @@ from typing import Any
 
 
 def _within(default: float, low: float, high: float) -> Any:
-    """A number from `low` to `high`: beyond them lies no endoscope."""
+    """Return a field with a default and physical limits."""
     return dataclasses.field(default=default, metadata={"low": low, "high": high})
 
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """A tendon-driven endoscope: one or two bending planes, two antagonistic wires each. SI units."""
+    """Tendon-driven endoscope: one or two bending planes with two antagonistic wires each. SI units.
+
+    Attributes:
+        name: name of the endoscope.
+        bending_planes: 1 has two wires (a, b); 2 has four (c and d bend the section sideways).
+        vertebrae: number of rigid links of the bending section, each on a hinge (on two crossed hinges with
+            two planes).
+        section_length: length of the bending section [m].
+        section_mass: mass of the bending section [kg].
+        section_stiffness: bending stiffness of the whole section [N m / rad]; one hinge is `vertebrae` times
+            as stiff.
+        section_stiffening: growth of the stiffness with the bend, counted from `initial_bend` [1 / rad^2]:
+            moment = section_stiffness * bend * (1 + section_stiffening * bend^2).
+        section_damping: viscous damping of the whole section [N m s / rad].
+        initial_bend: bend of the section when no wire pulls [rad].
+        joint_friction: mean dry friction torque of one hinge [N m]; independent of `vertebrae`, as hinges
+            act in series.
+        joint_friction_taper: taper of the hinge friction [-]: from (1 + taper) times the mean at the base to
+            (1 - taper) times at the tip.
+        wire_offset: distance of each wire from the neutral axis, its moment arm at every hinge [m].
+        routing_friction: friction coefficient between the wires and the vertebrae that guide them [-].
+        wire_stiffness: axial stiffness E A / length of one whole wire, pulley to tip, at zero tension
+            [N / m].
+        wire_stiffening: relative growth of the wire stiffness with tension, at zero tension [1 / N]: strands
+            and liner settle.
+        wire_damping: internal damping of one whole wire against its stretch rate [N s / m].
+        pretension: tension that the wires are wound up to, at the pulley [N]; friction leaves less at the
+            tip.
+        sheath_length: length of the sheath between pulley and bending section [m]; only drawn, as
+            `wire_stiffness` is that of the whole wire.
+        sheath_elements: number of friction elements along the sheath of each wire.
+        sheath_friction: friction coefficient mu between wire and sheath, of the capstan equation [-].
+        sheath_bend: bend angle phi of the sheath [rad]; a run may give its own.
+        sheath_bend_offset: wrap angle of the wires in a straight sheath, by bends inside the housing [rad].
+        sheath_friction_floor: friction of one wire in the whole sheath that does not depend on its tension
+            [N].
+        friction_warm_up: relative excess of the sheath friction at the start of a run [-]; it decays
+            exponentially.
+        warm_up_time: time constant of that decay [s].
+        friction_wear: relative growth of the sheath friction per distance travelled by the pulley [1 / m].
+        pulley_radius: radius of the driving pulley [m]; it converts a pulley angle to a pulling distance.
+        backlash: play between motor and pulley, as a distance at the pulley [m].
+        servo_gain: proportional gain of the motor's position loop [1 / s]; 0 follows without lag.
+        servo_speed: speed limit of the motor, as pulling speed [m / s]; 0 is none.
+        servo_acceleration: acceleration limit of the motor [m / s^2]; 0 is none.
+        encoder_counts: counts per turn of the motor encoder that closes the position loop; 0 is continuous.
+        sensor_period: time between two readings, which are held in between [s]; 0 reads every sample.
+        sensor_latency: delay between the measurement of a reading and its arrival [s].
+        sensor_resolution: quantisation step of a reading [rad]; 0 is none.
+        sensor_noise: standard deviation of the Gaussian noise of a reading [rad].
+        gravity_x: gravity along the shaft, towards the tip [m / s^2].
+        gravity_y: gravity across the plane of wires a and b [m / s^2].
+        gravity_z: gravity in the plane of wires a and b, towards wire a [m / s^2].
+        time_step: time step of the physics [s].
+        control_period: time between two updates of the command and of the load-dependent friction [s].
+    """
 
     name: str
-    """What this endoscope is called."""
 
     # The bending section.
     bending_planes: int = _within(1, 1, 2)
-    """1: two wires (a, b); 2: four wires (c, d bend it sideways)."""
     vertebrae: int = _within(16, 1, 128)
-    """Rigid links of the bending section, each on a hinge (two crossed hinges with two planes)."""
     section_length: float = _within(0.04, 1e-3, 2.0)
-    """Length of the bending section [m]."""
     section_mass: float = _within(2e-4, 1e-9, 10.0)
-    """Mass of the bending section [kg]."""
     section_stiffness: float = _within(0.05, 1e-6, 1e3)
-    """Moment per radian of the whole section [N m / rad]; a hinge is `vertebrae` times as stiff."""
     section_stiffening: float = _within(0.0, 0.0, 20.0)
-    """Growth of that stiffness with the bend: moment = stiffness bend (1 + stiffening bend^2),
-    the bend counted from `initial_bend` [1 / rad^2]."""
     section_damping: float = _within(3e-5, 0.0, 10.0)
-    """Viscous moment per bending rate of the whole section [N m s / rad]."""
     initial_bend: float = _within(0.0, -math.pi, math.pi)
-    """Bend of the section that its stiffness pulls towards: its curvature when no wire pulls [rad]."""
     joint_friction: float = _within(1e-3, 0.0, 10.0)
-    """Mean dry friction torque of one hinge [N m]; independent of `vertebrae` (hinges act in series)."""
     joint_friction_taper: float = _within(0.0, -1.0, 1.0)
-    """How the friction of the hinges falls from base to tip: (1 + taper) to (1 - taper) times the mean."""
     wire_offset: float = _within(1.3e-3, 1e-4, 0.1)
-    """Distance of each wire from the neutral axis: the moment arm at every hinge [m]."""
     routing_friction: float = _within(0.0, 0.0, 2.0)
-    """Coefficient of friction between the wires and the vertebrae that guide them."""
 
     # The wires.
     wire_stiffness: float = _within(8e3, 10.0, 1e6)
-    """Axial stiffness of one whole wire without tension, pulley to tip: E A / length [N / m]."""
     wire_stiffening: float = _within(0.0, 0.0, 10.0)
-    """Growth of the stiffness with tension, relative, at no tension [1 / N]: strands and liner settle."""
     wire_damping: float = _within(3.0, 0.0, 1e5)
-    """Internal damping of one whole wire against the rate of its stretch [N s / m]."""
     pretension: float = _within(3.0, 0.0, 500.0)
-    """Tension at the pulley that the wires were wound up to; friction leaves less of it at the tip [N]."""
 
     # The sheath.
     sheath_length: float = _within(0.6, 1e-3, 10.0)
-    """Length of the sheath between pulley and bending section [m]; only drawn, stiffness is of the wire."""
     sheath_elements: int = _within(5, 1, 64)
-    """Friction elements along the sheath of each wire."""
     sheath_friction: float = _within(0.3, 0.0, 2.0)
-    """Coefficient of friction mu between wire and sheath, of the capstan equation."""
     sheath_bend: float = _within(math.pi, 0.0, 8 * math.pi)
-    """Angle phi that the sheath is bent by [rad]: where a run gives none of its own."""
     sheath_bend_offset: float = _within(0.0, 0.0, 8 * math.pi)
-    """What the wires wrap besides, however straight the sheath: bends inside the housing [rad]."""
     sheath_friction_floor: float = _within(0.1, 0.0, 100.0)
-    """Friction of one wire in its sheath that does not depend on the tension, over the whole sheath [N]."""
     friction_warm_up: float = _within(0.0, -0.9, 5.0)
-    """Excess of the friction in the sheath at the start of a run, relative; it fades exponentially."""
     warm_up_time: float = _within(60.0, 1e-2, 1e6)
-    """Time constant of that fading [s]."""
     friction_wear: float = _within(0.0, 0.0, 100.0)
-    """Growth of the friction in the sheath per distance that the pulley has travelled, relative [1 / m]."""
 
     # The drive.
     pulley_radius: float = _within(0.01, 1e-4, 1.0)
-    """Radius of the driving pulley [m]: a pulley angle becomes a pulling distance by it."""
     backlash: float = _within(0.0, 0.0, 0.01)
-    """Play between motor and pulley, as a distance at the pulley [m]."""
     servo_gain: float = _within(0.0, 0.0, 1e3)
-    """Velocity per position error of the motor's position loop [1 / s]; 0: it follows without lag."""
     servo_speed: float = _within(0.0, 0.0, 10.0)
-    """Limit of the motor's speed, as pulling speed [m / s]; 0: none."""
     servo_acceleration: float = _within(0.0, 0.0, 1e3)
-    """Limit of the motor's acceleration [m / s^2]; 0: none."""
     encoder_counts: int = _within(0, 0, 2**24)
-    """Counts per turn of the encoder on the motor that closes the position loop; 0: continuous."""
 
     # The sensor of the bending angle.
     sensor_period: float = _within(0.0, 0.0, 10.0)
-    """Time between two readings, held in between [s]; 0: one at every sample."""
     sensor_latency: float = _within(0.0, 0.0, 10.0)
-    """Age of a reading when it arrives [s]."""
     sensor_resolution: float = _within(0.0, 0.0, 1.0)
-    """Step to which a reading is rounded [rad]; 0: none."""
     sensor_noise: float = _within(0.0, 0.0, 1.0)
-    """Standard deviation of a reading's Gaussian noise [rad]."""
 
     # The world.
     gravity_x: float = _within(0.0, -100.0, 100.0)
-    """Gravity along the shaft, towards the tip [m / s^2]."""
     gravity_y: float = _within(0.0, -100.0, 100.0)
-    """Gravity across the plane of wires a and b [m / s^2]."""
     gravity_z: float = _within(0.0, -100.0, 100.0)
-    """Gravity in the plane of wires a and b, towards wire a [m / s^2]."""
     time_step: float = _within(2.5e-3, 1e-6, 0.02)
-    """Step of the physics [s]."""
     control_period: float = _within(1e-2, 1e-6, 0.1)
-    """Time between two updates of the command and of the load-dependent friction [s]."""
 
     def __post_init__(self) -> None:
-        """Refuse values that no endoscope has.
+        """Check every parameter against its physical limits.
 
         Raises:
             ValueError: a parameter is not a finite number or lies outside its physical range.
@@ -134,12 +147,12 @@ class Preset:
 
     @property
     def wires(self) -> int:
-        """How many wires there are: two for each bending plane."""
+        """Number of wires: two for each bending plane."""
         return 2 * self.bending_planes
 
     @property
     def gravity(self) -> tuple[float, float, float]:
-        """Acceleration of gravity along x, y, z [m / s^2]."""
+        """Gravity along x, y, z [m / s^2]."""
         return self.gravity_x, self.gravity_y, self.gravity_z
 
     def replace(self, **changes: Any) -> "Preset":
@@ -165,12 +178,12 @@ class Preset:
         return self.replace(section_damping=0.0, wire_damping=0.0)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters by name, as a preset file holds them."""
+        """Return the parameters by name, as in a preset file."""
         return dataclasses.asdict(self)
 
 
 def parameter_limits(name: str) -> tuple[float, float]:
-    """Return the lowest and the highest value that a parameter may have.
+    """Return the lowest and the highest value of a parameter.
 
     Raises:
         ValueError: it is no parameter.
@@ -182,7 +195,7 @@ def parameter_limits(name: str) -> tuple[float, float]:
 
 
 def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
-    """Read `name=value` words, as a command line gives them, into parameters by name.
+    """Parse words such as `pretension=4` into parameters by name.
 
     Raises:
         ValueError: a word is not `name=value`, or the value is no number.
@@ -219,7 +232,7 @@ def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
 
 
 def suggestion(name: str, names: list[str]) -> str:
-    """Return what to say after an unknown name: the one that was meant, perhaps, and all valid ones."""
+    """Return a hint for an unknown name: a close match, if there is one, and all valid names."""
     close = difflib.get_close_matches(name, names, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
     return f"{guess}; valid: {', '.join(names)}"

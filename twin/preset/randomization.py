@@ -1,4 +1,4 @@
-"""Domain randomisation: presets drawn from the ranges that a preset's file states under `ranges`."""
+"""Domain randomisation: presets drawn from the `ranges` of a preset file."""
 
 import dataclasses
 from collections.abc import Collection
@@ -11,7 +11,7 @@ from twin.preset.file import read_preset_file
 from twin.preset.preset import Preset, parameter_limits
 
 WIDE = 2.0
-"""A range whose ends differ by more than this factor is drawn by its logarithm: 1 to 2 as often as 2 to 4."""
+"""Ratio of the ends of a range from which on it is drawn log-uniformly: 1 to 2 as often as 2 to 4."""
 
 _FIXED = (
     *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
@@ -22,13 +22,16 @@ _FIXED = (
 
 @dataclasses.dataclass(frozen=True)
 class Ranges:
-    """From where to where parameters are drawn; every other parameter stays as the preset has it."""
+    """Ranges of the randomised parameters; every other parameter stays as the preset has it.
+
+    Attributes:
+        limits: name, lowest and highest value of each parameter, in SI units.
+    """
 
     limits: tuple[tuple[str, float, float], ...]
-    """Name, lowest and highest value of each, in SI units."""
 
     def __post_init__(self) -> None:
-        """Refuse ranges that hold no endoscope.
+        """Check that every range lies within the limits of its parameter.
 
         Raises:
             ValueError: a name is no parameter, or a range is empty or leaves the parameter's physical range.
@@ -46,24 +49,24 @@ class Ranges:
                 )
 
     def draw(self, preset: Preset, rng: np.random.Generator) -> Preset:
-        """Return a preset with all parameters that have a range drawn anew, independently of each other."""
+        """Return a preset with every parameter that has a range drawn at random, independently."""
         return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
 
     def lowest(self, name: str, preset: Preset) -> float:
-        """Return the lowest value that a parameter can be drawn with; the preset's, where it has no range."""
+        """Return the lowest value that a parameter can have; that of the preset if it has no range."""
         return {limits[0]: limits[1] for limits in self.limits}.get(name, float(getattr(preset, name)))
 
     def without(self, names: Collection[str]) -> "Ranges":
-        """Return the ranges of all other parameters."""
+        """Return the ranges without those of some parameters."""
         return Ranges(tuple(limits for limits in self.limits if limits[0] not in names))
 
     def to_dict(self) -> dict[str, list[float]]:
-        """Return the ranges as a preset's file holds them."""
+        """Return the ranges as a preset file holds them."""
         return {name: [low, high] for name, low, high in self.limits}
 
 
 def load_ranges(name_or_path: str | Path) -> Ranges:
-    """Read the ranges of a preset by its name in `assets/`, or from a YAML file.
+    """Read the ranges of a built-in preset by its name, or of a YAML file.
 
     Raises:
         ValueError: the preset is unknown, states no ranges, or one of them is none.

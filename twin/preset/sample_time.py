@@ -1,4 +1,4 @@
-"""The sample time of a record, which the control period must divide."""
+"""Check that a sample time is a whole multiple of the control period."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from twin.preset.preset import Preset
 
 
 def check_sample_time(preset: Preset, sample_time: float) -> int:
-    """Return how many control periods there are between two samples.
+    """Return the number of control periods between two samples.
 
     Raises:
         ValueError: not a whole number.

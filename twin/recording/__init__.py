@@ -1,4 +1,4 @@
-"""Episodes on disk: one MCAP file each, written whole or not at all, and the same data as a CSV table."""
+"""Episode files: one MCAP file each, written atomically, and the same data as a CSV table."""
 
 from twin.recording.reader import episode_files, read_dataset, read_episode, read_metadata
 from twin.recording.recovery import Recovered, recover_episode

@@ -1,15 +1,15 @@
-"""Pictures of the endoscope among the messages of an episode."""
+"""Camera messages of an episode: pictures as `CompressedImage`."""
 
 from typing import Any
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
 CAMERA_TOPIC = "/camera/image"
-"""Where the pictures go."""
+"""Topic of the pictures."""
 
 
 def picture_message(jpeg: bytes, nanoseconds: int) -> Any:
-    """Return a `CompressedImage` of one picture, in the frame `camera`.
+    """Return the `CompressedImage` message of one picture, in the frame `camera`.
 
     Args:
         jpeg: the picture, as a JPEG file.

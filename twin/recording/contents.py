@@ -1,4 +1,4 @@
-"""What the records of a file add up to: messages by topic, metadata, attachments, and their episode."""
+"""Contents of an MCAP file: messages by topic, metadata, attachments, and the episode they make."""
 
 import json
 import math
@@ -14,10 +14,10 @@ from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
 from twin.recording.writer import METADATA_RECORD
 
 PASSED_OVER = ("/scene", "/camera/")
-"""How topics begin that are pictures of an episode and not part of it."""
+"""Prefixes of the topics that only show an episode: they are not read back."""
 
 TOPICS = frozenset(topic for topic in SCHEMAS if not topic.startswith(PASSED_OVER))
-"""Topics whose messages make an episode."""
+"""Topics that an episode is read from."""
 
 _MESSAGE = struct.Struct(HEAD.format + "HIQQ")  # followed by channel, sequence, log time and publish time
 _MESSAGE_FIELDS = _MESSAGE.size - HEAD.size  # [bytes]
@@ -29,10 +29,10 @@ Found = dict[str, tuple[list[int], list[bytes]]]
 
 
 class Contents:
-    """What has been read of a file so far; grows record by record."""
+    """Contents of an MCAP file that is read record by record."""
 
     def __init__(self, file_size: int, kept: Collection[str] = TOPICS) -> None:
-        """Begin with nothing.
+        """Start with no contents.
 
         Args:
             file_size: bytes of the file, which bound what it may unpack to.
@@ -51,7 +51,7 @@ class Contents:
         self._budget = Budget(file_size)
 
     def add(self, data: bytes, record: FileRecord) -> Found:
-        """Take in one record of a file, with all that is inside a chunk; some kinds are passed over.
+        """Add one record of a file, with the records inside a chunk; other kinds are skipped.
 
         Returns:
             Times and payloads of the messages by topic, which are part of the contents now.
@@ -78,7 +78,7 @@ class Contents:
         return {}
 
     def _add_inner(self, raw: bytes, offset: int, end: int) -> Found:
-        """Take in records of the kinds that may be inside a chunk; this loop is what reading costs most."""
+        """Add records of the kinds that may be inside a chunk; this loop dominates the time of reading."""
         found: Found = {}
         places: dict[int, tuple[list[int], list[bytes]] | None] = {}
         count, others, limit = 0, 0, self._budget.records
@@ -119,14 +119,14 @@ class Contents:
         return found
 
     def _place(self, channel: int, found: Found) -> tuple[list[int], list[bytes]] | None:
-        """Where the messages of a channel go; None if they are passed over."""
+        """Return the lists for the messages of a channel; None if they are skipped."""
         if channel not in self.topics:
             raise ValueError(f"a message is on channel {channel}, which is not described")
         topic = self.topics[channel]
         return found.setdefault(topic, ([], [])) if topic in self._kept else None
 
     def _describe(self, raw: bytes, record: FileRecord) -> None:
-        """Take in a schema or a channel; writers repeat them, in the same words."""
+        """Add a schema or a channel; one that is repeated must be identical."""
         fields = parse(raw, record)
         if record.opcode == Opcode.SCHEMA:
             if self._schemas.setdefault(fields.id, fields.name) != fields.name:
@@ -148,7 +148,7 @@ class Contents:
         return {name: from_json(name, text) for name, text in self.items.items()}
 
     def episode(self, metadata: dict[str, Any]) -> Episode:
-        """Return the episode that the messages make.
+        """Return the episode of the messages.
 
         Raises:
             ValueError: a topic is missing or of another schema, or messages or arrays do not fit together.
@@ -160,7 +160,7 @@ class Contents:
         return Episode(**arrays, metadata=metadata, attachments=self.attachments)
 
     def check_topics(self) -> None:
-        """Check that the topics of an episode are described, and as what they are.
+        """Check that the topics of an episode are described, with the right encoding and schema.
 
         Raises:
             ValueError: a topic is missing or of another schema.
@@ -179,7 +179,7 @@ class Contents:
                 )
 
     def _check_joints(self) -> None:
-        """Bound the joints before they are decoded: an empty one of 2 bytes becomes an object of 100."""
+        """Check the number of joints before decoding: an empty one of 2 bytes becomes an object of 100."""
         joints = sum(
             payload.count(tag) for payload in self.payloads.get("/joint_states", []) for tag in _JOINT_TAGS
         )
@@ -188,7 +188,7 @@ class Contents:
 
 
 def from_json(name: str, text: str) -> Any:
-    """Return an item of the metadata.
+    """Decode a JSON item of the metadata.
 
     Raises:
         ValueError: it is not JSON, or holds a number that is not finite.

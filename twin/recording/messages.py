@@ -1,4 +1,4 @@
-"""Which Protobuf messages hold an episode, and the way back from them to its arrays.
+"""Protobuf messages of an episode: schema of each topic, and decoding back into arrays.
 
 Degrees and millimetres are on the side of the messages, SI units on the side of the episode: this, and
 `streams` on the way there, are the only places of the recording that convert them.
@@ -16,13 +16,13 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
-from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
+from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.poses import LATERAL_HINGE
 
 Array = NDArray[np.float64]
 
 SCENE_TOPIC = "/scene"
-"""Where one message draws the endoscope; nothing is read back from it."""
+"""Topic of the one message that draws the endoscope; it is not read back."""
 
 SCHEMAS: dict[str, Any] = {
     "/command": Command,
@@ -36,14 +36,14 @@ SCHEMAS: dict[str, Any] = {
 """Message class of each topic of an episode."""
 
 REQUIRED_TOPICS = ("/command", "/truth", "/measurement")
-"""Topics without which a file holds no episode; a measured log has no others."""
+"""Topics that every episode has; a measured log has no others."""
 
 
 LARGEST_TIME = 2**63 - 1  # [ns] MCAP could hold twice that; signed clocks of its readers could not
 
 
 def to_nanoseconds(time: Array) -> list[int]:
-    """Return times as whole nanoseconds.
+    """Convert times to whole nanoseconds.
 
     Args:
         time: (N,) seconds, increasing.
@@ -65,7 +65,7 @@ def to_nanoseconds(time: Array) -> list[int]:
 
 
 def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[bytes]]) -> dict[str, Array]:
-    """Return the arrays of an episode, by field name, from the serialised messages of each topic.
+    """Decode the serialised messages of each topic into the arrays of an episode, by field name.
 
     Args:
         times: nanoseconds of the messages of each topic.
@@ -130,7 +130,7 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
 
 
 def _places(measurements: Sequence[int], commands: Sequence[int]) -> list[int]:
-    """Index among the times of the commands of each of the measurements', of which some may be missing."""
+    """Return the index of each measurement's time among those of the commands; some may have none."""
     index = {time: place for place, time in enumerate(commands)}
     places = [index.get(time, -1) for time in measurements]
     if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
@@ -139,12 +139,12 @@ def _places(measurements: Sequence[int], commands: Sequence[int]) -> list[int]:
 
 
 def wire_names(lateral: Iterable[Array]) -> str:
-    """Which wires there are: c and d where anything sideways was recorded."""
+    """Return the names of the wires: c and d only where a second bending plane was recorded."""
     return WIRES if any(values.size > 0 for values in lateral) else WIRES[:2]
 
 
 def _optional(messages: list[Any], field: str) -> Array:
-    """(N,) of a field that all messages have; (0,) if none has it."""
+    """Return an optional field as (N,) if all messages have it, (0,) if none has it."""
     known = [message.HasField(field) for message in messages]
     if not any(known):
         return np.empty(0)
@@ -154,7 +154,7 @@ def _optional(messages: list[Any], field: str) -> Array:
 
 
 def _hinges(name: str, joints: list[Any], count: int, *, lateral: bool) -> Array:
-    """(count, columns) of the angles of the hinges that bend it sideways, or of the others."""
+    """Return the angles of the lateral hinges, or of the others, as (count, columns)."""
     rows = [
         [joint.position for joint in row if joint.name.startswith(LATERAL_HINGE) is lateral] for row in joints
     ]
@@ -162,7 +162,7 @@ def _hinges(name: str, joints: list[Any], count: int, *, lateral: bool) -> Array
 
 
 def _wires(truths: list[Any], field: str, wires: str) -> Array:
-    """(N, wires, columns) of a field, with a place for the name of the wire, that all wires have."""
+    """Return a field of all wires as (N, wires, columns); `{}` in its name stands for the wire."""
     tables = {}
     for name in WIRES:
         of_wire = field.format(name)
@@ -179,7 +179,7 @@ def _wires(truths: list[Any], field: str, wires: str) -> Array:
 
 
 def _table(name: str, rows: Sequence[Sequence[float]], count: int) -> Array:
-    """(count, columns) of rows that must be equally long; no columns if there are no rows."""
+    """Stack rows of equal length into (count, columns); no columns if there are no rows."""
     sizes = list(map(len, rows))
     columns = sizes[0] if sizes else 0
     if sizes.count(columns) < len(sizes):

@@ -1,4 +1,4 @@
-"""The bending section as a viewer sees it: the angle of each hinge, and a chain of frames turned by them."""
+"""Poses of the bending section for viewers: hinge angles, and a chain of frames turned by them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,7 +19,7 @@ from twin.recording.mcap_file.layout import SECOND
 Array = NDArray[np.float64]
 
 LATERAL_HINGE = "lateral_hinge_"
-"""How the names of the hinges that bend it sideways begin, in the plane of wires c and d."""
+"""Prefix of the names of the hinges in the plane of wires c and d."""
 
 
 def hinge_angles(episode: Episode) -> dict[str, Array]:
@@ -32,13 +32,13 @@ def hinge_angles(episode: Episode) -> dict[str, Array]:
 
 
 def joint_states(names: Sequence[str], angles: Sequence[float], nanoseconds: int) -> Any:
-    """Return a `JointStates` of hinges at one sample [rad]."""
+    """Return the `JointStates` message of the hinge angles at one sample [rad]."""
     joints = [JointState(name=name, position=angle) for name, angle in zip(names, angles, strict=True)]
     return JointStates(timestamp=_stamp(nanoseconds), joints=joints)
 
 
 def link_length(episode: Episode) -> float | None:
-    """Return the length of one vertebra [m], or None where the metadata does not tell.
+    """Return the length of one vertebra [m], or None where the metadata does not state it.
 
     Raises:
         ValueError: the metadata has another number of vertebrae than the joints.
@@ -46,14 +46,14 @@ def link_length(episode: Episode) -> float | None:
     preset = episode.metadata.get("preset")
     if not isinstance(preset, Mapping) or not {"section_length", "vertebrae"} <= set(preset):
         return None
-    joints = episode.joint_angle.shape[1]
+    joints = int(episode.joint_angle.shape[1])
     if preset["vertebrae"] != joints:
         raise ValueError(f"joint_angle has {joints} columns, the preset {preset['vertebrae']} vertebrae")
     return float(preset["section_length"]) / joints
 
 
 def rotations(episode: Episode) -> dict[str, Array]:
-    """Return how each frame is turned from the one before it: the parts of unit quaternions.
+    """Return the rotation of each frame relative to the one before it, as parts of unit quaternions.
 
     A vertebra is turned by its hinge about (0, -1, 0) and then, in the turned frame, by its lateral hinge
     about (0, 0, 1), if there is one. The quaternion of that is
@@ -72,7 +72,7 @@ def rotations(episode: Episode) -> dict[str, Array]:
 
 
 def transforms(link: float, parts: Sequence[str], values: Sequence[float], nanoseconds: int) -> Any:
-    """Return the `FrameTransforms` base -> vertebra_0 -> vertebra_1 ... at one sample, a link apart.
+    """Return the `FrameTransforms` message base -> vertebra_0 -> vertebra_1 ... of one sample.
 
     Args:
         link: the length of a vertebra [m].

@@ -1,4 +1,4 @@
-"""Reading episodes from MCAP files; any damage to a file is one line that names the file and the fault."""
+"""Reader of episodes from MCAP files; a damaged file gives one line that names the file and the fault."""
 
 import zlib
 from collections.abc import Collection, Iterator
@@ -11,17 +11,17 @@ from twin.episode import Episode
 from twin.recording.contents import TOPICS, Contents
 from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
 
-HINT = "; `endotwin export FILE --recover` saves what is whole"
-"""What is said after the fault of a file that is cut off or damaged."""
+HINT = "; `recover_episode` saves what is whole"
+"""Hint after the fault of a file that is cut off or damaged."""
 
 _DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 def read_episode(path: str | Path) -> Episode:
-    """Read one episode; see `messages.decode` for what is zero columns wide where it was not recorded.
+    """Read one episode; `messages.decode` says which arrays are empty where nothing was recorded.
 
     Args:
-        path: an MCAP file as `write_episode` makes it. Topics beyond those of an episode are passed over.
+        path: an MCAP file as `write_episode` makes it. Topics beyond those of an episode are skipped.
 
     Returns:
         The episode. In its metadata, tuples have become lists, as JSON has no tuples.
@@ -39,7 +39,7 @@ def read_episode(path: str | Path) -> Episode:
 
 
 def read_metadata(path: str | Path) -> dict[str, Any]:
-    """Read the metadata of an episode, and vouch for its file by every CRC, length and count in it.
+    """Read the metadata of an episode, and verify every CRC, length and count of its file.
 
     The messages are not decoded, which is what `read_episode` spends most of its time on.
 
@@ -57,7 +57,7 @@ def read_metadata(path: str | Path) -> dict[str, Any]:
 
 
 def read_dataset(path: str | Path) -> list[Episode]:
-    """Read every episode of a folder, in the order of the file names, or the one of a file.
+    """Read all episodes of a folder, in the order of the file names, or the one of a file.
 
     Raises:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.
@@ -67,7 +67,7 @@ def read_dataset(path: str | Path) -> list[Episode]:
 
 
 def episode_files(path: str | Path) -> list[Path]:
-    """Return the `*.mcap` of a folder in the order of their names, or the one file that a path names.
+    """Return the `*.mcap` files of a folder in the order of their names, or the single file of a path.
 
     Raises:
         FileNotFoundError: there is no `*.mcap` in the folder.
@@ -82,7 +82,7 @@ def episode_files(path: str | Path) -> list[Path]:
 
 
 def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
-    """Return what is in the bytes of a file, of which nothing may be missing or wrong.
+    """Return the contents of a file, which must be complete and undamaged.
 
     Args:
         data: a file that begins with the MCAP mark.
@@ -94,8 +94,8 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
     if len(data) < 2 * len(MAGIC) or not data.endswith(MAGIC):
         raise ValueError("is cut off: it does not end with the MCAP mark")
     contents = Contents(len(data), kept)
-    # What can go wrong in bytes from anywhere is no closed list: mcap, zstandard and Protobuf have their own
-    # exceptions and let through those of struct, of codecs and of dictionaries.
+    # Damaged bytes raise exceptions of no closed list: mcap, zstandard and Protobuf have their own and let
+    # through those of struct, of codecs and of dictionaries.
     try:
         # No chunk is unpacked before the CRC of the data section is known to match, which comes last.
         for record in list(_records(data)):
@@ -110,7 +110,7 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
 
 
 def whole_episode(contents: Contents) -> Episode:
-    """Return the episode that the contents of a file make.
+    """Return the episode of the contents of a file.
 
     Raises:
         ValueError: they make none; the text goes on after the name of the file.
@@ -124,7 +124,7 @@ def whole_episode(contents: Contents) -> Episode:
 
 
 def one_line(error: Exception) -> str:
-    """Return what went wrong in one line, with the kind of error where its own text says too little."""
+    """Return the text of an error in one line, with its class where the text alone says too little."""
     text = " ".join(str(error).split())
     if isinstance(error, ValueError) and text:
         return text
@@ -140,7 +140,7 @@ def _read(path: Path, kept: Collection[str]) -> Contents:
 
 
 def _records(data: bytes) -> Iterator[FileRecord]:
-    """Yield the records of a file up to its footer, checked against the CRCs of data section and summary."""
+    """Yield the records of a file up to its footer; the CRCs of data section and summary are checked."""
     offset, end = len(MAGIC), len(data) - len(MAGIC)
     data_ended = False
     while offset < end:
@@ -167,7 +167,7 @@ def _records(data: bytes) -> Iterator[FileRecord]:
 
 
 def _check_counts(contents: Contents, statistics: Any) -> None:
-    """Refuse a file from which whole records were taken away, or into which some were put."""
+    """Check the number of records against the statistics of the file."""
     for kind, found in contents.counts.items():
         claimed = getattr(statistics, f"{kind}_count")
         if claimed != found:

@@ -1,4 +1,4 @@
-"""What is whole of an episode whose file is cut off or damaged, and how much of it is missing."""
+"""Recovery of an episode from a file that is cut off or damaged."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -19,26 +19,29 @@ _FAULTS_IN_SUMMARY = 3
 
 @dataclasses.dataclass(frozen=True)
 class Recovered:
-    """The whole samples of a file, in order; what is missing between them is a gap in time."""
+    """Recovered part of an episode: its complete samples, in order; missing ones are gaps in time.
+
+    Attributes:
+        episode: the complete samples; its metadata has an item `recovered`, unless the file has no fault.
+        samples: number of complete samples.
+        samples_expected: number of samples that the file once had; None if unknown.
+        seconds: duration of the complete samples [s].
+        faults: faults of the file, one line each.
+        chunks: number of intact chunks; 0 also for a file that is written without chunks.
+        chunks_lost: number of damaged chunks; None if unknown.
+    """
 
     episode: Episode
-    """Its metadata has an item `recovered`, unless the file has no fault."""
     samples: int
-    """How many samples are whole."""
     samples_expected: int | None
-    """How many the file once had; None if what survives does not tell."""
     seconds: float
-    """The time that the whole samples stand for [s]."""
     faults: tuple[str, ...] = ()
-    """What is wrong with the file, one line each."""
     chunks: int = 0
-    """How many chunks are whole; 0 also for a file that is written without chunks."""
     chunks_lost: int | None = None
-    """How many chunks are not; None if what survives does not tell."""
 
     @property
     def summary(self) -> str:
-        """One sentence that says how much is whole, and what is wrong."""
+        """Summary in one sentence: the share that is intact, and the faults."""
         if self.samples_expected is None:
             whole = f"{self.samples:,} samples ({self.seconds:.1f} s) are whole of an unknown number"
         else:
@@ -53,7 +56,7 @@ class Recovered:
 
 
 def recover_episode(path: str | Path) -> Recovered:
-    """Read what is whole of an episode; of a file without fault, the same as `read_episode`.
+    """Read the intact part of an episode; of a file without fault, the same as `read_episode`.
 
     A sample is whole if all topics of the episode have it in chunks whose CRCs match. `/measurement` may be
     missing, as where a sensor saw nothing, but not next to something lost: it may be among that.
@@ -91,7 +94,7 @@ def recover_episode(path: str | Path) -> Recovered:
 
 
 def _recovered(salvage: Salvage, refused: str) -> Recovered:
-    """The episode of what was salvaged from a file that the reader has refused."""
+    """Return the episode of the records salvaged from a file that the reader has refused."""
     contents = salvage.contents
     faults = [*salvage.faults]
     metadata = _metadata(contents, faults)
@@ -124,7 +127,7 @@ def _many(number: int, thing: str) -> str:
 
 
 def _metadata(contents: Contents, faults: list[str]) -> dict[str, Any]:
-    """The items that are whole; no CRC but that of the whole file covers them."""
+    """Return the readable items of the metadata; no CRC but that of the whole file covers them."""
     if contents.items is None:
         return contents.metadata()  # says that it is missing
     metadata = {}
@@ -137,11 +140,11 @@ def _metadata(contents: Contents, faults: list[str]) -> dict[str, Any]:
 
 
 def _expected(salvage: Salvage, metadata: dict[str, Any]) -> int | None:
-    """How many samples the file once had, by its summary or its metadata."""
+    """Return the number of samples that the file once had, by its summary or its metadata."""
     if salvage.statistics is not None:
         counts = salvage.statistics.channel_message_counts
         topics = salvage.contents.topics
-        return sum(count for channel, count in counts.items() if topics.get(channel) == _CLOCK)
+        return sum(int(count) for channel, count in counts.items() if topics.get(channel) == _CLOCK)
     if salvage.data_whole and salvage.chunks_lost == 0:
         return len({*salvage.contents.times.get(_CLOCK, ())})
     samples = metadata.get("samples")
@@ -149,7 +152,7 @@ def _expected(salvage: Salvage, metadata: dict[str, Any]) -> int | None:
 
 
 def _keep_whole_samples(salvage: Salvage) -> Iterator[str]:
-    """Leave only the messages of whole samples, in the order of time; yield what is wrong with the others."""
+    """Keep only the messages of complete samples, in the order of time; yields the faults of the others."""
     contents = salvage.contents
     for topic in sorted(({*REQUIRED_TOPICS, *contents.topics.values()} & TOPICS) - {*contents.times}):
         if topic in REQUIRED_TOPICS:

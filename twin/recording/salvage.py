@@ -1,4 +1,4 @@
-"""What is whole of the contents of a damaged MCAP file: every record that can still be found and believed."""
+"""Salvage of a damaged MCAP file: every record that can still be found and verified."""
 
 import contextlib
 import itertools
@@ -14,7 +14,7 @@ from twin.recording.contents import Contents, Found
 from twin.recording.mcap_file.records import HEAD, MAGIC, FileRecord, parse, record_at, summary_fault
 from twin.recording.reader import one_line
 
-# What stands in a chunk of zstd after its opcode, length, two times, size and CRC.
+# Compression field of a zstd chunk, which follows opcode, length, two times, size and CRC.
 _ZSTD_MARK = b"\x04\x00\x00\x00zstd"
 _ZSTD_MARK_PLACE = HEAD.size + 3 * 8 + 4
 _CHUNK_FIELDS = 4 * 8 + 2 * 4  # [bytes] of a chunk beside its compression and its data
@@ -33,24 +33,23 @@ _PARSED = (*_INDEXED, *(kind for kind, _ in _INDEXED.values()), Opcode.SCHEMA, O
 
 
 class Salvage:
-    """One pass over a file: record after record, then what the summary knows of those it has missed."""
+    """Contents salvaged from a file: a scan of its records, then those that only the summary index finds."""
 
     def __init__(self, data: bytes) -> None:
-        """Salvage what there is.
+        """Salvage the contents of a file.
 
         Args:
             data: a file that begins with the MCAP mark.
         """
         self.contents = Contents(len(data))
         self.statistics: Any = None
-        """The statistics of the summary, if its CRC vouches for them; else None."""
+        """Statistics of the summary, if its CRC is right; else None."""
         self.data_whole = False
-        """Whether the data section is known to be whole, by its CRC."""
+        """True if the CRC of the data section is right."""
         self._data = data
         self._faults: list[str] = []
         self._indexes: list[tuple[int, Opcode, Any]] = []
-        # By place in the file: the first and the last log time of a chunk or message, none for other topics,
-        # None for what is lost.
+        # First and last log time of the chunk or message at each offset; () for other topics, None if lost.
         self._pieces: dict[int, tuple[int, ...] | None] = {}
         self._lost_spans: list[tuple[int, int]] = []  # first and last log time of lost chunks
         self._taken: set[tuple[int, int]] = set()  # place and opcode
@@ -62,25 +61,25 @@ class Salvage:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the file, one line each, in the order of the file."""
+        """Faults of the file, one line each, in the order of the file."""
         more = len(self._faults) - _MOST_FAULTS
         return (*self._faults[:_MOST_FAULTS], *([f"{more} more faults"] if more > 0 else []))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks that are whole."""
+        """Number of intact chunks."""
         return self.contents.counts["chunk"]
 
     @property
     def chunks_lost(self) -> int | None:
-        """Number of chunks that are lost; None if nobody knows."""
+        """Number of lost chunks; None if unknown."""
         indexed = sum(kind == Opcode.CHUNK for _, kind, _ in self._indexes)
         if self.statistics is not None or indexed > 0:
             return max(0, (int(self.statistics.chunk_count) if self.statistics else indexed) - self.chunks)
         return self._chunks_seen - self.chunks if self._all_seen else None
 
     def doubtful(self, times: list[int]) -> NDArray[np.bool_]:
-        """Return at which of these log times [ns] a message may be among what is lost.
+        """Return the mask of log times [ns] at which a message may have been lost.
 
         That is within the times of a lost chunk, and at the edges of what is next to something lost: a
         writer may begin a chunk in the middle of a sample.
@@ -104,7 +103,7 @@ class Salvage:
 
     def _edges(self) -> Iterator[int]:
         """Yield the log times at which a chunk or message borders on something lost."""
-        # Those that hold no topic of an episode border on nothing.
+        # Chunks without a topic of the episode do not count as neighbours.
         pieces = [self._pieces[place] for place in sorted(self._pieces) if self._pieces[place] != ()]
         for before, after in itertools.pairwise(pieces):
             if before is None and after is not None:
@@ -113,7 +112,7 @@ class Salvage:
                 yield before[-1]
 
     def _read_summary(self) -> None:
-        """Take in channels, statistics and indexes from the end of the file, if the CRC vouches for them."""
+        """Read channels, statistics and indexes from the summary, if its CRC is right."""
         end = len(self._data) - len(MAGIC)
         start = end - _FOOTER_SIZE
         if start < len(MAGIC) or self._data[start] != Opcode.FOOTER or not self._data.endswith(MAGIC):
@@ -139,7 +138,7 @@ class Salvage:
             self._faults.append(f"the summary cannot be read: {one_line(error)}")
 
     def _scan(self) -> None:
-        """Take in record after record; where a record is none, go on at the next chunk that can be found."""
+        """Read record after record; after a damaged one, continue at the next chunk that can be found."""
         data, offset, data_ended = self._data, len(MAGIC), False
         while offset < len(data):
             try:
@@ -170,7 +169,7 @@ class Salvage:
         self._lose_rest(offset, "the file ends", data_ended)
 
     def _lose_rest(self, offset: int, reason: str, data_ended: bool) -> None:
-        """Say what it means that nothing more was found from `offset` on."""
+        """Note the fault of a file in which nothing more was found from `offset` on."""
         if data_ended:
             self._faults.append("the summary is cut off or damaged")
             return
@@ -184,10 +183,10 @@ class Salvage:
             self._faults.append(f"cut off after chunk {self._chunks_seen}")
 
     def _take(self, record: FileRecord) -> None:
-        """Take in one record, or say why its contents are lost.
+        """Add one record, or note why its contents are lost.
 
         Raises:
-            Exception: where the record ends cannot be believed either.
+            Exception: the length of the record is not credible either.
         """
         if record.opcode == 0:
             raise ValueError("no record has opcode 0")
@@ -217,7 +216,7 @@ class Salvage:
                 self._pieces[record.start] = _span(found)
 
     def _follow_indexes(self) -> None:
-        """Take in what the summary knows of and the scan has missed, even where a length is damaged."""
+        """Add the records that the summary lists and the scan has missed, even where a length is damaged."""
         for offset, kind, index in sorted(self._indexes, key=lambda entry: entry[0]):
             if (offset, int(kind)) not in self._taken:
                 length = index.chunk_length if kind == Opcode.CHUNK else index.length
@@ -238,7 +237,7 @@ class Salvage:
 
 
 def _find_chunk(data: bytes, offset: int) -> int | None:
-    """Where the next chunk of zstd begins that fits into the file; None if there is none."""
+    """Return the offset of the next zstd chunk that fits into the file; None if there is none."""
     mark = data.find(_ZSTD_MARK, offset + _ZSTD_MARK_PLACE)
     while mark >= 0:
         start = mark - _ZSTD_MARK_PLACE
@@ -255,7 +254,7 @@ def _find_chunk(data: bytes, offset: int) -> int | None:
 
 
 def _check_attachment(data: bytes, record: FileRecord) -> None:
-    """Raise if the CRC at the end of an attachment, where it has one, is not that of the rest of it."""
+    """Check the CRC at the end of an attachment, where it has one."""
     expected = int.from_bytes(data[record.end - _CRC_SIZE : record.end], "little")
     if expected not in (0, zlib.crc32(memoryview(data)[record.body : record.end - _CRC_SIZE])):
         raise ValueError("its CRC does not match")
@@ -266,6 +265,6 @@ def _name(opcode: int) -> str:
 
 
 def _span(found: Found) -> tuple[int, ...]:
-    """First and last log time of the messages of a chunk; nothing if it has none of an episode."""
+    """Return the first and last log time of messages; an empty tuple if there are none."""
     times = [time for times, _ in found.values() for time in times]
     return (min(times), max(times)) if times else ()

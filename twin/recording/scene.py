@@ -1,4 +1,4 @@
-"""What a viewer draws: the parts of the endoscope, each fixed to a frame of `/tf`, which moves it.
+"""3D scene of the endoscope for viewers: its parts, each fixed to a frame that `/tf` moves.
 
 The shapes are those of the twin's own pictures (`twin/physics/model.py`), in the primitives of Foxglove's
 `SceneUpdate`, whose cylinders stand along z.
@@ -38,7 +38,7 @@ _TAPER = 0.94  # of the far end of a vertebra: an edge that tells it from the ne
 
 
 def scene(episode: Episode, nanoseconds: int) -> SceneUpdate | None:
-    """Return one message that draws the endoscope from now on, in whatever pose `/tf` says.
+    """Return the message that draws the endoscope from now on, in the pose that `/tf` gives.
 
     Args:
         episode: its metadata holds the preset: `section_length`, `vertebrae`, `wire_offset` and
@@ -70,7 +70,7 @@ def scene(episode: Episode, nanoseconds: int) -> SceneUpdate | None:
 
 
 def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
-    """One link along x: a slender backbone, the vertebra that guides the wires, and their way past it."""
+    """Add one link along x: a slender backbone, the vertebra that guides the wires, and the wires."""
     _cylinder(entity, 0.0, link, _BACKBONE_RADIUS * offset, _BACKBONE)
     start, end = _VERTEBRA_BEGINS * link, _VERTEBRA_ENDS * link
     _cylinder(entity, start, end, _VERTEBRA_RADIUS * offset, _VERTEBRA, taper=_TAPER)
@@ -84,7 +84,7 @@ def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
 
 
 def _draw_tip(entity: Any, link: float, offset: float) -> None:
-    """The dark end of the last link, over the ends of the wires, and a lens whose centre is the tip."""
+    """Add the dark end of the last link, over the ends of the wires, and a lens centred at the tip."""
     end = link + _WIRE_THICKNESS / 2 * offset
     _cylinder(entity, _TIP_BEGINS * link, end, _TIP_RADIUS * offset, _TIP)
     lens = entity.spheres.add()
@@ -95,7 +95,7 @@ def _draw_tip(entity: Any, link: float, offset: float) -> None:
 
 
 def _entity(message: SceneUpdate, frame: str, nanoseconds: int) -> Any:
-    """Add what is drawn in a frame; it stays (a lifetime of zero) and goes where the frame goes."""
+    """Add the entity of a frame, which stays for ever (a lifetime of zero) and moves with the frame."""
     entity = message.entities.add(frame_id=frame, id=frame, frame_locked=True)
     entity.timestamp.FromNanoseconds(nanoseconds)
     entity.lifetime.SetInParent()

@@ -1,4 +1,4 @@
-"""Which messages an episode becomes, topic by topic, with its numbers in the units of the messages.
+"""Message streams of an episode, topic by topic, with numbers in the units of the messages.
 
 `messages.decode` is the way back. Degrees and millimetres are on the side of the messages, SI units on the
 side of the episode: these two are the only places of the recording that convert them.
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.episode import OPTIONAL, Episode
-from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth  # type: ignore[attr-defined]
+from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.mcap_file.layout import Stream
 from twin.recording.messages import SCENE_TOPIC, wire_names
 from twin.recording.poses import hinge_angles, joint_states, link_length, rotations, transforms
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 
 
 def streams_of(episode: Episode, start: int) -> list[Stream]:
-    """Return the messages of an episode, topic by topic.
+    """Return the message streams of an episode, one for each topic.
 
     A measurement that is missing is no message. `/tension` is left out without wire tensions,
-    `/joint_states` without joints, and `/tf` also without a preset in the metadata that tells the geometry.
-    `/scene` has one message, at the first sample, where the preset tells what to draw.
+    `/joint_states` without joints, and `/tf` also without a preset in the metadata that states the geometry.
+    `/scene` has one message, at the first sample, where the preset states the geometry.
 
     Args:
         episode: N samples.
@@ -77,7 +77,7 @@ def _pose_streams(episode: Episode) -> list[Stream]:
 def _scalars(
     topic: str, kind: Any, columns: dict[str, Array], present: NDArray[np.bool_] | None = None
 ) -> Stream:
-    """The stream of a message whose fields are the numbers, or the rows of numbers, of the columns."""
+    """Return the stream of a message whose fields are numbers, or rows of numbers, of the columns."""
     sizes = {field: values.shape[1] if values.ndim == 2 else None for field, values in columns.items()}
 
     def build(row: Sequence[float], nanoseconds: int) -> Any:
@@ -104,7 +104,7 @@ def _stream(
 
 
 def _table(columns: Sequence[ArrayLike], count: int) -> Array:
-    """(count, columns) of columns (count,) and tables (count, some) side by side."""
+    """Stack columns (count,) and tables (count, some) side by side into (count, columns)."""
     tables = [np.asarray(values, dtype=float).reshape(count, -1) for values in columns]
     return np.hstack(tables) if tables else np.empty((count, 0))
 
@@ -133,7 +133,7 @@ def _recorded(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def _wires_of(episode: Episode) -> list[tuple[int, str]]:
-    """Index and name of each wire."""
+    """Return the index and the name of each wire."""
     lateral = (episode.lateral_pull, episode.lateral_bend, episode.lateral_joint_angle)
     return list(enumerate(wire_names(lateral)))
 

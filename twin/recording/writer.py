@@ -1,4 +1,4 @@
-"""Writing an episode into one MCAP file, whose bytes depend on the episode alone."""
+"""Writer of an episode into one MCAP file, whose bytes depend on the episode alone."""
 
 import itertools
 import json
@@ -30,7 +30,7 @@ _MEDIA_TYPES = {
 
 
 class EpisodeWriter:
-    """Context manager: an MCAP file that appears under its name when the block ends without an exception.
+    """Context manager: an MCAP file that takes its final name when the block succeeds.
 
     ```
     with EpisodeWriter("episode_000.mcap") as writer:
@@ -66,7 +66,7 @@ class EpisodeWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Complete the file and give it its final name; under an exception, remove it.
+        """Complete the file and give it its final name, or remove it after an exception.
 
         Raises:
             ValueError: the block ended well, but no whole episode was written.
@@ -110,13 +110,13 @@ class EpisodeWriter:
         self._complete = True
 
     def add_message(self, topic: str, message: Any, time: int) -> None:
-        """Add one message on a topic beside those of an episode: `/estimate/METHOD`, `/camera/...`.
+        """Add one message on a topic that is not part of the episode: `/estimate/METHOD`, `/camera/...`.
 
         Such messages may come in any order. They are kept in memory and written when the block ends, into
         chunks of their own, in the order of time; their sequence numbers count those of a topic.
 
         Args:
-            topic: where it goes; its schema is that of the first message on the topic.
+            topic: name of the topic; its schema is that of the first message on it.
             message: any Protobuf message.
             time: nanoseconds of simulation; both log time and publish time.
 
@@ -129,7 +129,7 @@ class EpisodeWriter:
         self._others.append((time, topic, message.SerializeToString(deterministic=True)))
 
     def _channels(self) -> dict[str, int]:
-        """Describe every topic so far; by topic, the channel of its messages."""
+        """Add the channels of all topics so far; returns the channel of each topic."""
         return {
             topic: self._container.add_channel(topic, descriptor)
             for topic, descriptor in self._descriptors.items()
@@ -169,7 +169,7 @@ def _to_json(name: str, value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy scalars and arrays as numbers and lists: seeds and parameters often come as such."""
+    """Convert NumPy scalars and arrays to numbers and lists for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"a {type(value).__name__} cannot be stored")

@@ -1,1 +1,1 @@
-"""Pictures of an episode without a screen: the endoscope bending beside its loop, as PNG, MP4 and JPEG."""
+"""Headless rendering of episodes: the bending endoscope beside its loop, as PNG, MP4 and JPEG."""

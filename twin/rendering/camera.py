@@ -1,4 +1,4 @@
-"""A camera beside the bending section: pictures of an episode as JPEG, at an even rate."""
+"""Camera beside the bending section: JPEG pictures of an episode at a fixed rate."""
 
 import dataclasses
 import io
@@ -9,25 +9,29 @@ import numpy as np
 from twin.episode import Episode
 
 QUALITY = 85
-"""Of the JPEG pictures, of 100."""
+"""JPEG quality of the pictures, out of 100."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """How often pictures are taken, and how large they are."""
+    """Frame rate and image size of a camera.
+
+    Attributes:
+        pictures_per_second: frame rate, above 0, at most 1000 [1 / s].
+        width: image width, even, 80 to 1280 [pixels].
+        height: image height, even, 120 to 1280 [pixels].
+    """
 
     pictures_per_second: float = 10.0
     width: int = 320
-    """[pixels], even."""
     height: int = 240
-    """[pixels], even."""
 
     def __post_init__(self) -> None:
-        """Write 10 and 10.0 alike: they are one rate."""
+        """Convert the rate to a float, so that 10 and 10.0 are written alike."""
         object.__setattr__(self, "pictures_per_second", float(self.pictures_per_second))
 
     def check(self) -> None:
-        """Refuse what no picture can be.
+        """Check the rate and the size.
 
         Raises:
             ValueError: the rate or the size is out of range.
@@ -43,7 +47,7 @@ class Camera:
 
 
 def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
-    """Yield the samples at which a picture is taken, each with its picture as a JPEG file.
+    """Yield the sample index of each picture and the picture as a JPEG file.
 
     A picture shows the sample that is the latest at its time. The bytes depend on what draws them: OpenGL
     libraries differ in single pixels.

@@ -1,4 +1,4 @@
-"""An episode ready to be drawn: the recorded poses before a camera that keeps them all in view, and the loop.
+"""Frames of an episode: the recorded poses before a camera that keeps all of them in view, and the loop.
 
 An episode holds the angle of every hinge, so nothing is simulated again: the recorded pose is set and drawn.
 """
@@ -20,10 +20,10 @@ WIDTH, HEIGHT = 1280, 720
 
 
 class Film:
-    """The endoscope of one episode, its camera and its loop; each frame is drawn on demand."""
+    """Renderer of one episode: endoscope, camera and loop panel; each frame is drawn on demand."""
 
     def __init__(self, episode: Episode, width: int = WIDTH, height: int = HEIGHT) -> None:
-        """Build the model of the episode's preset and draw what does not move.
+        """Build the model of the episode's preset and draw the static parts.
 
         Args:
             episode: the record; one without hinge angles (a measured one) is drawn with a constant curvature.
@@ -48,24 +48,24 @@ class Film:
         self._panel = LoopPanel(episode.pull_mm, episode.bend_deg, width - self._scene_width, height)
 
     def pose(self, index: int) -> Picture:
-        """Return the endoscope alone at sample `index`, on white, (height, width / 2, 3)."""
+        """Return a picture of the endoscope alone at sample `index`, on white, (height, width / 2, 3)."""
         lateral = self.episode.lateral_joint_angle
         self._endoscope.set_pose(self._joint_angle[index], lateral[index] if len(lateral) else None)
         return self._view.picture()
 
     def tip(self, index: int) -> tuple[float, float]:
-        """Return where the tip is seen in `pose(index)`: (column, row) in pixels."""
+        """Return the position of the tip in the picture `pose(index)`, as (column, row) [pixels]."""
         column, row = self._pixels(self._chain[index, -1])
         return float(column), float(row)
 
     def frame(self, index: int) -> Picture:
-        """Return sample `index` as one picture (height, width, 3): endoscope, numbers and loop."""
+        """Return the frame of sample `index`, (height, width, 3): endoscope, numbers and loop."""
         scene = Image.fromarray(self.pose(index))
         self._write_numbers(ImageDraw.Draw(scene), index)
         return np.concatenate([np.asarray(scene), self._panel.draw(index)], axis=1)
 
     def scale_bar(self) -> tuple[float, float]:
-        """Return a round length that fits the picture and how long it is seen: (millimetres, pixels)."""
+        """Return the length of a scale bar that fits the picture: (millimetres, pixels)."""
         visible_mm = 2e3 * self._half_height
         length_mm = max(step for step in (1, 2, 5, 10, 20, 50, 100) if step <= max(visible_mm / 5, 1))
         return length_mm, length_mm / visible_mm * self.height
@@ -85,13 +85,13 @@ class Film:
         pen.text((left, bottom - 28 * unit), f"{length_mm:g} mm", MUTED, small)
 
     def _pixels(self, position: Array) -> Array:
-        """Where points (..., 2) of the bending plane [m] are seen (..., 2), as (column, row)."""
+        """Project points (..., 2) of the bending plane [m] to pixels (..., 2), as (column, row)."""
         scaled = (position - self._centre) / self._half_height * self.height / 2
         return np.array([self._scene_width / 2, self.height / 2]) + scaled * [1, -1]
 
 
 def _joint_angle(episode: Episode) -> Array:
-    """Recorded angles (N, vertebrae) of the hinges [rad]; without them, the bend shared out evenly."""
+    """Return the recorded hinge angles (N, vertebrae) [rad]; without them, a constant curvature."""
     recorded = episode.joint_angle
     if (
         recorded.ndim == 2
@@ -104,7 +104,7 @@ def _joint_angle(episode: Episode) -> Array:
 
 
 def _preset(episode: Episode, vertebrae: int) -> Preset:
-    """An endoscope of the shape that the metadata of the episode tells; else one of ordinary size."""
+    """Return a preset of the shape stated in the metadata of the episode; else one of default size."""
     recorded = episode.metadata.get("preset") or {}
     shape = {
         name: recorded[name]
@@ -115,7 +115,7 @@ def _preset(episode: Episode, vertebrae: int) -> Preset:
 
 
 def _chain(joint_angle: Array, lateral: Array, section_length: float) -> Array:
-    """Ends of the links (N, vertebrae + 1, 2) as seen from the side, base to tip, as (x, z) [m].
+    """Return the ends of the links, base to tip, as seen from the side: (N, vertebrae + 1, 2) as (x, z) [m].
 
     Every hinge turns the link after it about -y, and then, with two bending planes, about z.
     """
@@ -132,7 +132,7 @@ def _chain(joint_angle: Array, lateral: Array, section_length: float) -> Array:
 
 
 def _framing(chain: Array, aspect: float) -> tuple[Array, float]:
-    """Centre (2,) and half the height [m] of a view of width / height = `aspect` that holds every pose."""
+    """Return centre (2,) and half the height [m] of a view of aspect ratio `aspect` that holds every pose."""
     reach = np.linalg.norm(np.diff(chain[0], axis=0), axis=1).sum()
     low = np.minimum(chain.min(axis=(0, 1)), [-0.22 * reach, -0.30 * reach])
     high = np.maximum(chain.max(axis=(0, 1)), [0.75 * reach, 0.30 * reach])

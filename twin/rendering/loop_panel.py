@@ -1,4 +1,4 @@
-"""A hysteresis loop that is drawn as it happens: the axes once by matplotlib, the moving trace by Pillow."""
+"""Animated hysteresis loop: static axes by matplotlib, the moving trace by Pillow."""
 
 import numpy as np
 from matplotlib import get_data_path
@@ -20,10 +20,10 @@ _OVERSAMPLING = 3  # Pillow's lines have hard edges: they are drawn larger, and 
 
 
 class LoopPanel:
-    """Axes of bending angle over pulling distance, ready to be drawn up to any sample."""
+    """Plot of bending angle over pulling distance that can be drawn up to any sample."""
 
     def __init__(self, pull_mm: Array, bend_deg: Array, width: int, height: int) -> None:
-        """Draw what does not move: axes, labels and, pale, the whole loop.
+        """Draw the static parts: axes, labels and, pale, the whole loop.
 
         Args:
             pull_mm: (N,) pulling distance [mm].
@@ -58,7 +58,7 @@ class LoopPanel:
 
 
 def style_axes(axes: Axes, size: float = 1.0) -> None:
-    """Give axes of a loop their labels, a faint grid and no frame; `size` scales text and lines."""
+    """Style the axes of a loop: labels, a faint grid and no frame; `size` scales text and lines."""
     axes.set_xlabel("pulling distance [mm]", fontsize=13 * size, color=INK, labelpad=7 * size)
     axes.set_ylabel("bending angle [deg]", fontsize=13 * size, color=INK, labelpad=5 * size)
     axes.tick_params(labelsize=11 * size, colors=MUTED, length=0, pad=6 * size)
@@ -70,6 +70,6 @@ def style_axes(axes: Axes, size: float = 1.0) -> None:
 
 
 def font(size: float, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return the typeface of the axes for text that Pillow writes, `size` pixels high."""
+    """Return the font of the axes for text that Pillow writes, `size` pixels high."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return ImageFont.truetype(f"{get_data_path()}/fonts/ttf/{name}", size)

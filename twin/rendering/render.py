@@ -1,4 +1,4 @@
-"""Pictures of an episode without a screen: the endoscope beside its loop, as one frame, as PNG and as MP4."""
+"""Rendering of an episode to a frame, a PNG or an MP4, without a screen."""
 
 import contextlib
 import io
@@ -62,7 +62,7 @@ def render(
 
 
 def render_frame(episode: Episode, index: int, *, width: int = WIDTH, height: int = HEIGHT) -> Picture:
-    """Return one sample of an episode as a picture (height, width, 3). Of many, `Film` draws faster.
+    """Render one sample of an episode, (height, width, 3). For many samples, `Film` is faster.
 
     Raises:
         ValueError: the size is odd or out of range, or there is no such sample.
@@ -95,7 +95,7 @@ def telling_samples(episode: Episode) -> list[int]:
 
 
 def render_png(episode: Episode, path: Path, *, dpi: int = 200) -> Path:
-    """Draw four poses of an episode over one another, numbered, beside its loop with the same numbers.
+    """Render four poses of an episode over one another, numbered, beside its loop with the same numbers.
 
     Args:
         episode: the record.
@@ -131,7 +131,7 @@ def render_mp4(
     height: int = HEIGHT,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Draw an episode as a film (H.264, 4:2:0, which every browser plays); complete, or not there.
+    """Render an episode as a video (H.264, 4:2:0, which every browser plays), written atomically.
 
     Args:
         episode: the record.
@@ -205,11 +205,12 @@ def _draw_poses(axes: Axes, film: Film, samples: list[int]) -> None:
 
 
 def _spread(heights: list[float], apart: float) -> NDArray[np.float64]:
-    """Move (n,) increasing heights as little as keeps neighbours `apart`, about their common middle."""
+    """Spread increasing heights (n,) to be at least `apart`, about their common middle."""
     spread = np.array(heights, dtype=float)
     for index in range(1, len(spread)):
         spread[index] = max(spread[index], spread[index - 1] + apart)
-    return spread - (spread - heights).mean()
+    centred: NDArray[np.float64] = spread - (spread - heights).mean()
+    return centred
 
 
 def _draw_loop(axes: Axes, episode: Episode, samples: list[int]) -> None:

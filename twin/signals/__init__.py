@@ -1,1 +1,1 @@
-"""Signals over time: commands of the drive, noise of a sensor, the sensor itself."""
+"""Signals over time: command signals, measurement noise, and the bending sensor."""

@@ -16,7 +16,7 @@ SETTLE_SECONDS = 1.0
 def command(
     kind: str, stroke: tuple[float, float], seconds: float, sample_time: float, rng: np.random.Generator
 ) -> Array:
-    """Draw a command signal of one kind over a stroke interval.
+    """Draw a random command signal of one kind over a stroke interval.
 
     Args:
         kind: one of `SIGNALS`.
@@ -44,7 +44,7 @@ def command(
 
 
 def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
-    """Return the real path from the straight endoscope at rest to the first sample of a record.
+    """Return the path from the straight endoscope at rest to the first sample of a record.
 
     A record that starts inside a stroke needs it: the memory of the friction is part of the state. The path
     rises with a smooth (cosine) speed profile of mean `speed` [m / s], then rests for a second.
@@ -63,7 +63,7 @@ def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
 
 
 def check_finite(pull: Array) -> None:
-    """Refuse a command with gaps.
+    """Check that every sample of a command is finite.
 
     Raises:
         ValueError: a sample is NaN or infinite.
@@ -75,12 +75,14 @@ def check_finite(pull: Array) -> None:
 
 
 def _sine(time: Array, rng: np.random.Generator) -> Array:
-    return np.sin(2 * np.pi * time / rng.uniform(10.0, 20.0))
+    wave: Array = np.sin(2 * np.pi * time / rng.uniform(10.0, 20.0))
+    return wave
 
 
 def _decaying_sine(time: Array, rng: np.random.Generator) -> Array:
     period = rng.uniform(8.0, 15.0)
-    return np.exp(-rng.uniform(1.0, 2.0) * time / time[-1]) * np.sin(2 * np.pi * time / period)
+    wave: Array = np.exp(-rng.uniform(1.0, 2.0) * time / time[-1]) * np.sin(2 * np.pi * time / period)
+    return wave
 
 
 def _triangle(time: Array, rng: np.random.Generator) -> Array:
@@ -92,18 +94,20 @@ def _multi_sine(time: Array, rng: np.random.Generator) -> Array:
     periods = rng.uniform(8.0, 30.0, size=4)
     phases = rng.uniform(0, 2 * np.pi, size=4)
     wave = np.sin(2 * np.pi * time[:, None] / periods + phases).sum(axis=1)
-    return wave / max(np.abs(wave).max(), 1.0)  # a short record need not span the stroke: speed stays bounded
+    scaled: Array = wave / max(np.abs(wave).max(), 1.0)  # a short record need not span the stroke
+    return scaled
 
 
 def _random_steps(time: Array, rng: np.random.Generator) -> Array:
-    """Levels reached at a bounded speed and held: steps as a motor makes them."""
+    """Return random levels, reached at a bounded speed and held: steps as a motor makes them."""
     hold, rise = 3.0, 2.0
     count = int(np.ceil(time[-1] / (hold + rise))) + 1
     levels = np.concatenate([[0.0], rng.uniform(-1, 1, size=count)])
     index = np.minimum((time // (hold + rise)).astype(int), count - 1)
     progress = np.clip((time - index * (hold + rise)) / rise, 0, 1)
     blend = (1 - np.cos(np.pi * progress)) / 2
-    return levels[index] * (1 - blend) + levels[index + 1] * blend
+    wave: Array = levels[index] * (1 - blend) + levels[index + 1] * blend
+    return wave
 
 
 SIGNALS: dict[str, Callable[[Array, np.random.Generator], Array]] = {

@@ -1,4 +1,4 @@
-"""Measurement noise, in degrees: the RAM paper's Gaussian and Poisson, and five that nobody trains on.
+"""Measurement noise in degrees: the RAM paper's Gaussian and Poisson, and others that training never sees.
 
 A kind of noise has one level. A filter is told the variance, a set-membership filter the largest magnitude;
 Fisher's information is there for a Cramer-Rao bound.
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-OUTLIER_DEG = 10.0  # magnitude of an outlier of salt-and-pepper noise
-BACKGROUND_DEG2 = 0.1  # variance of the Gaussian noise that outliers are added to: that of training
+OUTLIER_DEG = 10.0  # magnitude of an outlier of salt-and-pepper noise [deg]
+BACKGROUND_DEG2 = 0.1  # variance of the Gaussian noise that outliers are added to, as in training [deg^2]
 STUDENT_FREEDOM = 3  # degrees of freedom: heavy tails that still have a variance
 GAMMA_SHAPE = 2.0
 
@@ -28,6 +28,15 @@ def _no_information(level: float) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class _Kind:
+    """Kind of noise: how it is drawn, and its moments as functions of the level.
+
+    Attributes:
+        draw: samples at a level, of a shape, from a generator [deg].
+        variance: variance at a level [deg^2].
+        bound: largest magnitude at a level [deg].
+        information: Fisher information at a level [1 / deg^2]; None where it is not finite.
+    """
+
     draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]
     variance: Callable[[float], float]
     bound: Callable[[float], float] = _never
@@ -39,14 +48,14 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 
     Args:
         kind: one of `NOISES`.
-        level: what it means depends on the kind:
+        level: its meaning depends on the kind:
 
             - gaussian, laplace, student-t, uniform, gamma: the variance R [deg^2];
             - poisson, poisson-dithered: the expectation lambda [deg] (eq. 14);
             - salt-and-pepper: the probability that a sample is off by +-`OUTLIER_DEG` besides its Gaussian
               noise.
         shape: shape of the result.
-        rng: where the numbers come from.
+        rng: source of random numbers.
 
     Returns:
         Noise to be added to the true angle [deg]. Poisson and gamma noise are not centred: their means are
@@ -64,20 +73,20 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 
 
 def noise_variance(kind: str, level: float) -> float:
-    """Return the variance of a noise [deg^2]: what a filter is told as R."""
+    """Return the variance of a noise [deg^2]: the R of a Kalman filter."""
     return _known(kind).variance(level)
 
 
 def noise_bound(kind: str, level: float) -> float:
-    """Return the largest magnitude that a noise can have [deg]; infinite where there is none."""
+    """Return the largest magnitude of a noise [deg]; infinite where it is unbounded."""
     return _known(kind).bound(level)
 
 
 def fisher_information(kind: str, level: float) -> float | None:
-    """Return what one sample tells of the angle (Fisher 1925), the integral of p'^2 / p [1 / deg^2].
+    """Return the Fisher information of one sample about the angle, the integral of p'^2 / p [1 / deg^2].
 
-    It is at least 1 / variance, and equals it for Gaussian noise alone. None where there is no finite one: on
-    a lattice, where the density jumps, and at the edge of the gamma law.
+    It is at least 1 / variance, and equals it for Gaussian noise alone (Fisher 1925). None where it is not
+    finite: on a lattice, where the density jumps, and at the edge of the gamma law.
     """
     return _known(kind).information(level)
 
@@ -89,7 +98,8 @@ def _known(kind: str) -> _Kind:
 
 
 def _gaussian(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return np.sqrt(level) * rng.standard_normal(shape)
+    noise: Array = np.sqrt(level) * rng.standard_normal(shape)
+    return noise
 
 
 def _poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -97,8 +107,9 @@ def _poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 
 def _dithered_poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Poisson noise off its integer lattice, which would leak the angle: y mod 1 = theta mod 1."""
-    return rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
+    """Draw Poisson noise off its integer lattice, which would leak the angle: y mod 1 = theta mod 1."""
+    noise: Array = rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
+    return noise
 
 
 def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -106,7 +117,8 @@ def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 
 def _student(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
+    noise: Array = _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
+    return noise
 
 
 def _student_scale(level: float) -> float:
@@ -124,11 +136,12 @@ def _uniform(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> 
 
 def _salt_and_pepper(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     outlier = rng.choice([-OUTLIER_DEG, OUTLIER_DEG], shape) * (rng.uniform(size=shape) < level)
-    return _gaussian(BACKGROUND_DEG2, shape, rng) + outlier
+    noise: Array = _gaussian(BACKGROUND_DEG2, shape, rng) + outlier
+    return noise
 
 
 def _salt_and_pepper_information(level: float) -> float:
-    """Integrate over the mixture of three normal densities of one width."""
+    """Return the Fisher information of the mixture of three normal densities of one width."""
     places = np.array([-OUTLIER_DEG, 0.0, OUTLIER_DEG])
     weights = np.array([level / 2, 1 - level, level / 2])
     noise = np.linspace(-OUTLIER_DEG - 3, OUTLIER_DEG + 3, 20_001)
@@ -161,4 +174,4 @@ NOISES: dict[str, _Kind] = {
     ),
     "gamma": _Kind(_gamma, _level),
 }
-"""In this order for good: a stream of random numbers is named by the place."""
+"""Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""

@@ -1,4 +1,4 @@
-"""The density of a noise as seen through an uncertain angle: what the best estimator makes of an innovation.
+"""Score functions of innovations: noise density convolved with a normal belief of the angle.
 
 An innovation is noise plus what is not yet known of the angle, here normal with standard deviation s. Its
 log-density has the slope -score(innovation); a filter moves its belief by that score (Masreliez 1975). For
@@ -30,25 +30,29 @@ _INNOVATIONS = 150 * np.sinh(np.linspace(-7, 7, 2001)) / np.sinh(7)  # [deg], de
 
 @dataclasses.dataclass(frozen=True)
 class NoiseDensity:
-    """Score of innovations and its mean slope, tabled over the spread s of the belief."""
+    """Score of innovations and its mean slope, tabulated over the standard deviation s of the belief.
+
+    Attributes:
+        mean: mean of the noise [deg].
+        variance: variance R of the noise [deg^2].
+        scores: (R + s^2) times the score (minus the slope of the log-density), (spreads, innovations) [deg].
+        informations: (R + s^2) times the Fisher information of an innovation about the angle, (spreads,).
+    """
 
     mean: float
-    """Of the noise [deg]."""
     variance: float
-    """Of the noise [deg^2]; the tables are in units of it plus s^2, in which they vary little with s."""
     scores: Array
-    """(spreads, innovations) minus the slope of the log-density, times that [deg]."""
     informations: Array
-    """(spreads,) Fisher's information of an innovation about the angle, times that."""
 
     def score(self, innovation_deg: Array, spread_deg: float) -> Array:
-        """Return the score (B,) [1 / deg] of innovations (B,), the belief's deviation being `spread_deg`."""
+        """Return the score (B,) [1 / deg] of innovations (B,) [deg] at a standard deviation of the belief."""
         lower, share = _place(spread_deg)
         row = (1 - share) * self.scores[lower] + share * self.scores[lower + 1]
-        return np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        score: Array = np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        return score
 
     def information(self, spread_deg: float) -> float:
-        """Return Fisher's information of an innovation [1 / deg^2]: the mean slope of the score."""
+        """Return the Fisher information of an innovation [1 / deg^2]: the mean slope of the score."""
         lower, share = _place(spread_deg)
         information = (1 - share) * self.informations[lower] + share * self.informations[lower + 1]
         return float(information) / (self.variance + spread_deg**2)
@@ -59,7 +63,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
     """Return the density of a noise of `twin.signals.noise`.
 
     Integer Poisson noise has the density of the dithered one: the lattice would give the angle away, and
-    nobody is to win by that.
+    no estimator is to profit from that.
 
     Raises:
         ValueError: the kind has no density here.
@@ -77,7 +81,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         scores[row, first : last + 1] = -slope[first : last + 1] / np.maximum(
             density[first : last + 1], 1e-14
         )
-        # Where nothing ever falls, the score stays what it was.
+        # Outside of the support the score is extended by its last value.
         scores[row, :first], scores[row, last + 1 :] = scores[row, first], scores[row, last]
         informations[row] = integrate.trapezoid(scores[row] ** 2 * density, _INNOVATIONS)
     variance = noise_variance(kind, level)
@@ -87,7 +91,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
 
 
 def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
-    """Density and slope of components, each a normal law, or one smeared evenly over a width."""
+    """Return density and slope of components: normal laws, optionally smeared evenly over a width."""
     deviation = np.sqrt(variance)
     if not width.any():
         density = np.exp(-(away**2) / (2 * variance)) / np.sqrt(2 * np.pi) / deviation
@@ -101,7 +105,7 @@ def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
 
 
 def _place(spread_deg: float) -> tuple[int, float]:
-    """The tabled spread below one, and how far it is on the way to the next, by its logarithm."""
+    """Return the index of the tabulated spread below, and the logarithmic weight of the next."""
     position = np.log(max(spread_deg, _SPREADS[0]) / _SPREADS[0]) / np.log(_SPREADS[1] / _SPREADS[0])
     lower = min(int(position), len(_SPREADS) - 2)
     return lower, min(float(position) - lower, 1.0)
@@ -116,14 +120,14 @@ def _poisson(level: float) -> _Mixture:
 
 
 def _laplace(level: float) -> _Mixture:
-    """A Laplace law is a normal one whose variance is exponential, of mean R (Andrews and Mallows 1974)."""
+    """Laplace law as a normal one of exponential variance, of mean R (Andrews and Mallows 1974)."""
     edges = np.concatenate([[0.0], np.geomspace(1e-6, 40, 200), [np.inf]])
     weights = -np.diff(np.exp(-edges))
     return weights, 0.0, level * np.concatenate([[5e-7], np.sqrt(edges[1:-2] * edges[2:-1]), [41.0]]), 0.0
 
 
 def _student(level: float) -> _Mixture:
-    """Student's law is a normal one whose precision is gamma-distributed."""
+    """Student's t law as a normal one of gamma-distributed precision."""
     precision = stats.gamma(STUDENT_FREEDOM / 2, scale=2 / STUDENT_FREEDOM)
     edges = np.concatenate([[0.0], np.geomspace(1e-6, 20, 200), [np.inf]])
     middle = np.concatenate([[5e-7], np.sqrt(edges[1:-2] * edges[2:-1]), [20.0]])
@@ -137,7 +141,7 @@ def _salt_and_pepper(level: float) -> _Mixture:
 
 
 def _gamma(level: float) -> _Mixture:
-    """Narrow even bins: there is no mixture of normal laws with an edge."""
+    """Gamma law as narrow uniform bins: no mixture of normal laws has its edge."""
     law = stats.gamma(GAMMA_SHAPE, scale=np.sqrt(level / GAMMA_SHAPE))
     edges = np.sqrt(level) * np.concatenate([np.linspace(0, 8, 500), np.linspace(8, 20, 60)[1:]])
     return np.diff(law.cdf(edges)), (edges[1:] + edges[:-1]) / 2, 0.0, np.diff(edges)

@@ -1,4 +1,4 @@
-"""The sensor of the bending angle: readings at its own rate, noisy, rounded, late, and held in between."""
+"""Bending sensor: sampling rate, noise, resolution, latency, and hold between readings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,11 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 
 _COINCIDENT = 1e-6
-"""Instants closer than this share of the shortest sample time are one: sums of periods miss by rounding."""
+"""Tolerance of times, relative to the shortest sample time: sums of periods differ by rounding."""
 
 
 def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) -> Array:
-    """Return what the sensor reports at each sample.
+    """Return the sensor's reported angle at each sample.
 
     Reading j is of the bend at time[0] + j `sensor_period`, linear between samples (of sample j where the
     period is 0). Gaussian noise of `sensor_noise` is added to it, the sum is rounded to `sensor_resolution`,
@@ -23,7 +23,7 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
         preset: the parameters of the sensor.
         time: (N,) instants of the samples [s], increasing.
         bend: (N,) true bending angle [rad].
-        rng: where the noise comes from: one number for each reading that is reported, if there is noise.
+        rng: source of random numbers; one is drawn for each reported reading, if there is noise.
 
     Returns:
         (N,) reported bending angle [rad]; the true one, bit for bit, where the sensor's parameters are all 0.
@@ -46,7 +46,7 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
 
 
 def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Return when the readings that are reported were taken (R,), and which is at each sample (N,)."""
+    """Return the times (R,) of the reported readings, and the index of the reading at each sample (N,)."""
     rounding = 4 * float(np.spacing(np.abs(time).max()))
     tolerance = max(_COINCIDENT * float(np.diff(time).min(initial=1.0)), rounding)
     taken = time - preset.sensor_latency + tolerance  # what was taken by then has arrived at each sample
@@ -56,7 +56,7 @@ def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
         )
         return time[sample], reported
 
-    period = max(preset.sensor_period, tolerance)  # shorter ones cannot be told apart
+    period = max(preset.sensor_period, tolerance)  # shorter ones cannot be distinguished
     number, reported = np.unique(np.maximum(np.floor((taken - time[0]) / period), 0), return_inverse=True)
     instant = time[0] + number * period
     # An instant that coincides with a sample is moved exactly there, or rounding would leak into the reading.

@@ -1,1 +1,1 @@
-"""Where work is done side by side: processes of this machine, or a Dask cluster."""
+"""Parallel execution: worker processes of this machine, or a Dask cluster."""

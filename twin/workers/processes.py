@@ -1,4 +1,4 @@
-"""Worker processes of this machine, which end with the process that started them."""
+"""Pool of worker processes on this machine, which end with their parent process."""
 
 import contextlib
 import multiprocessing
@@ -11,10 +11,10 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[Executor]:
-    """Context manager: an executor of processes, which end with this one however it ends.
+    """Context manager: an executor of worker processes, which end with this process however it ends.
 
     Args:
-        count: how many processes.
+        count: number of processes.
     """
     # Fresh processes: a fork would copy whatever threads and libraries this one has loaded.
     fresh = multiprocessing.get_context("spawn")
@@ -22,14 +22,14 @@ def local_workers(count: int) -> Iterator[Executor]:
         try:
             yield executor
         except BaseException:
-            for process in multiprocessing.active_children():  # nobody wants what is half done
+            for process in multiprocessing.active_children():  # unfinished work is of no use
                 process.terminate()
             executor.shutdown(cancel_futures=True)
             raise
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when it is gone: an orphan would wait for work for ever."""
+    """Initialise a worker: ignore Ctrl-C and end with the parent, as an orphan would wait for ever."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 

@@ -1,1 +1,1 @@
-"""MCAP's bytes: records, chunks, and the container that holds them."""
+"""MCAP file format: records, chunks, and the container."""

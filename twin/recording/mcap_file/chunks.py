@@ -1,4 +1,4 @@
-"""The contents of MCAP chunks: message records back to back, and where each of them begins.
+"""Contents of MCAP chunks: message records back to back, with an index of their offsets.
 
 Of an episode, the records of all samples whose messages have the same layouts are the rows of one table.
 """
@@ -18,10 +18,10 @@ Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
 CHUNK_SIZE = 2**18
-"""Bytes, before compression, from which on a chunk is full."""
+"""Size from which on a chunk is full, before compression [bytes]."""
 
 _BATCH = 2**13
-"""Samples that are serialised at once: more are hardly faster, and take the memory of all."""
+"""Number of samples serialised at once: more are hardly faster and take more memory."""
 
 _HEAD = np.dtype(
     [
@@ -33,23 +33,26 @@ _HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-"""What stands before the data of a message in its record."""
+"""Header of a message record, before the data."""
 
-_NOT_COUNTED = 9  # [bytes] opcode and length of a record are no part of its length
+_NOT_COUNTED = 9  # opcode and length of a record, which its length leaves out [bytes]
 
 
 @dataclasses.dataclass(frozen=True)
 class ChunkContent:
-    """Messages that fill a chunk."""
+    """Message records of one chunk.
+
+    Attributes:
+        records: the message records, back to back.
+        index: log time [ns] and offset [bytes] in `records` of each message, by channel, (messages, 2).
+    """
 
     records: bytes
-    """The records of the messages, back to back."""
     index: dict[int, Integers]
-    """By channel, the nanoseconds and the place in the records of each message: (messages, 2)."""
 
 
 def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[ChunkContent]:
-    """Yield messages, as many at a time as fill a chunk.
+    """Group messages into chunks.
 
     Args:
         messages: channel, sequence number, nanoseconds and data of each, in the order of time.
@@ -72,7 +75,7 @@ def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[
 def sample_chunks(
     streams: Sequence[Stream], channels: Sequence[int], nanoseconds: Integers
 ) -> Iterator[ChunkContent]:
-    """Yield the messages of streams, as many whole samples at a time as fill a chunk.
+    """Group the messages of streams into chunks of whole samples.
 
     Args:
         streams: the messages of each topic.
@@ -91,16 +94,21 @@ def sample_chunks(
 
 @dataclasses.dataclass(frozen=True)
 class _Table:
+    """Message records of n samples that have the same layout.
+
+    Attributes:
+        samples: indices of the samples, (n,).
+        rows: records of each sample, (n, size) [bytes].
+        places: offset of the message record of each channel in a row [bytes].
+    """
+
     samples: Integers
-    """(n,) which samples these are."""
     rows: Bytes
-    """(n, size) the records of each sample."""
     places: dict[int, int]
-    """By channel, where the record of its message begins in a row."""
 
 
 def _alike(streams: Sequence[Stream], nanoseconds: Integers, batch: Integers) -> list[Integers]:
-    """The samples of a batch, in groups that have the same messages of the same layouts."""
+    """Split the samples of a batch into groups that have the same messages of the same layouts."""
     seconds, nanos = np.divmod(nanoseconds[batch], SECOND)
     kind = varint_sizes(seconds) << 3 | varint_sizes(nanos)
     for stream in streams:
@@ -135,7 +143,7 @@ def _table(
 
 
 def _in_order(tables: Sequence[_Table], times: Integers, first: int) -> Iterator[ChunkContent]:
-    """Yield the rows of tables in the order of their samples, of which `first` is the first."""
+    """Yield the rows of tables in the order of their samples, starting at sample `first`."""
     sizes = np.empty(len(times), dtype=np.int64)
     for table in tables:
         sizes[table.samples - first] = table.rows.shape[1]
@@ -163,7 +171,7 @@ def _in_order(tables: Sequence[_Table], times: Integers, first: int) -> Iterator
 
 
 def _heads(channel: int, data_size: int, sequence: Integers, times: Integers) -> Bytes:
-    """(n, bytes) what stands before the data of messages that are equally long."""
+    """Return the headers of messages of equal length, (n, bytes)."""
     heads = np.empty(len(times), dtype=_HEAD)
     heads["opcode"] = Opcode.MESSAGE
     heads["length"] = _HEAD.itemsize - _NOT_COUNTED + data_size

@@ -1,4 +1,4 @@
-"""An MCAP file, record by record, whose bytes depend on nothing but what is written into it.
+"""Writer of MCAP files whose bytes depend on nothing but what is written into them.
 
 The format is that of the MCAP specification (https://mcap.dev/spec): messages in zstd chunks and where they
 are in them, CRCs over each chunk, the whole data section and the summary, and an index of all at the end.
@@ -37,10 +37,10 @@ _CRC = 4  # [bytes]
 
 
 class Container:
-    """An MCAP file being written, front to back."""
+    """MCAP file that is being written, front to back."""
 
     def __init__(self, file: BinaryIO, library: str) -> None:
-        """Begin the file.
+        """Write the start of the file.
 
         Args:
             file: open for writing, and empty.
@@ -65,12 +65,12 @@ class Container:
         self._metadata.append(MetadataIndex(offset, length, name))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file, of no time."""
+        """Add an attachment, with times of 0."""
         offset, length = self._add(Attachment(0, 0, name, media_type, data))
         self._attachments.append(AttachmentIndex(offset, length, 0, 0, len(data), name, media_type))
 
     def add_channel(self, topic: str, descriptor: Any) -> int:
-        """Describe a topic, in front of the chunks rather than in one, as a chunk may be lost.
+        """Add the channel of a topic, before the chunks rather than inside one, as a chunk may be lost.
 
         Args:
             topic: its name; nothing is added for one that is there.
@@ -86,7 +86,7 @@ class Container:
         return int(self._channels[topic].id)
 
     def add_chunk(self, content: ChunkContent) -> None:
-        """Add messages as one chunk, followed by the indexes of its messages."""
+        """Add messages as one chunk, followed by its message indexes."""
         data = self._compressor.compress(content.records)
         times = [(int(rows[0, 0]), int(rows[-1, 0])) for rows in content.index.values()]
         start, end = min(first for first, _ in times), max(last for _, last in times)
@@ -178,7 +178,7 @@ class Container:
         return int(self._schemas[name].id)
 
     def _add(self, record: McapRecord) -> tuple[int, int]:
-        """Write a record of the data section; returns where it begins and how long it is."""
+        """Write a record of the data section; returns its offset and length [bytes]."""
         offset = self._offset
         self._write(_bytes_of(record))
         return offset, self._offset - offset
@@ -192,11 +192,12 @@ class Container:
 def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    data: bytes = builder.end()
+    return data
 
 
 def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:
-    """Add the descriptor of a .proto file after those it imports, so that a reader needs nothing else."""
+    """Add the descriptor of a .proto file after those of its imports: the schema is self-contained."""
     if file.name in known:
         return
     known.add(file.name)

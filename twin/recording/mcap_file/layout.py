@@ -1,4 +1,4 @@
-"""Many Protobuf messages of one form, serialised at once: the library writes one, arrays fill in the numbers.
+"""Vectorised serialisation of Protobuf messages of one form: a template, filled with arrays of numbers.
 
 Messages that differ only in the values of doubles and of time stamps have the same bytes but at the places
 of those numbers, if each number takes as many bytes in all of them: a double takes eight, the two parts of a
@@ -26,38 +26,47 @@ _DIGIT = 7  # [bits] of a number that each byte of a varint holds
 
 @dataclasses.dataclass(frozen=True)
 class Stream:
-    """The messages of one topic: at most one for each sample, all of one form."""
+    """Messages of one topic: at most one for each sample, all of one form.
+
+    Attributes:
+        topic: name of the topic.
+        build: builds a message from a row of K numbers and the time of its sample [ns]. Which fields are set
+            may depend on neither; each number of the row stands in exactly one double of the message,
+            unchanged.
+        numbers: numbers of each sample, (N, K); K is 0 where the message has none.
+        present: mask of the samples that have a message, (N,).
+    """
 
     topic: str
     build: Callable[[Sequence[float], int], Any]
-    """Makes the message of a row of numbers and the nanoseconds of its sample. Which fields are set may
-    depend on neither; each number of the row stands in exactly one double of the message, as it is."""
     numbers: Array
-    """(N, K) the numbers of each sample; no column where the message has none."""
     present: NDArray[np.bool_]
-    """(N,) whether the sample has a message."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MessageLayout:
-    """Where the numbers of a serialised message stand."""
+    """Offsets of the numbers in a serialised message.
+
+    Attributes:
+        template: one such message, (size,) [bytes].
+        doubles: offset of each number of the row, (K,) [bytes].
+        seconds: offsets of the seconds of each time stamp [bytes]; empty if they take no bytes.
+        nanos: offsets of the nanoseconds within the second of each time stamp [bytes]; empty if they take no
+            bytes.
+    """
 
     template: Bytes
-    """(size,) one such message."""
     doubles: Indices
-    """(K,) where each number of the row begins."""
     seconds: Indices
-    """Where the seconds of each time stamp begin; empty if they take no bytes."""
     nanos: Indices
-    """Where the nanoseconds within the second of each time stamp begin; empty if they take no bytes."""
 
     @property
     def size(self) -> int:
-        """Bytes of a message."""
+        """Size of a message [bytes]."""
         return len(self.template)
 
     def fill(self, out: Bytes, numbers: Array, seconds: Bytes, nanos: Bytes) -> None:
-        """Serialise n messages.
+        """Serialise n messages into an array.
 
         Args:
             out: (n, size) is written to; its rows need not lie back to back.
@@ -114,7 +123,7 @@ def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLa
 
 
 def varint_sizes(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bytes of each number as a varint, zero for zero: Protobuf leaves out a field that is zero."""
+    """Return the size of each number as a varint [bytes]; 0 for zero, as Protobuf leaves that field out."""
     sizes = np.zeros(values.shape, dtype=np.int64)
     rest = values
     while rest.any():
@@ -124,7 +133,7 @@ def varint_sizes(values: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def varints(values: NDArray[np.int64], size: int) -> Bytes:
-    """(n, size) numbers that as varints all take `size` bytes."""
+    """Encode numbers as varints of `size` bytes each, (n, size)."""
     # The lowest digits come first; the top bit says that another byte follows.
     digits = values[:, None] >> (_DIGIT * np.arange(size)) & 0x7F
     digits[:, :-1] |= 0x80
@@ -132,19 +141,20 @@ def varints(values: NDArray[np.int64], size: int) -> Bytes:
 
 
 def _extremes(size: int) -> tuple[int, int]:
-    """The smallest number whose varint is that long, and a large one: below a second, in no byte the same."""
+    """Return the smallest number whose varint has that size, and a large one that differs in every byte."""
     if size == 0:
         return 0, 0
     return 1 << _DIGIT * (size - 1), min((1 << _DIGIT * size) - 1, SECOND - 1)
 
 
 def _numbers_at(places: Indices, message: Bytes) -> Array:
-    """(K,) the doubles that begin at these places."""
-    return message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
+    """Return the doubles (K,) at these offsets."""
+    doubles: Array = message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
+    return doubles
 
 
 def _changed(stream: Stream, one: Bytes, other: Bytes, size: int) -> Indices:
-    """Where the numbers of `size` bytes begin that differ in each byte between two serialised messages."""
+    """Return the offsets of the numbers of `size` bytes that differ between two serialised messages."""
     if size == 0:
         return np.empty(0, dtype=np.intp)
     places = np.flatnonzero(one != other) if len(one) == len(other) else np.empty(1, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""The records of an MCAP file from its bytes, each checked before it is believed (https://mcap.dev/spec)."""
+"""Parser of MCAP records that checks each before use (https://mcap.dev/spec)."""
 
 import struct
 import zlib
@@ -25,10 +25,10 @@ from mcap.records import (
 )
 
 MAGIC = b"\x89MCAP0\r\n"
-"""Opens and closes every MCAP file."""
+"""Magic bytes at the start and the end of every MCAP file."""
 
 HEAD = struct.Struct("<BQ")
-"""Every record begins with its opcode and the length of what follows."""
+"""Header of every record: opcode and length of the body."""
 
 _FOOTER_CRC = 4  # [bytes] last field of the footer
 
@@ -55,16 +55,23 @@ _FEWEST_BYTES_PER_RECORD = 8
 
 
 class FileRecord(NamedTuple):
-    """Where a record stands in the bytes of its file."""
+    """Location of a record in the bytes of its file.
+
+    Attributes:
+        opcode: kind of the record.
+        start: offset of the opcode [bytes].
+        body: offset of the body, after opcode and length [bytes].
+        end: offset of the end of the body [bytes].
+    """
 
     opcode: int
-    start: int  # of the opcode
-    body: int  # of what follows opcode and length
+    start: int
+    body: int
     end: int
 
 
 class Budget:
-    """What a file may still unpack to: a small one that swells to gigabytes was made to do harm."""
+    """Remaining size that a file may unpack to: a guard against decompression bombs."""
 
     def __init__(self, file_size: int) -> None:
         """Set the limits for a file of `file_size` bytes."""
@@ -85,7 +92,7 @@ class Budget:
 
 
 def mcap_bytes(path: Path) -> bytes:
-    """Return the bytes of a file that begins as an MCAP file does.
+    """Read a file and check that it begins as an MCAP file does.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -119,7 +126,7 @@ def record_at(data: bytes, offset: int, end: int) -> FileRecord:
 
 
 class _Fields(ReadDataStream):
-    """A stream that never gives less than asked for; `ReadDataStream` gives what there is, if anything."""
+    """Stream that raises where it has fewer bytes than asked for; `ReadDataStream` returns fewer."""
 
     def read(self, length: int) -> bytes:
         try:
@@ -132,9 +139,9 @@ class _Fields(ReadDataStream):
 
 
 def parse(data: bytes, record: FileRecord) -> Any:
-    """Return the fields of a record, as `mcap.records` has them.
+    """Parse the fields of a record into an object of `mcap.records`.
 
-    Not of a header, a message or a message index, of which nobody asks for the fields.
+    Not of a header, a message or a message index, whose fields are not needed.
 
     Raises:
         ValueError: a field goes on beyond the end of the record, or is no text.
@@ -143,7 +150,7 @@ def parse(data: bytes, record: FileRecord) -> Any:
 
 
 def unpack(chunk: Chunk, budget: Budget) -> bytes:
-    """Return the records inside a chunk, checked by its CRC where it has one.
+    """Decompress a chunk; its CRC is checked where it has one.
 
     Raises:
         ValueError: the chunk is not of the size that it claims or is larger than the budget allows, its
@@ -168,7 +175,7 @@ def unpack(chunk: Chunk, budget: Budget) -> bytes:
 
 
 def summary_fault(data: bytes, footer: FileRecord) -> str | None:
-    """Return what is wrong with the summary by its CRC, or None."""
+    """Check the CRC of the summary section; returns the fault, or None."""
     fields = parse(data, footer)
     if fields.summary_start == 0 or fields.summary_crc == 0:
         return None
