@@ -93,40 +93,44 @@ class BenchmarkFile(_File):
     stroke_mm: Interval = Field(description="lowest and highest pulling distance asked for [mm]")
 
 
-class SimulatedRecipe(_Strict):
-    """What a simulated dataset was made from, as its `recipe.yaml` says it."""
-
-    ranges: dict[str, Interval] | None = Field(None, description="ranges that endoscopes are drawn from [SI]")
-    episodes: Count = Field(description="number of episodes of each seed")
-    seeds: tuple[Whole, ...] = Field(min_length=1, description="seeds")
+class _Recipe(_Strict):
+    preset: Parameters = Field(description="all parameters of the preset, in SI units")
     seconds: Seconds = Field(description="length of an episode [s]")
     sample_time_s: Seconds = Field(description="time between two samples [s]")
+
+
+class SimulatedRecipe(_Recipe):
+    """What a simulated dataset was made from, as its `recipe.yaml` says it."""
+
+    episodes: Count = Field(description="number of episodes of each seed")
+    seeds: tuple[Whole, ...] = Field(min_length=1, description="seeds")
     signals: tuple[str, ...] = Field(min_length=1, description="kinds of signal")
     strokes_mm: tuple[Interval, ...] = Field(
         min_length=1, description="lowest and highest pulling distances [mm]"
     )
+    sensor: dict[str, float] = Field(description="`variance_deg2`: variance of the white noise [deg^2]")
+    ranges: dict[str, Interval] | None = Field(
+        None, description="ranges that endoscopes are drawn from, in SI units; left out if none"
+    )
     lateral_stroke_mm: Interval | None = Field(
-        None, description="lowest and highest pulling distance of wire c [mm]"
+        None, description="lowest and highest pulling distance of wire c [mm]; left out if none"
     )
     sheath_bends_deg: tuple[Interval, ...] = Field(
-        (), description="angles that the sheath is bent by, at the start and at the end of an episode [deg]"
+        (), description="bends of the sheath at the start and at the end [deg]; left out if the preset's"
     )
-    sensor: dict[str, float] = Field(description="`variance_deg2`: variance of the sensor's white noise")
-    camera: dict[str, int | float] | None = Field(None, description="rate and size of the pictures")
-    preset: Parameters = Field(description="all parameters of the preset [SI]")
+    camera: dict[str, int | float] | None = Field(
+        None, description="rate and size of the pictures; left out if none"
+    )
     given_pull_m: str | None = Field(
-        None, description="how many samples a recorded command has; they stand in `recipe.yaml`"
+        None, description="number of samples of a recorded command; left out if none"
     )
 
 
-class BenchmarkRecipe(_Strict):
+class BenchmarkRecipe(_Recipe):
     """What the test records of the full suite were made from."""
 
-    preset: Parameters = Field(description="all parameters of the nominal preset [SI]")
-    ranges: dict[str, Interval] = Field(description="ranges that randomized twins are drawn from [SI]")
-    seconds: Seconds = Field(description="length of a record [s]")
-    sample_time_s: Seconds = Field(description="time between two samples [s]")
-    seed: Whole = Field(description="seed of commands and twins")
+    ranges: dict[str, Interval] = Field(description="ranges that endoscopes are drawn from, in SI units")
+    seed: Whole = Field(description="seed of commands and endoscopes")
 
 
 _SOURCE = "what made it: `simulated` (`generate`), `measured` (`import`), `benchmark` (the full suite)"
