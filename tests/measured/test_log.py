@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from csv_logs import steps, write
 
+from twin.dataset.verify import verify
 from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import read_dataset, read_episode
@@ -243,10 +244,14 @@ def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_p
 @pytest.mark.parametrize(
     ("name", "content", "fault"),
     [
-        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", "{", "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "measured", "files": [1]}', "dataset.json that no import wrote"),
+        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json .*source is missing"),
+        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json .*endotwin is missing"),
+        ("dataset.json", "{", "dataset.json is damaged"),
+        (
+            "dataset.json",
+            '{"source": "measured", "files": [1]}',
+            "dataset.json .* import the logs again into",
+        ),
         ("episode_0000.mcap", "", "holds episode_0000.mcap, which no import wrote"),
         ("log.mcap", "", "holds log.mcap, which no import wrote"),
     ],
@@ -259,6 +264,33 @@ def test_a_folder_of_other_files_is_left_alone(tmp_path, name, content, fault):
     with pytest.raises(ValueError, match=fault):
         write_measured(folder, "log", episode)
     assert {path.name: path.read_text() for path in folder.iterdir()} == {name: content}
+
+
+def test_a_simulated_dataset_is_left_alone(tmp_path, dataset_copy):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    before = {path.name: path.read_bytes() for path in dataset_copy.iterdir()}
+    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another --out"):
+        write_measured(dataset_copy, "log", episode)
+    assert {path.name: path.read_bytes() for path in dataset_copy.iterdir()} == before
+
+
+def test_logs_with_and_without_tension_are_described_together(tmp_path):
+    with_tension = read_measured_log(write(tmp_path, LOOP, "one.csv"))
+    without = read_measured_log(write(tmp_path, steps(), "two.csv"))
+    for name, log in (("a", without), ("b", with_tension), ("c", without)):
+        write_measured(tmp_path, name, log)
+    described = json.loads((tmp_path / "dataset.json").read_text())
+    assert verify(tmp_path) == ([], 3)
+    assert "tension_n" in described["features"]
+    assert "tension_n" not in described["files"][0]["statistics"]
+    assert described["statistics"]["tension_n"] == described["files"][1]["statistics"]["tension_n"]
+    assert described["episodes"] == 3
+    lengths = [float(log.time[-1]) + log.sample_time for log in (without, with_tension, without)]
+    assert described["seconds"] == pytest.approx(sum(lengths))
+    (tmp_path / "b.mcap").unlink()  # what only this log held is forgotten with it
+    write_measured(tmp_path, "c", without)
+    assert "tension_n" not in json.loads((tmp_path / "dataset.json").read_text())["features"]
+    assert verify(tmp_path) == ([], 2)
 
 
 @pytest.mark.parametrize("name", ["", ".log", "..", "a/b", "/a", "a\\b"])

@@ -55,7 +55,7 @@ def make_files(
     csv: bool,
     versions: Mapping[str, str] = VERSIONS,
 ) -> list[Made]:
-    """Make those of some episodes that are not there, or not whole; the others stay as they are.
+    """Write the files of some episodes that are not there, or not whole; the others stay as they are.
 
     It runs in a worker, and returns descriptions, no arrays.
 
@@ -107,7 +107,7 @@ def _listed(versions: Mapping[str, str]) -> str:
 
 
 def _refuse_if_unwanted(recipe: Recipe, folder: Path) -> None:
-    """Write nothing for a run that is over: a cluster cannot call back what it has begun.
+    """Refuse to write for a run that is over: a cluster cannot call back what it has begun.
 
     Raises:
         ValueError: the folder holds another recipe by now.

@@ -1,7 +1,7 @@
-"""What the bytes of a dataset depend on besides its recipe."""
+"""Versions that the bytes of a dataset depend on besides its recipe."""
 
 from twin import __version__
 from twin.physics import MUJOCO
 
 VERSIONS = {"endotwin": __version__, "mujoco": MUJOCO}
-"""Versions of what makes an episode, as its metadata holds them."""
+"""Versions by name, as the metadata of an episode and `dataset.json` hold them."""

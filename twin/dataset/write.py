@@ -62,7 +62,7 @@ def write_dataset(
     csv: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Written:
-    """Write the episodes that are missing or damaged and, when all are whole, what describes them.
+    """Write the missing or damaged episodes of a dataset and, when all are whole, the files that describe it.
 
     Args:
         recipe: what to make.
@@ -179,7 +179,7 @@ def _former(folder: Path) -> SimulatedDataset | None:
 
 
 def _refuse_another_dataset(folder: Path, recipe: Recipe, former: SimulatedDataset | None) -> bool:
-    """Neither overwrite the episodes of another recipe nor leave them among the new ones.
+    """Refuse a folder that holds episodes of another recipe or version: they would be lost or mixed in.
 
     Returns:
         Whether the folder's `recipe.yaml` was written by a user, and must stay as it is.
