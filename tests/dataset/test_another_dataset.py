@@ -4,8 +4,9 @@ import shutil
 
 import mujoco
 import pytest
-from small_dataset import SECOND, SMALL, changed, contents, identities, make
+from small_dataset import SECOND, SMALL, changed, contents, identities, make, measured_log
 
+from twin.measured.folder import write_measured
 from twin.preset.randomization import Ranges
 
 
@@ -75,7 +76,7 @@ def test_episodes_without_their_recipe_are_refused(dataset_copy):
 def test_damaged_dataset_file_is_refused_with_what_to_do(dataset_copy, whole_dataset):
     (dataset_copy / "dataset.json").write_text("{")
     with pytest.raises(
-        ValueError, match=r"dataset\.json is damaged: remove it, and generate the dataset again"
+        ValueError, match=r"dataset\.json is damaged .*not JSON.*; remove it, and generate the dataset again"
     ):
         make(dataset_copy, csv=True)
     (dataset_copy / "dataset.json").unlink()
@@ -94,3 +95,14 @@ def test_recipe_that_a_user_wrote_into_the_folder_stays_as_it_is(tmp_path):
         with pytest.raises(ValueError, match=r"recipe\.yaml is not what `generate` wrote, nor this recipe"):
             make(tmp_path, other)
     assert (tmp_path / "recipe.yaml").read_text() == text
+
+
+def test_folder_of_measured_logs_is_refused(tmp_path):
+    (tmp_path / "data").mkdir()
+    write_measured(tmp_path / "data", "log", measured_log(tmp_path))
+    before = contents(tmp_path / "data")
+    with pytest.raises(
+        ValueError, match=r"`generate` did not make \(source measured\): choose another --out"
+    ):
+        make(tmp_path / "data")
+    assert contents(tmp_path / "data") == before

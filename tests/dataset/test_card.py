@@ -18,8 +18,8 @@ from twin.dataset import card as dataset_card
 from twin.dataset.card import loops_figure, write_card
 from twin.dataset.recipe import Recipe
 from twin.dataset.recipe_file import resolve
-from twin.dataset.write import read_contents
 from twin.episode import Episode
+from twin.files.dataset_json import read_contents
 from twin.preset.file import load_preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset

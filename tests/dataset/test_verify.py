@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +27,17 @@ def edit(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None:
     contents = json.loads(path.read_text())
     change(contents)
     path.write_text(json.dumps(contents))
+
+
+def adopt(folder: Path) -> None:
+    """Let `dataset.json` state hash and size of the second file as it is now."""
+    path = folder / SECOND
+
+    def change(contents: dict[str, Any]) -> None:
+        contents["bytes"] += path.stat().st_size - contents["files"][1]["bytes"]
+        contents["files"][1].update(sha256=sha256_of(path), bytes=path.stat().st_size)
+
+    edit(folder, change)
 
 
 def faults_of(folder: Path, count: int = 1) -> list[str]:
@@ -81,7 +93,7 @@ def test_other_hash_is_found(dataset_copy):
 def test_flipped_bit_is_found_even_if_the_hash_is_changed_with_it(dataset_copy, place):
     flip(dataset_copy / SECOND, place)
     assert str(dataset_copy / SECOND) in verify(dataset_copy)[0][0]
-    edit(dataset_copy, lambda contents: contents["files"][1].update(sha256=sha256_of(dataset_copy / SECOND)))
+    adopt(dataset_copy)
     (fault,) = faults_of(dataset_copy)
     assert str(dataset_copy / SECOND) in fault
     assert "damaged" in fault or "not an MCAP file" in fault or "cut off" in fault
@@ -133,7 +145,7 @@ def test_other_numbers_in_a_whole_file_are_found(dataset_copy):
     bend = episode.bend.copy()
     bend[7] += 10.0
     write_episode(dataset_copy / SECOND, dataclasses.replace(episode, bend=bend))
-    edit(dataset_copy, lambda contents: contents["files"][1].update(sha256=sha256_of(dataset_copy / SECOND)))
+    adopt(dataset_copy)
     faults, _ = verify(dataset_copy)
     assert faults
     assert all(f"{dataset_copy / SECOND}: " in fault and " of bend_deg is " in fault for fault in faults)
@@ -143,25 +155,40 @@ def test_measurements_that_have_gone_missing_are_found(dataset_copy):
     episode = read_episode(dataset_copy / SECOND)
     blind = np.where(np.arange(len(episode.time)) < 25, np.nan, episode.measured_bend)
     write_episode(dataset_copy / SECOND, dataclasses.replace(episode, measured_bend=blind))
-    edit(dataset_copy, lambda contents: contents["files"][1].update(sha256=sha256_of(dataset_copy / SECOND)))
+    adopt(dataset_copy)
     faults, _ = verify(dataset_copy)
     assert f"{dataset_copy / SECOND}: count of measured_bend_deg is 25, not 50, by dataset.json" in faults
 
 
 def test_wrong_number_of_samples_is_found(dataset_copy):
     edit(dataset_copy, lambda contents: contents["files"][1].update(samples=51))
-    faults = faults_of(dataset_copy, 3)
+    faults = faults_of(dataset_copy, 2)
     assert faults[0] == f"{dataset_copy / SECOND} has 50 samples, dataset.json says 51"
     assert faults[1] == f"{dataset_copy / SECOND}: samples is 50, dataset.json says 51"
-    assert "seconds of the whole dataset" in faults[2]
+
+
+def test_wrong_length_of_a_file_is_found(dataset_copy):
+    edit(dataset_copy, lambda contents: contents["files"][1].update(seconds=1.02))
+    faults = faults_of(dataset_copy, 2)
+    assert faults[0] == f"{dataset_copy / SECOND} lasts 1 s, dataset.json says 1.02 s"
+    assert "seconds of the whole dataset" in faults[1]
+
+
+def test_wrong_size_of_a_file_is_found(dataset_copy):
+    size = (dataset_copy / SECOND).stat().st_size
+    edit(dataset_copy, lambda contents: contents["files"][1].update(bytes=size + 1))
+    faults = faults_of(dataset_copy, 2)
+    assert faults[0] == f"{dataset_copy / SECOND} has {size} bytes, dataset.json says {size + 1}"
+    assert "bytes of the whole dataset" in faults[1]
 
 
 def test_other_quantities_are_found(dataset_copy):
     edit(dataset_copy, lambda contents: contents["features"].pop("wire_tension_n"))
-    faults = faults_of(dataset_copy, 3)
-    assert {fault.rpartition("mcap ")[2] for fault in faults} == {
+    *of_files, of_all = faults_of(dataset_copy, 4)
+    assert {fault.rpartition("mcap ")[2] for fault in of_files} == {
         "holds other quantities than dataset.json says"
     }
+    assert "features of the whole dataset do not follow from its files" in of_all
 
 
 @pytest.mark.parametrize(
@@ -170,7 +197,7 @@ def test_other_quantities_are_found(dataset_copy):
 )
 def test_damaged_dataset_file_is_said_in_one_line_with_what_to_do(dataset_copy, text):
     (dataset_copy / "dataset.json").write_bytes(text.encode("latin-1"))
-    with pytest.raises(ValueError, match=r"dataset\.json is damaged: remove it, and generate") as refused:
+    with pytest.raises(ValueError, match=r"dataset\.json is damaged .*remove it, and generate") as refused:
         verify(dataset_copy)
     assert "\n" not in str(refused.value)
 
@@ -178,10 +205,29 @@ def test_damaged_dataset_file_is_said_in_one_line_with_what_to_do(dataset_copy, 
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda entry: entry.pop("sha256"), ": what dataset.json says of it is damaged"),
-        (lambda entry: entry.update(statistics=5), ": statistics are of other quantities, by dataset.json"),
-        (lambda entry: entry["statistics"].update(bend_deg=5), ": count of bend_deg is 50, not None"),
-        (lambda entry: entry["statistics"]["bend_deg"].update(mean="five"), ": mean of bend_deg is"),
+        (lambda entry: entry.pop("sha256"), "files[1].sha256 is missing"),
+        (lambda entry: entry.update(statistics=5), "files[1].statistics = 5: must be an object"),
+        (lambda entry: entry["statistics"].update(bend_deg=5), "files[1].statistics.bend_deg = 5: must be"),
+        (
+            lambda entry: entry["statistics"]["bend_deg"].update(mean="five"),
+            "files[1].statistics.bend_deg.mean = 'five': must be a valid number",
+        ),
+    ],
+)
+def test_entry_that_does_not_fit_the_schema_is_refused(dataset_copy, change, fault):
+    edit(dataset_copy, lambda contents: change(contents["files"][1]))
+    with pytest.raises(ValueError, match=re.escape(fault)):
+        verify(dataset_copy)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (
+            lambda entry: entry["statistics"].pop("bend_deg"),
+            ": statistics are of other quantities, by dataset.json",
+        ),
+        (lambda entry: entry["statistics"]["bend_deg"].update(count=49), ": count of bend_deg is 50, not 49"),
         (
             lambda entry: entry.update(signal="sawtooth"),
             ": signal is decaying-sine, dataset.json says sawtooth",
@@ -189,7 +235,7 @@ def test_damaged_dataset_file_is_said_in_one_line_with_what_to_do(dataset_copy, 
         (lambda entry: entry.update(seed=12), ": seed is 11, dataset.json says 12"),
     ],
 )
-def test_damaged_entry_is_a_fault(dataset_copy, change, fault):
+def test_wrong_entry_is_a_fault(dataset_copy, change, fault):
     edit(dataset_copy, lambda contents: change(contents["files"][1]))
     faults, _ = verify(dataset_copy)
     assert any(line.startswith(f"{dataset_copy / SECOND}{fault}") for line in faults)
@@ -202,7 +248,7 @@ def test_damaged_entry_is_a_fault(dataset_copy, change, fault):
         (lambda contents: contents.update(mujoco="2.0.1"), "dataset.json says 2.0.1"),
         (lambda contents: contents["files"].reverse(), "its files are not the episodes of the recipe"),
         (
-            lambda contents: contents["files"][0]["statistics"]["bend_deg"].update(count=0),
+            lambda contents: contents["files"][0]["statistics"]["bend_deg"].update(count=1),
             "of the whole dataset",
         ),
     ],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from csv_logs import LOOP, steps, write
 
+from twin.dataset.verify import verify
 from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import read_dataset, read_episode
@@ -53,10 +54,14 @@ def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_p
 @pytest.mark.parametrize(
     ("name", "content", "fault"),
     [
-        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json that no import wrote"),
-        ("dataset.json", "{", "dataset.json that no import wrote"),
-        ("dataset.json", '{"source": "measured", "files": [1]}', "dataset.json that no import wrote"),
+        ("dataset.json", '{"preset": {}, "files": []}', "dataset.json .*source is missing"),
+        ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json .*endotwin is missing"),
+        ("dataset.json", "{", "dataset.json is damaged"),
+        (
+            "dataset.json",
+            '{"source": "measured", "files": [1]}',
+            "dataset.json .* import the logs again into",
+        ),
         ("episode_0000.mcap", "", "holds episode_0000.mcap, which no import wrote"),
         ("log.mcap", "", "holds log.mcap, which no import wrote"),
     ],
@@ -84,3 +89,53 @@ def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
     with pytest.raises(ValueError, match="less than 1 ns"):
         write_measured(tmp_path, "log", late)
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_a_simulated_dataset_is_left_alone(tmp_path, dataset_copy):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    before = {path.name: path.read_bytes() for path in dataset_copy.iterdir()}
+    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another --out"):
+        write_measured(dataset_copy, "log", episode)
+    assert {path.name: path.read_bytes() for path in dataset_copy.iterdir()} == before
+
+
+def test_logs_with_and_without_tension_are_described_together(tmp_path):
+    with_tension = read_measured_log(write(tmp_path, LOOP, "one.csv"))
+    without = read_measured_log(write(tmp_path, steps(), "two.csv"))
+    for name, log in (("a", without), ("b", with_tension), ("c", without)):
+        write_measured(tmp_path, name, log)
+    described = json.loads((tmp_path / "dataset.json").read_text())
+    assert verify(tmp_path) == ([], 3)
+    assert "tension_n" in described["features"]
+    assert "tension_n" not in described["files"][0]["statistics"]
+    assert described["statistics"]["tension_n"] == described["files"][1]["statistics"]["tension_n"]
+    assert described["episodes"] == 3
+    lengths = [float(log.time[-1]) + log.sample_time for log in (without, with_tension, without)]
+    assert described["seconds"] == pytest.approx(sum(lengths))
+    (tmp_path / "b.mcap").unlink()  # what only this log held is forgotten with it
+    write_measured(tmp_path, "c", without)
+    assert "tension_n" not in json.loads((tmp_path / "dataset.json").read_text())["features"]
+    assert verify(tmp_path) == ([], 2)
+
+
+@pytest.mark.parametrize("name", ["", ".log", "..", "a/b", "/a", "a\\b"])
+def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    with pytest.raises(ValueError, match="--name"):
+        write_measured(tmp_path, name, episode)
+
+
+def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    late = dataclasses.replace(episode, time=episode.time * 1e-12)
+    with pytest.raises(ValueError, match="less than 1 ns"):
+        write_measured(tmp_path, "log", late)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_angle_may_be_counted_the_other_way(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,-30\n2,0,-9\n")
+    turned = read_measured_log(path, LogFormat(reverse_angle=True))
+    np.testing.assert_allclose(turned.bend, -read_measured_log(path).bend)
+    assert turned.metadata["reverse_angle"] is True

@@ -2,13 +2,16 @@
 
 import json
 import re
+import shutil
 
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from small_dataset import measured_log
 
 from twin.episode import Episode
 from twin.evaluation.track import Track, save_tracks
+from twin.measured.folder import write_measured
 from twin.recording import write_episode
 from twin.report import page as report
 from twin.report.page import write_report
@@ -70,8 +73,6 @@ def run(tmp_path):
         (folder / name).mkdir(parents=True)
     for name in ("train", "test"):
         write_episode(folder / "data" / name / "episode_000.mcap", make_episode())
-        facts = {"preset": "ureteroscope", "seed": 17, "files": [{"name": "episode_000.mcap"}]}
-        (folder / "data" / name / "dataset.json").write_text(json.dumps(facts))
     model = {"a_per_mm": 1.15, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5.0, "monotone": False, "seed": 17}
     (folder / "coleman_hodgdon.json").write_text(json.dumps(model))
     for name in ("ram", "direct"):
@@ -168,11 +169,24 @@ def test_a_folder_without_a_run_is_one_line(tmp_path):
         write_report(tmp_path / "nowhere", tmp_path / "report.html")
 
 
-def test_recipe_of_a_dataset_is_shown_with_its_strokes(run, tmp_path):
-    facts = {
-        "recipe": {"strokes_mm": [[2.0, 4.0], [-1.0, 1.0]], "seeds": [17]},
-        "statistics": {"bend_deg": {}},
-    }
-    (run / "data" / "train" / "dataset.json").write_text(json.dumps(facts))
+def test_recipe_of_a_dataset_is_shown_with_its_strokes(run, tmp_path, whole_dataset):
+    contents = json.loads((whole_dataset / "dataset.json").read_text())
+    contents["recipe"]["strokes_mm"] = [[2.0, 4.0], [-1.0, 1.0]]
+    (run / "data" / "train" / "dataset.json").write_text(json.dumps(contents))
     page = write_report(run, tmp_path / "report.html").read_text()
     assert "[2, 4], [-1, 1]" in page
+    assert "sensor, variance deg2" in page
+
+
+def test_dataset_json_of_an_older_version_is_said_in_one_line(run, tmp_path):
+    (run / "data" / "train" / "dataset.json").write_text(json.dumps({"recipe": {"seeds": [17]}, "files": []}))
+    page = write_report(run, tmp_path / "report.html").read_text()
+    assert "cannot be shown: source is missing" in page
+
+
+def test_measured_dataset_is_shown_by_what_it_holds(run, tmp_path):
+    (tmp_path / "measured").mkdir()
+    write_measured(tmp_path / "measured", "log", measured_log(tmp_path))
+    shutil.copy(tmp_path / "measured" / "dataset.json", run / "data" / "train")
+    page = write_report(run, tmp_path / "report.html").read_text()
+    assert "<dt>source</dt><dd>measured</dd>" in page

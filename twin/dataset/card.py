@@ -1,4 +1,4 @@
-"""The card of a dataset: a README.md that says what is in it, with a figure of its loops."""
+"""Card of a dataset: a README.md that describes it, with a figure of its loops."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -15,6 +15,7 @@ from twin.dataset.recipe import Recipe
 from twin.episode import Episode
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
+from twin.files.dataset_json import SimulatedDataset, SimulatedFile
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
@@ -28,7 +29,7 @@ POINTS = 400
 """Measurements that a panel shows: all of them would be a grey band."""
 
 
-def write_card(folder: Path, recipe: Recipe, contents: dict[str, Any]) -> Path:
+def write_card(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> Path:
     """Write the README.md and its figure into the folder of a dataset.
 
     Args:
@@ -39,8 +40,8 @@ def write_card(folder: Path, recipe: Recipe, contents: dict[str, Any]) -> Path:
     Returns:
         The path of the README.md.
     """
-    shown = _to_show(recipe, contents["files"])
-    episodes = (read_episode(folder / entry["name"]) for entry in shown)  # one in memory at a time
+    shown = _to_show(recipe, contents.files)
+    episodes = (read_episode(folder / file.name) for file in shown)  # one in memory at a time
     write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(assets_folder()),
@@ -49,19 +50,19 @@ def write_card(folder: Path, recipe: Recipe, contents: dict[str, Any]) -> Path:
         undefined=jinja2.StrictUndefined,
     )
     text = environment.get_template("dataset_card.md.j2").render(
-        episodes=contents["episodes"],
+        episodes=contents.episodes,
         seconds_each=f"{recipe.seconds:g}",
-        total=_duration(contents["seconds"]),
+        total=_duration(contents.seconds),
         preset=recipe.preset.name,
-        endotwin=contents["endotwin"],
-        mujoco=contents["mujoco"],
+        endotwin=contents.endotwin,
+        mujoco=contents.mujoco,
         figure=FIGURE,
-        caption=_caption(len(shown), contents["episodes"]),
-        varies=_what_varies(recipe, contents["files"]),
+        caption=_caption(len(shown), contents.episodes),
+        varies=_what_varies(recipe, contents.files),
         rate=f"{1 / recipe.sample_time_s:g}",
         features=_features(contents),
-        first=contents["files"][0]["name"],
-        size=_size(contents["bytes"], contents["seconds"]),
+        first=contents.files[0].name,
+        size=_size(contents.bytes, contents.seconds),
     )
     write_whole(folder / CARD, text)
     return folder / CARD
@@ -69,13 +70,19 @@ def write_card(folder: Path, recipe: Recipe, contents: dict[str, Any]) -> Path:
 
 @dataclasses.dataclass(frozen=True)
 class _Loop:
-    """What is drawn of one episode."""
+    """One panel of the figure.
+
+    Attributes:
+        title: signal and bend of the sheath.
+        pull_mm: (N,) commanded pulling distance [mm].
+        bend_deg: (N,) true bending angle [deg].
+        seen: (2, some) pull [mm] and measured angle [deg], thinned.
+    """
 
     title: str
     pull_mm: Array
     bend_deg: Array
     seen: Array
-    """(2, some) pull [mm] and measured angle [deg]."""
 
 
 def _loop(episode: Episode) -> _Loop:
@@ -112,7 +119,7 @@ def _title(episode: Episode) -> str:
     return title
 
 
-def _to_show(recipe: Recipe, files: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _to_show(recipe: Recipe, files: Sequence[SimulatedFile]) -> list[SimulatedFile]:
     """The first episodes of one seed, or, where there are many combinations, spread over these."""
     first = files[: min(recipe.episodes, max(recipe.combinations, PANELS_PER_ROW))]
     places = np.linspace(0, len(first) - 1, min(len(first), MOST_PANELS)).round().astype(int)
@@ -125,7 +132,7 @@ def _caption(shown: int, episodes: int) -> str:
     return f"Loops of {'all' if shown == episodes else f'{shown} of the'} {episodes} episodes."
 
 
-def _what_varies(recipe: Recipe, files: Sequence[dict[str, Any]]) -> str:
+def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
     """What the episodes differ in, and what their endoscope and sensor are, as a list."""
     lines = []
     if recipe.given_pull_m is None:
@@ -153,9 +160,9 @@ def _what_varies(recipe: Recipe, files: Sequence[dict[str, Any]]) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
 
-def _all_of(files: Sequence[dict[str, Any]], name: str, say: Callable[[Any], str]) -> str:
+def _all_of(files: Sequence[SimulatedFile], name: str, say: Callable[[Any], str]) -> str:
     """Every value that the files have, once, in their order."""
-    return ", ".join(dict.fromkeys(say(file[name]) for file in files if name in file))
+    return ", ".join(dict.fromkeys(say(getattr(file, name)) for file in files))
 
 
 def _stroke(ends: Sequence[float]) -> str:
@@ -196,15 +203,13 @@ def _sensor(recipe: Recipe) -> str:
     return ", ".join(parts)
 
 
-def _features(contents: dict[str, Any]) -> str:
+def _features(contents: SimulatedDataset) -> str:
     rows = []
-    for name, feature in contents["features"].items():
-        held = contents["statistics"][name]
-        shape = " x ".join(map(str, feature["shape"])) or "1"
-        figures = [f"{held[key]:.4g}" for key in ("min", "max", "mean", "std")]
-        rows.append(
-            [f"`{name}`", feature["meaning"], f"`{feature['topic']}`", shape, *figures, held["count"]]
-        )
+    for name, feature in contents.features.items():
+        held = contents.statistics[name]
+        shape = " x ".join(map(str, feature.shape)) or "1"
+        figures = [f"{figure:.4g}" for figure in (held.min, held.max, held.mean, held.std)]
+        rows.append([f"`{name}`", feature.meaning, f"`{feature.topic}`", shape, *figures, held.count])
     headers = ["quantity", "what", "topic", "per sample", "min", "max", "mean", "std", "count"]
     return tabulate(rows, headers=headers, tablefmt="github", disable_numparse=True)
 

@@ -1,4 +1,4 @@
-"""Episodes of a recipe: commands drawn, endoscopes drawn, simulated together, seen by a sensor."""
+"""Simulation of the episodes of a recipe: draw commands and endoscopes, simulate them, add a sensor."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -20,7 +20,17 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class _Drawn:
-    """One episode before it is simulated."""
+    """One episode before it is simulated.
+
+    Attributes:
+        key: seed and number.
+        conditions: signal, stroke and bend of the sheath.
+        preset: the endoscope, as drawn.
+        pull: (N,) commanded pulling distance of wire a [m].
+        lateral_pull: (N,) commanded pulling distance of wire c [m].
+        sheath_bend: (N,) angle that the sheath is bent by [rad]; None if it does not change.
+        sensor_rng: random numbers of the sensor.
+    """
 
     key: EpisodeKey
     conditions: Conditions
@@ -63,13 +73,13 @@ def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | 
         threads=1,
     )
     return [
-        None if record is None else _seen(recipe, one, record)
+        None if record is None else _with_sensor(recipe, one, record)
         for one, record in zip(drawn, records, strict=True)
     ]
 
 
 def diverged(recipe: Recipe, key: EpisodeKey) -> str:
-    """Return what to say of an episode that diverged."""
+    """Return the error message for an episode whose simulation diverged."""
     what = "narrow the ranges" if recipe.ranges else "lower time_step or the stiffness of the wires"
     return (
         f"episode {key.number} of seed {key.seed}: the simulation of {recipe.preset.name!r} diverged: {what}"
@@ -101,11 +111,11 @@ def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
     return _Drawn(key, conditions, preset, pull, lateral_pull, sheath_bend, sensor_rng)
 
 
-def _seen(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
-    """Add what the sensor saw, and where the episode comes from."""
-    seen = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
+def _with_sensor(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
+    """Return the record with the sensor's measurements, and with its origin in the metadata."""
+    measured = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
     noise = draw_noise("gaussian", recipe.sensor_variance_deg2, drawn.pull.shape, drawn.sensor_rng)
-    episode = dataclasses.replace(record, measured_bend=seen + np.radians(noise))
+    episode = dataclasses.replace(record, measured_bend=measured + np.radians(noise))
     text, sha256 = of_each_episode(recipe)
     origin = {
         "seed": drawn.key.seed,

@@ -1,4 +1,4 @@
-"""The files of one episode of a dataset: written whole, vouched for when they are there already."""
+"""Files of an episode of a dataset: written whole, or kept if they are there already and whole."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -10,30 +10,35 @@ from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
+from twin.files.dataset_json import SimulatedFile
 from twin.files.hashes import sha256_of
 from twin.recording import EpisodeWriter, read_episode, read_metadata, write_csv
 from twin.recording.camera import CAMERA_TOPIC, picture_message
 from twin.recording.features import wrong_statistics
+from twin.recording.listing import describe_file
 from twin.recording.messages import to_nanoseconds
 from twin.recording.reader import HINT
 from twin.rendering.camera import pictures
 
 Entry = dict[str, Any]
-"""What `dataset.json` says of one file."""
+"""What `dataset.json` says of one file, as `twin.files.dataset_json.SimulatedFile` describes it."""
 
-OF_METADATA = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg", "samples")
-"""What it repeats of the metadata of the file, where that has it."""
+_OF_METADATA = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg")
 
 
 @dataclasses.dataclass(frozen=True)
 class Made:
-    """What became of one episode."""
+    """Result of writing one episode's files.
+
+    Attributes:
+        entry: what `dataset.json` says of the file.
+        kept: whether it was there already, whole and of this recipe.
+        damage: why the file that was there was made anew; empty if none was.
+    """
 
     entry: Entry
     kept: bool = False
-    """It was there already, whole and of this recipe."""
     damage: str = ""
-    """Why the file that was there was made anew."""
 
 
 def file_name(recipe: Recipe, key: EpisodeKey) -> str:
@@ -46,11 +51,11 @@ def make_files(
     recipe: Recipe,
     keys: Sequence[EpisodeKey],
     folder: Path,
-    known: Mapping[str, Entry],
+    known: Mapping[str, SimulatedFile],
     csv: bool,
     versions: Mapping[str, str] = VERSIONS,
 ) -> list[Made]:
-    """Make those of some episodes that are not there, or not whole; the others stay as they are.
+    """Write the files of some episodes that are not there, or not whole; the others stay as they are.
 
     It runs in a worker, and returns descriptions, no arrays.
 
@@ -58,7 +63,7 @@ def make_files(
         recipe: what to make.
         keys: which episodes.
         folder: where their files are.
-        known: what a former `dataset.json` says of files, by name.
+        known: entries of the files in a former `dataset.json`, by name.
         csv: also write each episode as a table.
         versions: of what asks for it; a worker on another machine may have others.
 
@@ -68,16 +73,16 @@ def make_files(
         OSError: the disk is full, a file cannot be written, or nothing can draw a camera's pictures.
     """
     if versions != VERSIONS:
-        raise ValueError(f"a worker has {_said(VERSIONS)}, here is {_said(versions)}: they must agree")
+        raise ValueError(f"a worker has {_listed(VERSIONS)}, here is {_listed(versions)}: they must agree")
     paths = {key: folder / file_name(recipe, key) for key in keys}
     made: dict[EpisodeKey, Made] = {}
     damage: dict[EpisodeKey, str] = {}
     for key, path in paths.items():
         if path.exists():
             try:
-                metadata = _vouch(recipe, key, path, known.get(path.name))
+                metadata = _check_file(recipe, key, path, known.get(path.name))
                 damaged = _write_table(path, known.get(path.name)) if csv else ""
-                made[key] = Made(_entry(path, metadata, csv), kept=not damaged, damage=damaged)
+                made[key] = Made(_entry(recipe, path, metadata, csv), kept=not damaged, damage=damaged)
             except (ValueError, FileNotFoundError) as error:
                 damage[key] = str(error).removesuffix(HINT)  # it is made anew
     missing = [key for key in keys if key not in made]
@@ -91,18 +96,18 @@ def make_files(
             _write(recipe, paths[key], episode)
             if csv:
                 _write_table(paths[key], None)
-            made[key] = Made(_entry(paths[key], episode.metadata, csv), damage=damage.get(key, ""))
+            made[key] = Made(_entry(recipe, paths[key], episode.metadata, csv), damage=damage.get(key, ""))
     if failed:
         raise FloatingPointError(diverged(recipe, failed[0]))
     return [made[key] for key in keys]
 
 
-def _said(versions: Mapping[str, str]) -> str:
+def _listed(versions: Mapping[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in versions.items())
 
 
 def _refuse_if_unwanted(recipe: Recipe, folder: Path) -> None:
-    """Write nothing for a run that is over: a cluster cannot call back what it has begun.
+    """Refuse to write for a run that is over: a cluster cannot call back what it has begun.
 
     Raises:
         ValueError: the folder holds another recipe by now.
@@ -122,25 +127,25 @@ def _write(recipe: Recipe, path: Path, episode: Episode) -> None:
                 writer.add_message(CAMERA_TOPIC, picture_message(picture, time), time)
 
 
-def _write_table(path: Path, known: Entry | None) -> str:
+def _write_table(path: Path, known: SimulatedFile | None) -> str:
     """Write the table of a file, from the file alone, unless it is known to be there.
 
     Returns:
         What was wrong with a table whose hash was known.
     """
     table = path.with_suffix(".csv")
-    said = None if known is None else known.get("table_sha256")
+    stated = None if known is None else known.table_sha256
     damage = ""
-    if said is not None:
-        if table.is_file() and sha256_of(table) == said:
+    if stated is not None:
+        if table.is_file() and sha256_of(table) == stated:
             return ""
         damage = f"{table} is not what dataset.json says" if table.is_file() else f"{table} is missing"
     write_csv(table, read_episode(path))
     return damage
 
 
-def _vouch(recipe: Recipe, key: EpisodeKey, path: Path, known: Entry | None) -> dict[str, Any]:
-    """Make sure that a file is what this recipe and this version would make.
+def _check_file(recipe: Recipe, key: EpisodeKey, path: Path, known: SimulatedFile | None) -> dict[str, Any]:
+    """Check that a file is what this recipe and this version would make.
 
     A file whose hash is known is read for its CRCs, any other one for its numbers too.
 
@@ -161,23 +166,24 @@ def _vouch(recipe: Recipe, key: EpisodeKey, path: Path, known: Entry | None) -> 
     for name, value in wanted.items():
         if metadata.get(name) != value:
             raise ValueError(f"{path}: {name} is {metadata.get(name)}, not {value}")
-    if known is not None and "sha256" in known:
-        if sha256_of(path) != known["sha256"]:
+    if known is not None:
+        if sha256_of(path) != known.sha256:
             raise ValueError(f"{path} is not what dataset.json says")
         return metadata
     episode = read_episode(path)
     if len(episode.time) != metadata.get("samples"):
-        said = metadata.get("samples")
-        raise ValueError(f"{path} has {len(episode.time)} samples, its metadata says {said}")
+        stated = metadata.get("samples")
+        raise ValueError(f"{path} has {len(episode.time)} samples, its metadata says {stated}")
     for fault in wrong_statistics(episode, metadata.get("statistics")):
         raise ValueError(f"{path}: {fault}, by its metadata")
     return metadata
 
 
-def _entry(path: Path, metadata: Mapping[str, Any], csv: bool) -> Entry:
+def _entry(recipe: Recipe, path: Path, metadata: Mapping[str, Any], csv: bool) -> Entry:
     """Describe a file that is there, and its table."""
-    entry = {"name": path.name, **{name: metadata[name] for name in OF_METADATA if name in metadata}}
-    entry |= {"bytes": path.stat().st_size, "sha256": sha256_of(path)}
-    if csv:
-        entry["table_sha256"] = sha256_of(path.with_suffix(".csv"))
-    return entry | {"statistics": metadata["statistics"]}
+    samples = metadata["samples"]
+    return {
+        **describe_file(path, samples, samples * recipe.sample_time_s, metadata["statistics"]),
+        **{name: metadata.get(name) for name in _OF_METADATA},
+        "table_sha256": sha256_of(path.with_suffix(".csv")) if csv else None,
+    }

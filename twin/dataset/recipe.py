@@ -1,4 +1,4 @@
-"""Everything that a dataset depends on, and the conditions of each of its episodes."""
+"""Recipe of a dataset: everything that it depends on, and the conditions of each of its episodes."""
 
 import dataclasses
 import functools
@@ -19,55 +19,73 @@ from twin.signals.excitation import SIGNALS, command
 
 Interval = tuple[float, float]
 MOST_EPISODES = 10_000
-"""Of one seed: the names of their files are in the order of their numbers."""
+"""Largest number of episodes of one seed: their files are numbered with four digits."""
 
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeKey:
-    """Which episode it is; all that is random in it is drawn from these two numbers."""
+    """Seed and number of an episode; all that is random in it is drawn from these two.
+
+    Attributes:
+        seed: seed of the episode.
+        number: its number within the seed, from 0.
+    """
 
     seed: int
     number: int
-    """Counted from 0 within the seed."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Conditions:
-    """What the recipe asks of one episode, before anything is drawn."""
+    """Conditions of one episode by the recipe, before anything is drawn.
+
+    Attributes:
+        signal: kind of signal of the command.
+        stroke_mm: lowest and highest pulling distance of wire a [mm].
+        sheath_bend_deg: bend of the sheath at the start and at the end [deg]; None for the preset's own.
+    """
 
     signal: str
     stroke_mm: Interval
     sheath_bend_deg: Interval | None
-    """At the start and at the end; None for the preset's own."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """What a dataset is made of. Signals, strokes and bends of the sheath are combined, in turn."""
+    """Recipe of a dataset. Signals, strokes and bends of the sheath are combined, in turn.
+
+    Attributes:
+        preset: the endoscope.
+        strokes_mm: lowest and highest pulling distances of wire a [mm].
+        lateral_stroke_mm: lowest and highest pulling distance of wire c, for an endoscope with two bending
+            planes [mm]; None: wire c is not pulled.
+        sheath_bends_deg: angles that the sheath is bent by at the start, when the wires are wound up, and at
+            the end of an episode, changing evenly [deg]; none for the preset's own.
+        ranges: ranges around the preset that the parameters of each episode's endoscope are drawn from.
+        seconds: length of each episode [s].
+        sample_time_s: time between two samples [s].
+        signals: kinds of signal.
+        sensor_variance_deg2: variance of the Gaussian noise in `/measurement`, besides that of the preset's
+            sensor [deg^2].
+        camera: rate and size of pictures to take; None: none.
+        episodes: number of episodes of each seed.
+        seeds: seeds.
+        given_pull_m: (N,) command of wire a to follow instead of a drawn one [m].
+    """
 
     preset: Preset
     strokes_mm: tuple[Interval, ...] = ((2.0, 4.0),)
-    """Lowest and highest pulling distances of wire a [mm]."""
     lateral_stroke_mm: Interval | None = None
-    """The same of wire c, for an endoscope with two bending planes; without it, wire c is not pulled."""
     sheath_bends_deg: tuple[Interval, ...] = ()
-    """Angles that the sheath is bent by at the start, when the wires are wound up, and at the end of an
-    episode, changing evenly [deg]; none for the preset's own."""
     ranges: Ranges | None = None
-    """Draw the parameters of each episode's endoscope from these ranges around the preset."""
     seconds: float = 60.0
-    """Length of each episode."""
     sample_time_s: float = 0.02
     signals: tuple[str, ...] = tuple(SIGNALS)
     sensor_variance_deg2: float = 0.1
-    """Variance of the Gaussian noise in `/measurement`, besides that of the preset's sensor."""
     camera: Camera | None = None
-    """Take pictures too."""
     episodes: int = 5
-    """How many of each seed."""
     seeds: tuple[int, ...] = (0,)
     given_pull_m: tuple[float, ...] | None = None
-    """A command to follow instead of a drawn one [m]."""
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -162,7 +180,7 @@ class Recipe:
 
 
 def _floats(numbers: Iterable[float]) -> list[float]:
-    """As in a file that was read: 2 and 2.0 are one recipe, and must be one text."""
+    """Return numbers as floats: 2 and 2.0 are one recipe, and must be one text."""
     return [float(number) for number in numbers]
 
 

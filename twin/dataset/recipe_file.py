@@ -19,7 +19,7 @@ from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS
 
 LEAST_EPISODES = 5
-"""How many there are where a recipe does not say, even if it has fewer combinations."""
+"""Number of episodes where a recipe does not state it, even if it has fewer combinations."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
@@ -30,7 +30,15 @@ class _Strict(BaseModel):
 
 
 class SensorFile(_Strict):
-    """The key `sensor`: what the preset's sensor does is replaced by what is given."""
+    """The key `sensor`; what is given goes before the preset's sensor.
+
+    Attributes:
+        variance_deg2: variance of white noise besides the preset's [deg^2].
+        noise_deg: standard deviation of the noise [deg].
+        resolution_deg: step of the readings [deg].
+        period_s: time between two readings [s].
+        latency_s: age of a reading [s].
+    """
 
     variance_deg2: Number = 0.1
     noise_deg: Number | None = None
@@ -52,18 +60,34 @@ class SensorFile(_Strict):
 
 
 class RecipeFile(_Strict):
-    """The keys of a recipe's file."""
+    """The keys of a recipe's file.
+
+    Attributes:
+        preset: name of a preset, path of a .yaml file, or parameters, the `name` among them.
+        set: parameters of the preset to change, in SI units.
+        randomize: draw the parameters of every episode, other than those set here, from the preset's ranges.
+        ranges: draw from these ranges instead.
+        episodes: number of each seed; if not given, one of each combination of signal, stroke and bend, but
+            at least 5.
+        seeds: seeds.
+        seconds: length of an episode [s].
+        sample_time_s: time between two samples [s].
+        signals: kinds of signal.
+        strokes_mm: lowest and highest pulling distances of wire a [mm].
+        lateral_stroke_mm: lowest and highest pulling distance of wire c [mm].
+        sheath_bends_deg: bend of the sheath: an angle, or the angles at the start (null for the preset's) and
+            at the end [deg].
+        sensor: noise, resolution, period and latency of the sensor.
+        camera: rate and size of pictures.
+        command_csv: recorded command to follow instead of signals.
+        given_pull_m: (N,) the same, as pulling distances at each sample [m].
+    """
 
     preset: str | dict[str, Any] = "ureteroscope"
-    """Name of a preset, path of a .yaml file, or parameters, the `name` among them."""
     set: dict[str, int | Number] = {}
-    """Parameters of the preset to change, in its SI units."""
     randomize: bool = False
-    """Draw the parameters of every episode, other than those set here, from the preset's ranges."""
     ranges: dict[str, Pair] | None = None
-    """Draw from these ranges instead."""
     episodes: StrictInt | None = None
-    """Of each seed; one of each combination of signal, stroke and bend, but at least 5, if not given."""
     seeds: list[StrictInt] = [0]
     seconds: Number = 60.0
     sample_time_s: Number = 0.02
@@ -71,13 +95,10 @@ class RecipeFile(_Strict):
     strokes_mm: list[Pair] = [(2.0, 4.0)]
     lateral_stroke_mm: Pair | None = None
     sheath_bends_deg: list[Number | tuple[Number | None, Number]] = []
-    """An angle, or the angles at the start (null for the preset's) and at the end."""
     sensor: SensorFile = SensorFile()
     camera: Camera | None = None
     command_csv: Path | None = None
-    """Follow a recorded command instead of signals."""
     given_pull_m: Annotated[list[Number], Field(min_length=2)] | None = None
-    """The same, as pulling distances at each sample."""
 
 
 _FORMS = {
@@ -92,7 +113,7 @@ _FORMS = {
     "lateral_stroke_mm": "must be two numbers, as in [-1, 1]",
     "sheath_bends_deg": "must be angles, or pairs of a start and an end, as in [90, [0, 180]]",
 }
-"""What a value must look like that is more than one word."""
+"""Rule for each value that is more than one word."""
 
 
 def load_recipe(path: Path) -> Recipe:

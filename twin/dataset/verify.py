@@ -1,147 +1,152 @@
-"""Does a dataset hold what it says, and does its recipe make it again? Hashes, contents, replay."""
+"""Verification of a dataset against its `dataset.json`, and replay of an episode from its recipe."""
 
 import dataclasses
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from twin.dataset.card import CARD, FIGURE
-from twin.dataset.files import OF_METADATA, file_name, make_files
+from twin.dataset.files import file_name, make_files
+from twin.dataset.origin import wrong_origin
 from twin.dataset.recipe import EpisodeKey, of_each_episode
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
 from twin.dataset.versions import VERSIONS
-from twin.dataset.write import describe, read_contents, totals
+from twin.dataset.write import describe
 from twin.episode import Episode
+from twin.files.dataset_json import (
+    NAME,
+    Dataset,
+    Entry,
+    SimulatedDataset,
+    SimulatedFile,
+    read_contents,
+    to_json_values,
+)
 from twin.files.hashes import sha256_of
 from twin.recording import read_episode
-from twin.recording.features import combine, describe_features, recorded, wrong_statistics
+from twin.recording.features import describe_features, recorded, wrong_statistics
+from twin.recording.listing import length, totals
+
+LENGTH_TOLERANCE = 1e-6
+"""Largest difference of two lengths of a record that are one [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """What came of simulating a file again."""
+    """Result of simulating a file again.
+
+    Attributes:
+        same: whether the bytes are the same.
+        sha256: of the file.
+        differs: the quantities that differ, and by how much, one line each.
+        line: all of it in one sentence.
+    """
 
     same: bool
-    """Whether the bytes are the same."""
     sha256: str
-    """Of the file."""
     differs: list[str]
-    """The quantities that differ, and by how much."""
     line: str
-    """All of it in one sentence."""
 
 
 def verify(folder: Path, on_progress: Callable[[int, int], None] | None = None) -> tuple[list[str], int]:
     """Check every file of a dataset against its `dataset.json`: hash, structure, contents, statistics.
 
     Args:
-        folder: of the dataset.
-        on_progress: told how many of how many episodes are checked.
+        folder: of the dataset: simulated, measured, or the full suite's records.
+        on_progress: called with how many episodes are checked, and how many there are.
 
     Returns:
         One line for each fault, and how many episodes there should be.
 
     Raises:
         FileNotFoundError: there is no `dataset.json`.
-        ValueError: it is damaged.
+        ValueError: it is damaged, or of an older version.
     """
     contents = read_contents(folder)
-    entries = contents["files"]
+    files: tuple[Entry, ...] = contents.files
+    count = len(files)
     faults = []
-    for done, entry in enumerate(entries, start=1):
-        try:
-            faults += _faults(folder, entry, contents)
-        except (KeyError, TypeError, AttributeError):
-            faults.append(f"{folder / entry['name']}: what dataset.json says of it is damaged")
+    for done, file in enumerate(files, start=1):
+        faults += _wrong_file(folder, file, contents)
         if on_progress:
-            on_progress(done, len(entries))
-    faults += _wrong_totals(folder / "dataset.json", contents)
-    faults += _wrong_recipe(folder, contents)
-    if "recipe" in contents:
+            on_progress(done, count)
+    faults += _wrong_totals(folder / NAME, contents)
+    if isinstance(contents, SimulatedDataset):
+        faults += _wrong_recipe(folder, contents)
         faults += [f"{folder / name} is missing" for name in (CARD, FIGURE) if not (folder / name).is_file()]
-    names = {entry["name"] for entry in entries}
+    names = {file.name for file in files}
     faults += [
         f"{path} is not in dataset.json" for path in sorted(folder.glob("*.mcap")) if path.name not in names
     ]
-    return faults, len(entries)
+    return faults, count
 
 
-def _faults(folder: Path, entry: dict[str, Any], contents: dict[str, Any]) -> list[str]:
-    path = folder / entry["name"]
+def _wrong_file(folder: Path, file: Entry, contents: Dataset) -> list[str]:
+    """Return in what a file is not as `dataset.json` says."""
+    path = folder / file.name
     if not path.is_file():
         return [f"{path} is missing"]
-    same = sha256_of(path) == entry["sha256"]
-    faults = _wrong_table(path.with_suffix(".csv"), entry) if same else []
+    same = sha256_of(path) == file.sha256
+    faults = _wrong_table(path.with_suffix(".csv"), file) if same and isinstance(file, SimulatedFile) else []
     try:
         episode = read_episode(path)
     except (ValueError, OSError) as error:
         return [*faults, str(error)]
     if not same:
         return [f"{path} has another SHA-256 than dataset.json says"]
-    if len(episode.time) != entry.get("samples", len(episode.time)):
-        faults.append(f"{path} has {len(episode.time)} samples, dataset.json says {entry['samples']}")
-    if "features" in contents and describe_features(episode) != contents["features"]:
+    found = {"samples": len(episode.time), "bytes": path.stat().st_size}
+    faults += [
+        f"{path} has {number} {name}, dataset.json says {getattr(file, name)}"
+        for name, number in found.items()
+        if number != getattr(file, name)
+    ]
+    if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
+        faults.append(f"{path} lasts {length(episode):g} s, dataset.json says {file.seconds:g} s")
+    stated = to_json_values(contents)["features"]
+    if describe_features(episode) != {name: stated.get(name) for name in stated if name in file.statistics}:
         faults.append(f"{path} holds other quantities than dataset.json says")
-    if "statistics" in entry:
-        wrong = wrong_statistics(episode, entry["statistics"])
-        faults += [f"{path}: {fault}, by dataset.json" for fault in wrong]
-    if contents.get("source") != "measured":
-        facts = episode.metadata
-        said = {name: entry.get(name) for name in OF_METADATA} | {
-            name: contents.get(name) for name in VERSIONS
-        }
-        faults += [
-            f"{path}: {name} is {facts.get(name)}, dataset.json says {value}"
-            for name, value in said.items()
-            if facts.get(name) != value
-        ]
-    return faults
+    wrong = wrong_statistics(episode, to_json_values(file)["statistics"])
+    faults += [f"{path}: {fault}, by dataset.json" for fault in wrong]
+    return [*faults, *wrong_origin(path, episode.metadata, file, contents)]
 
 
-def _wrong_table(table: Path, entry: dict[str, Any]) -> list[str]:
-    if "table_sha256" not in entry:
+def _wrong_table(table: Path, file: SimulatedFile) -> list[str]:
+    if file.table_sha256 is None:
         return []
     if not table.is_file():
         return [f"{table} is missing"]
-    if sha256_of(table) != entry["table_sha256"]:
+    if sha256_of(table) != file.table_sha256:
         return [f"{table} has another SHA-256 than dataset.json says"]
     return []
 
 
-def _wrong_recipe(folder: Path, contents: dict[str, Any]) -> list[str]:
-    """Is the recipe in the folder that of `dataset.json`, and are the files those of its episodes?"""
-    if "recipe" not in contents:
-        return []
+def _wrong_recipe(folder: Path, contents: SimulatedDataset) -> list[str]:
+    """Compare the recipe in the folder with that of `dataset.json`, and its episodes with the files."""
     path = folder / "recipe.yaml"
     try:
         recipe = load_recipe(path)
     except (FileNotFoundError, ValueError) as error:
         return [f"{path} is missing" if not path.is_file() else str(error)]
-    if describe(recipe) != contents["recipe"]:
+    if describe(recipe) != to_json_values(contents.recipe):
         return [f"{path} is another recipe than dataset.json says"]
-    if [file_name(recipe, key) for key in recipe.keys] != [entry["name"] for entry in contents["files"]]:
-        return [f"{folder / 'dataset.json'}: its files are not the episodes of the recipe"]
+    if [file_name(recipe, key) for key in recipe.keys] != [file.name for file in contents.files]:
+        return [f"{folder / NAME}: its files are not the episodes of the recipe"]
     return []
 
 
-def _wrong_totals(path: Path, contents: dict[str, Any]) -> list[str]:
-    """Do the figures of the whole dataset follow from those of its files?"""
-    if contents.get("source") == "measured":  # it states none
-        return []
-    entries = contents["files"]
+def _wrong_totals(path: Path, contents: Dataset) -> list[str]:
+    """Return which figures of the whole dataset do not follow from those of its files."""
+    stated = to_json_values(contents)
     try:
-        wanted = totals(entries, contents["recipe"]["sample_time_s"])
-        wanted["statistics"] = combine(entry["statistics"] for entry in entries)
-    except (KeyError, TypeError, AttributeError, ArithmeticError):
-        return [f"{path}: what it says of the whole dataset is damaged"]
-    return [
-        f"{path}: {name} of the whole dataset do not follow from its files"
-        for name, value in wanted.items()
-        if contents.get(name) != value
-    ]
+        wanted = totals(stated["files"])
+    except ArithmeticError:  # a deviation whose square is no number
+        return [f"{path}: the statistics of its files cannot be combined"]
+    wrong = [name for name, value in wanted.items() if stated[name] != value]
+    if stated["features"].keys() != wanted["statistics"].keys():
+        wrong.append("features")
+    return [f"{path}: {name} of the whole dataset do not follow from its files" for name in wrong]
 
 
 def replay(path: Path) -> Replay:

@@ -1,7 +1,6 @@
-"""Making a dataset: the episodes of a recipe, spread over workers, and what vouches for them."""
+"""Writing a dataset: the episodes of a recipe, spread over workers, and the files that describe them."""
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
@@ -14,33 +13,44 @@ from twin.dataset.recipe import Recipe, to_yaml
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.files.atomic import remove_partial_files, write_whole
+from twin.files.dataset_json import (
+    NAME,
+    SimulatedDataset,
+    SimulatedFile,
+    read_contents,
+    to_json_values,
+    to_text,
+    write_contents,
+)
 from twin.files.lock import claim
-from twin.recording import read_episode
-from twin.recording.features import combine, describe_features
+from twin.recording.listing import features_of, totals
 
 AT_ONCE = 8
-"""Episodes that one worker simulates together: more are hardly faster, and late to be whole."""
+"""Episodes that one worker simulates together: more are hardly faster, and each is on the disk later."""
 AT_ONCE_WITH_PICTURES = 2
 """The same with a camera: pictures take longer than all else."""
 SAMPLES_AT_ONCE = 200_000
 """Samples that one worker holds at a time: about 150 MB."""
 
 COUNTS = ("episodes", "seeds")
-"""What of a recipe may grow while the episodes that are there stay the same."""
+"""Keys of a recipe that may grow while the episodes that are there stay the same."""
 
 OnProgress = Callable[[int, int], None]
 
 
 @dataclasses.dataclass(frozen=True)
 class Written:
-    """What became of a dataset."""
+    """Result of writing a dataset.
+
+    Attributes:
+        contents: of `dataset.json`.
+        kept: number of episodes that were there already.
+        damage: what was wrong with each file that was made anew, one line each.
+    """
 
     contents: dict[str, Any]
-    """Of `dataset.json`."""
     kept: int
-    """Episodes that were there already."""
     damage: tuple[str, ...]
-    """What was wrong with each file that was made anew."""
 
 
 def write_dataset(
@@ -52,7 +62,7 @@ def write_dataset(
     csv: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Written:
-    """Write the episodes that are missing or damaged and, when all are whole, what describes them.
+    """Write the missing or damaged episodes of a dataset and, when all are whole, the files that describe it.
 
     Args:
         recipe: what to make.
@@ -60,10 +70,10 @@ def write_dataset(
         executor: where the work is done; the bytes do not depend on it.
         workers: how many tasks it runs at a time.
         csv: also write each episode as a table.
-        on_progress: told how many of how many episodes are done.
+        on_progress: called with how many episodes are done, and how many there are.
 
     Returns:
-        What became of it.
+        The contents of its `dataset.json`, and which episodes were there already.
 
     Raises:
         ValueError: the recipe cannot be made, or the folder holds something else or is being written into.
@@ -76,15 +86,15 @@ def write_dataset(
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
         former = _former(folder)
-        known = {entry["name"]: entry for entry in former["files"]}
+        known = {} if former is None else {file.name: file for file in former.files}
         own_file = _refuse_another_dataset(folder, recipe, former)
         try:
             if not own_file:
                 write_whole(folder / "recipe.yaml", to_yaml(recipe))
             made = _make(recipe, folder, executor, workers, known, csv, on_progress)
             contents = _contents(recipe, folder, [one.entry for one in made])
-            write_card(folder, recipe, contents)
-            write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")
+            write_card(folder, recipe, SimulatedDataset.model_validate_json(to_text(contents)))
+            write_contents(folder, contents)
         except (OSError, BrokenExecutor) as error:
             raise _how_to_go_on(error, folder, recipe) from error
         finally:
@@ -98,7 +108,7 @@ def _make(
     folder: Path,
     executor: Executor,
     workers: int,
-    known: Mapping[str, Entry],
+    known: Mapping[str, SimulatedFile],
     csv: bool,
     on_progress: OnProgress | None,
 ) -> list[Made]:
@@ -131,24 +141,15 @@ def _make(
     return [one for future in futures for one in future.result()]
 
 
-def _contents(recipe: Recipe, folder: Path, entries: list[Entry]) -> dict[str, Any]:
-    """Return what `dataset.json` holds."""
+def _contents(recipe: Recipe, folder: Path, files: list[Entry]) -> dict[str, Any]:
+    """Return the contents of `dataset.json`."""
     return {
+        "source": "simulated",
         **VERSIONS,
         "recipe": describe(recipe),
-        **totals(entries, recipe.sample_time_s),
-        "features": describe_features(read_episode(folder / entries[0]["name"])),
-        "statistics": combine(entry["statistics"] for entry in entries),
-        "files": entries,
-    }
-
-
-def totals(entries: list[Entry], sample_time_s: float) -> dict[str, Any]:
-    """Return how many episodes, seconds of record and bytes the files of a dataset are in all."""
-    return {
-        "episodes": len(entries),
-        "seconds": round(sum(entry["samples"] for entry in entries) * sample_time_s, 9),
-        "bytes": sum(entry["bytes"] for entry in entries),
+        **totals(files),
+        "features": features_of(folder, files),
+        "files": files,
     }
 
 
@@ -160,34 +161,25 @@ def describe(recipe: Recipe) -> dict[str, Any]:
     return described
 
 
-def read_contents(folder: Path) -> dict[str, Any]:
-    """Return what the `dataset.json` of a folder holds.
+def _former(folder: Path) -> SimulatedDataset | None:
+    """Return what a former run says of the folder; None if none came to its end.
 
     Raises:
-        FileNotFoundError: there is none: the dataset is not complete, or it is no dataset.
-        ValueError: it is damaged.
+        ValueError: it is damaged, or of another kind of dataset.
     """
-    path = folder / "dataset.json"
-    if not folder.is_dir():
-        raise FileNotFoundError(f"no folder {folder}")
-    if not path.is_file():
-        raise FileNotFoundError(f"no {path}: the dataset is not complete; generate it again to go on")
-    try:
-        contents = json.loads(path.read_bytes())
-        if not all(Path(entry["name"]).name == entry["name"] for entry in contents["files"]):
-            raise ValueError("a file of another folder")
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is damaged: remove it, and generate the dataset again") from error
+    if not (folder / NAME).is_file():
+        return None
+    contents = read_contents(folder)
+    if not isinstance(contents, SimulatedDataset):
+        raise ValueError(
+            f"{folder} holds a dataset that `generate` did not make (source {contents.source}): "
+            "choose another --out or remove it"
+        )
     return contents
 
 
-def _former(folder: Path) -> dict[str, Any]:
-    """What a former run says of the folder; nothing if none came to its end."""
-    return read_contents(folder) if (folder / "dataset.json").is_file() else {"files": []}
-
-
-def _refuse_another_dataset(folder: Path, recipe: Recipe, former: Mapping[str, Any]) -> bool:
-    """Neither overwrite the episodes of another recipe nor leave them among the new ones.
+def _refuse_another_dataset(folder: Path, recipe: Recipe, former: SimulatedDataset | None) -> bool:
+    """Refuse a folder that holds episodes of another recipe or version: they would be lost or mixed in.
 
     Returns:
         Whether the folder's `recipe.yaml` was written by a user, and must stay as it is.
@@ -198,21 +190,20 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: Mapping[str, A
     path, other = folder / "recipe.yaml", "choose another --out or remove it"
     ours = {file_name(recipe, key) for key in recipe.keys}
     there = sorted(file.name for file in folder.glob("*.mcap"))
-    said, wanted, seeds = {}, {}, set()
+    held, wanted, seeds = {}, {}, set()
     own_file = False
     if path.is_file():
-        held = load_recipe(path)
-        own_file = path.read_text() != to_yaml(held)
-        if own_file and held != recipe:
+        former_recipe = load_recipe(path)
+        own_file = path.read_text() != to_yaml(former_recipe)
+        if own_file and former_recipe != recipe:
             raise ValueError(f"{path} is not what `generate` wrote, nor this recipe: choose another --out")
-        said, wanted, seeds = held.to_dict(), recipe.to_dict(), set(held.seeds)
-    elif "recipe" in former:
-        said, wanted = former["recipe"], describe(recipe)
-        seeds = set(said.get("seeds", ()))
-    elif former["files"] or ours & set(there):
+        held, wanted, seeds = former_recipe.to_dict(), recipe.to_dict(), set(former_recipe.seeds)
+    elif former is not None:
+        held, wanted, seeds = to_json_values(former.recipe), describe(recipe), set(former.recipe.seeds)
+    elif ours & set(there):
         raise ValueError(f"{folder} holds a dataset without a recipe.yaml: {other}")
     different = [
-        name for name in {**wanted, **said} if name not in COUNTS and said.get(name) != wanted.get(name)
+        name for name in {**wanted, **held} if name not in COUNTS and held.get(name) != wanted.get(name)
     ]
     if not seeds <= set(recipe.seeds):
         different.append("seeds")
@@ -221,8 +212,9 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: Mapping[str, A
             f"{folder} holds a dataset of another recipe (other {', '.join(different)}): {other}"
         )
     for name, version in VERSIONS.items():
-        if former.get(name, version) != version:
-            raise ValueError(f"{folder} holds a dataset of {name} {former[name]}, here is {version}: {other}")
+        if former is not None and getattr(former, name) != version:
+            made_with = f"{name} {getattr(former, name)}"
+            raise ValueError(f"{folder} holds a dataset of {made_with}, here is {version}: {other}")
     for name in there:
         if name not in ours:
             asked = "the one episode" if len(ours) == 1 else f"the {len(ours)} episodes"
@@ -231,7 +223,7 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: Mapping[str, A
 
 
 def _how_to_go_on(error: OSError | BrokenExecutor, folder: Path, recipe: Recipe) -> Exception:
-    """Say what is whole, and that the same command goes on."""
+    """Return the error with how many episodes are whole, and that the same command goes on."""
     there = sum((folder / file_name(recipe, key)).is_file() for key in recipe.keys)
     rest = f"{there} of {len(recipe.keys)} episodes are whole, the same command goes on from there"
     if isinstance(error, BrokenExecutor):

@@ -1,4 +1,4 @@
-"""The columns of a LeRobot dataset, from an episode: what a robot would know, what it did, what was true."""
+"""Columns of a LeRobot dataset, from an episode: observations, actions, labels and hidden states."""
 
 import dataclasses
 from typing import Any
@@ -12,25 +12,28 @@ from twin.recording.features import FEATURES, recorded
 from twin.recording.table import column_names
 
 OBSERVED = ("/measurement", "/tension")
-"""Topics of what a robot would know: `observation.state`."""
+"""Topics of the columns of `observation.state`."""
 COMMANDED = ("/command",)
-"""Topics of what it is told to do: `action`."""
+"""Topics of the columns of `action`."""
 TRUE = "truth."
-"""What all names of labels and hidden states begin with."""
+"""Prefix of the names of labels and hidden states: the quantities of every other topic."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """One feature of a LeRobot dataset."""
+    """One feature of a LeRobot dataset.
+
+    Attributes:
+        values: (N, numbers), in the type that is stored.
+        names: name of each number; None where it needs none.
+    """
 
     values: NDArray[Any]
-    """(N, numbers), in the type that is stored."""
     names: tuple[str, ...] | None
-    """Of each number."""
 
     @property
     def feature(self) -> dict[str, Any]:
-        """What `info.json` says of it."""
+        """Its entry in `info.json`: type, shape, names."""
         return {
             "dtype": str(self.values.dtype),
             "shape": [self.values.shape[1]],

@@ -1,15 +1,20 @@
-"""A folder of measured logs: one MCAP file each, beside a `dataset.json` that lists them."""
+"""A folder of measured logs: one MCAP file each, beside a `dataset.json` that describes them."""
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any
 
 from twin import __version__
 from twin.episode import Episode
-from twin.files.atomic import write_whole
-from twin.files.hashes import sha256_of
+from twin.files.dataset_json import (
+    NAME,
+    MeasuredDataset,
+    read_contents,
+    to_json_values,
+    write_contents,
+)
 from twin.recording import write_episode
+from twin.recording.listing import describe_episode, features_of, totals
 
 
 def check_name(name: str) -> None:
@@ -36,8 +41,8 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
         The path of the MCAP file.
 
     Raises:
-        ValueError: the name is none, the folder holds what no import made, or the log of another CSV file is
-            under this name.
+        ValueError: the name is none, the folder holds what no import made or a damaged `dataset.json`, or the
+            log of another CSV file is under this name.
     """
     check_name(name)
     files = _listed(folder)
@@ -46,38 +51,39 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
     named = dataclasses.replace(episode, metadata=episode.metadata | {"name": name})
     write_episode(path, named)
     files[path.name] = {
-        "name": path.name,
-        "samples": len(episode.time),
-        "bend_deg": [round(float(episode.bend_deg.min()), 3), round(float(episode.bend_deg.max()), 3)],
+        **describe_episode(path, named),
         "csv": episode.metadata["file"],
         "csv_sha256": episode.metadata["file_sha256"],
-        "sha256": sha256_of(path),
     }
-    contents = {"source": "measured", "endotwin": __version__, "files": [files[key] for key in sorted(files)]}
-    write_whole(folder / "dataset.json", json.dumps(contents, indent=2) + "\n")
+    entries = [files[key] for key in sorted(files)]
+    contents = {
+        "source": "measured",
+        "endotwin": __version__,
+        **totals(entries),
+        "features": features_of(folder, entries),
+        "files": entries,
+    }
+    write_contents(folder, contents)
     return path
 
 
 def _listed(folder: Path) -> dict[str, dict[str, Any]]:
-    """What former imports wrote into a folder and is still there, by file name."""
-    path = folder / "dataset.json"
-    if not path.exists():
+    """Return the entries of the logs that former imports wrote into a folder and are still there, by name.
+
+    Raises:
+        ValueError: the folder's `dataset.json` is damaged, or no import wrote it.
+    """
+    if not (folder / NAME).exists():
         return {}
-    try:
-        held = json.loads(path.read_bytes())
-        if held["source"] != "measured":
-            raise ValueError("a simulated dataset")
-        entries = {entry["name"]: entry for entry in held["files"]}
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(
-            f"{folder} holds a dataset.json that no import wrote: choose another --out"
-        ) from error
-    return {name: entry for name, entry in entries.items() if (folder / name).is_file()}
+    contents = read_contents(folder)
+    if not isinstance(contents, MeasuredDataset):
+        raise ValueError(f"{folder} holds a dataset.json that no import wrote: choose another --out")
+    return {file.name: to_json_values(file) for file in contents.files if (folder / file.name).is_file()}
 
 
 def _refuse_to_mix(path: Path, files: dict[str, dict[str, Any]], csv_sha256: str) -> None:
-    """Neither leave files of another origin among the logs nor write over the log of another CSV file."""
-    if path.name in files and files[path.name].get("csv_sha256") != csv_sha256:
+    """Refuse to write over the log of another CSV file, or beside files that no import wrote."""
+    if path.name in files and files[path.name]["csv_sha256"] != csv_sha256:
         raise ValueError(f"{path} is the log of another CSV file: choose another --name, or remove it")
     others = sorted(file.name for file in path.parent.glob("*.mcap") if file.name not in files)
     if others:

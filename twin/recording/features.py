@@ -1,4 +1,4 @@
-"""What an episode holds, sample by sample, in the units of its file: names, units, meaning, statistics."""
+"""Quantities of an episode: the table of their names, units, topics and meanings, and their statistics."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
@@ -16,17 +16,32 @@ TOLERANCE = 1e-7
 """Relative, of statistics: nine digits of them are written."""
 
 
+UNITS = {"mm": "mm", "deg": "deg", "rad": "rad", "n": "N"}
+"""Unit of a quantity, by what its name ends in."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Feature:
-    """One quantity of an episode."""
+    """One quantity of an episode.
+
+    Attributes:
+        name: its name, which ends in its unit.
+        topic: topic of its messages.
+        field: field of the topic's message; `*` stands for each of the wires a, b (, c, d).
+        meaning: what it is, in words that the Protobuf comments and docs/dataset.md begin with.
+        values: (N, ...) its numbers of an episode, in its unit; empty where it was not recorded.
+    """
 
     name: str
     topic: str
     field: str
-    """Of the topic's message; `*` stands for each of the wires a, b (, c, d)."""
     meaning: str
     values: Callable[[Episode], Array]
-    """(N, ...) in the unit that the name ends in; empty where it was not recorded."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the numbers, as it is written."""
+        return UNITS[self.name.rpartition("_")[2]]
 
 
 FEATURES = (
@@ -42,7 +57,7 @@ FEATURES = (
         "measured_bend_deg",
         "/measurement",
         "bend_deg",
-        "bending angle as the sensor saw it",
+        "bending angle of the tip as the sensor saw it",
         lambda e: e.measured_bend_deg,
     ),
     Feature(
@@ -57,14 +72,14 @@ FEATURES = (
         "lateral_bend_deg",
         "/truth",
         "lateral_bend_deg",
-        "true bending angle sideways",
+        "true bending angle of the tip sideways",
         lambda e: np.degrees(e.lateral_bend),
     ),
     Feature(
         "pulley_mm",
         "/truth",
         "pulley_mm",
-        "how far the pulley has really pulled",
+        "distance that the pulley has really pulled",
         lambda e: e.pulley * 1e3,
     ),
     Feature(
@@ -78,21 +93,21 @@ FEATURES = (
         "wire_tension_n",
         "/truth",
         "wire_tension_*_n",
-        "tension in each length of wire, pulley to tip",
+        "tension in each length of each wire, pulley to tip",
         lambda e: e.wire_tension,
     ),
     Feature(
         "sheath_friction_n",
         "/truth",
         "sheath_friction_*_n",
-        "friction force at which each element of the sheath slides",
+        "largest friction force of each element of the sheath on each wire, pulley to tip",
         lambda e: e.sheath_friction,
     ),
     Feature(
         "wire_slack_mm",
         "/truth",
         "wire_slack_*_mm",
-        "how much longer each length of wire is than its way",
+        "how much longer each length of each wire is than its way, pulley to tip",
         lambda e: e.wire_slack * 1e3,
     ),
     Feature(
@@ -110,7 +125,7 @@ FEATURES = (
         lambda e: e.lateral_joint_angle,
     ),
 )
-"""Every quantity that an episode can hold."""
+"""Every quantity that an episode can hold: the one table of names, units, topics, fields and columns."""
 
 
 def recorded(episode: Episode) -> dict[str, Array]:
@@ -120,12 +135,16 @@ def recorded(episode: Episode) -> dict[str, Array]:
 
 
 def describe_features(episode: Episode) -> dict[str, dict[str, Any]]:
-    """Return topic, field, shape of a sample and meaning of what an episode holds, by name."""
-    held = recorded(episode)
+    """Return topic, field, unit, shape of a sample and meaning of what an episode holds, by name.
+
+    A quantity of which every number is missing (NaN) is left out, as in the statistics.
+    """
+    held = {name: array for name, array in recorded(episode).items() if not np.isnan(array).all()}
     return {
         feature.name: {
             "topic": feature.topic,
             "field": feature.field,
+            "unit": feature.unit,
             "shape": list(held[feature.name].shape[1:]),
             "meaning": feature.meaning,
         }
@@ -141,34 +160,36 @@ def statistics(episode: Episode) -> dict[str, dict[str, float]]:
     are kept: processors differ in how they round a sum. The order is that of the alphabet, as in the metadata
     of a file.
     """
-    told = {}
+    figures = {}
     for name, array in sorted(recorded(episode).items()):
         known = array[~np.isnan(array)]
         if known.size == 0:
             continue
-        told[name] = {
+        figures[name] = {
             "count": int(known.size),
             "max": _rounded(known.max()),
             "mean": _rounded(known.mean()),
             "min": _rounded(known.min()),
             "std": _rounded(known.std()),
         }
-    return told
+    return figures
 
 
-def wrong_statistics(episode: Episode, said: Any) -> list[str]:
-    """Return how the statistics of a record differ from what is said of it, one line each."""
+def wrong_statistics(episode: Episode, stated: Any) -> list[str]:
+    """Return how the statistics of a record differ from stated ones, one line each."""
     found = statistics(episode)
-    if not isinstance(said, Mapping) or found.keys() != said.keys():
+    if not isinstance(stated, Mapping) or found.keys() != stated.keys():
         return ["statistics are of other quantities"]
     wrong = []
     for name, values in found.items():
         scale = max(abs(values["min"]), abs(values["max"]))
         for key, value in values.items():
-            told = said[name].get(key) if isinstance(said[name], Mapping) else None
-            close = isinstance(told, (int, float)) and abs(value - told) <= TOLERANCE * max(scale, abs(value))
+            other = stated[name].get(key) if isinstance(stated[name], Mapping) else None
+            close = isinstance(other, (int, float)) and abs(value - other) <= TOLERANCE * max(
+                scale, abs(value)
+            )
             if not close:
-                wrong.append(f"{key} of {name} is {value:g}, not {told}")
+                wrong.append(f"{key} of {name} is {value:g}, not {other}")
     return wrong
 
 

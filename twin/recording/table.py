@@ -13,6 +13,12 @@ from twin.recording.features import FEATURES, Feature, recorded
 
 Array = NDArray[np.float64]
 
+COMMAND_ANGLE = "command_deg"
+"""The command as an angle of the preset's pulley: the one column that is no quantity of `FEATURES`."""
+
+TABLE = ("pull_mm", "bend_deg", COMMAND_ANGLE, "tension_n", "lateral_pull_mm", "lateral_bend_deg")
+"""Quantities of the table beside an episode, in the order of their columns, after `time_s`."""
+
 
 def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
     """Return a name for each number that a quantity has at a sample, its unit last.
@@ -35,10 +41,8 @@ def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
 def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -> Path:
     """Write an episode as a CSV table, one row per sample, in a file that appears only when it is whole.
 
-    The columns are `time_s,pull_mm,bend_deg` and, where they are known: `command_deg`, the command as an
-    angle of the preset's pulley; `tension_a_n,tension_b_n` (and `tension_c_n,tension_d_n` with two bending
-    planes), the tensions of the wires at the pulley; `lateral_pull_mm` and `lateral_bend_deg`. Each number
-    has the digits that read back as the same double.
+    The columns are `time_s`, those of the quantities of `TABLE` that are known, and, with `everything`, those
+    of all others of `FEATURES`. Each number has the digits that read back as the same double.
 
     Returns:
         The path of the file.
@@ -46,38 +50,32 @@ def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -
     Raises:
         FileNotFoundError: the folder does not exist.
     """
-    columns = {"time_s": episode.time, "pull_mm": episode.pull_mm, "bend_deg": episode.bend_deg}
-    columns |= _command_angle(episode)
-    if episode.wire_tension.shape[2] > 0:
-        columns |= {
-            f"tension_{name}_n": tension for name, tension in zip(WIRES, episode.tension.T, strict=False)
-        }
-    if len(episode.lateral_pull) > 0:
-        columns["lateral_pull_mm"] = episode.lateral_pull * 1e3
-    if len(episode.lateral_bend) > 0:
-        columns["lateral_bend_deg"] = np.degrees(episode.lateral_bend)
+    held = recorded(episode)
+    known = {
+        feature.name: _columns(feature, held[feature.name]) for feature in FEATURES if feature.name in held
+    }
+    known |= _command_angle(episode)
+    chosen = [name for name in TABLE if name in known]
     if everything:
-        columns |= {name: values for name, values in _all_columns(episode).items() if name not in columns}
+        chosen += [name for name in known if name not in TABLE]
+    columns = {"time_s": episode.time}
+    for name in chosen:
+        columns |= known[name]
     rows = np.column_stack(list(columns.values())).tolist()
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     write_whole(path, "\n".join(lines) + "\n")
     return Path(path)
 
 
-def _all_columns(episode: Episode) -> dict[str, Array]:
-    columns: dict[str, Array] = {}
-    held = recorded(episode)
-    for feature in FEATURES:
-        if feature.name in held:
-            values = held[feature.name]
-            names = column_names(feature, values.shape[1:])
-            columns |= dict(zip(names, values.reshape(len(values), -1).T, strict=True))
-    return columns
+def _columns(feature: Feature, values: Array) -> dict[str, Array]:
+    """Return each number of a quantity over time, by the name of its column."""
+    names = column_names(feature, values.shape[1:])
+    return dict(zip(names, values.reshape(len(values), -1).T, strict=True))
 
 
-def _command_angle(episode: Episode) -> dict[str, Array]:
-    """The command in degrees of the pulley; nothing where no preset tells the pulley's radius."""
+def _command_angle(episode: Episode) -> dict[str, dict[str, Array]]:
+    """Return the command in degrees of the pulley; nothing where no preset states the pulley's radius."""
     preset = episode.metadata.get("preset")
     if not isinstance(preset, Mapping) or "pulley_radius" not in preset:
         return {}
-    return {"command_deg": np.degrees(episode.pull / float(preset["pulley_radius"]))}
+    return {COMMAND_ANGLE: {COMMAND_ANGLE: np.degrees(episode.pull / float(preset["pulley_radius"]))}}

@@ -25,6 +25,7 @@ from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
+from twin.files.dataset_json import NAME, MeasuredDataset, parse_contents, to_json_values
 from twin.hysteresis import HysteresisModel, load_model
 from twin.recording import read_dataset
 from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
@@ -248,10 +249,15 @@ def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     return facts
 
 
-def _recipe(text: str) -> Any:
-    """What a simulated dataset was made from; of a measured one, which files it has."""
-    contents = json.loads(text)
-    return contents.get("recipe", contents)
+def _recipe(text: str) -> dict[str, Any]:
+    """Return what a dataset was made from; of a measured one, what it holds; or what is wrong with it."""
+    try:
+        contents = parse_contents(text)
+    except ValueError as error:
+        return {NAME: f"cannot be shown: {error}"}
+    if isinstance(contents, MeasuredDataset):
+        return {"source": contents.source, "files": len(contents.files), "seconds": contents.seconds}
+    return to_json_values(contents.recipe)
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -5,20 +5,21 @@ driven by those five therefore serves all of them.
 """
 
 import dataclasses
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import __version__
+from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
-from twin.files.atomic import write_whole
+from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
 from twin.physics import simulate_batch
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import write_episode
+from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]
@@ -137,40 +138,45 @@ def write_scenarios(folder: Path, preset: Preset, ranges: Ranges, seconds: float
     folder.mkdir(parents=True, exist_ok=True)
     drives = scenarios(preset, ranges, seconds, seed)
     paths = [folder / f"record_{number:03d}.mcap" for number in range(len(drives))]
-    index = folder / "dataset.json"
-    contents = {
+    recipe = {
         "preset": preset.to_dict(),
         "ranges": ranges.to_dict(),
         "seconds": seconds,
         "sample_time_s": SAMPLE_TIME,
         "seed": seed,
-        "endotwin": __version__,
-        "files": [
-            {
-                "name": path.name,
-                "twin": drive.twin,
-                "signal": drive.signal,
-                "stroke_mm": list(drive.stroke_mm),
-            }
-            for path, drive in zip(paths, drives, strict=True)
-        ],
     }
-    text = json.dumps(contents, indent=2) + "\n"
-    if index.is_file():
-        if index.read_text() != text:
-            raise ValueError(
-                f"{folder} holds the records of another benchmark: choose another --out or remove it"
-            )
+    if (folder / NAME).is_file():
+        _refuse_another_benchmark(folder, recipe)
         return paths
+    files = []
     for path, drive, episode in zip(paths, drives, simulate_drives(drives), strict=True):
         if episode is None:
             raise FloatingPointError(f"the simulation of {path.name} ({drive.twin}) diverged")
-        origin = {
-            "twin": drive.twin,
-            "signal": drive.signal,
-            "stroke_mm": list(drive.stroke_mm),
-            "seed": seed,
-        }
+        conditions = {"twin": drive.twin, "signal": drive.signal, "stroke_mm": list(drive.stroke_mm)}
+        origin = {**conditions, "seed": seed}
         write_episode(path, dataclasses.replace(episode, metadata=episode.metadata | origin))
-    write_whole(index, text)
+        files.append({**describe_episode(path, episode), **conditions})
+    contents = {
+        "source": "benchmark",
+        **VERSIONS,
+        "recipe": recipe,
+        **totals(files),
+        "features": features_of(folder, files),
+        "files": files,
+    }
+    write_contents(folder, contents)
     return paths
+
+
+def _refuse_another_benchmark(folder: Path, recipe: dict[str, Any]) -> None:
+    """Refuse a folder whose records were made from something else, or by another version.
+
+    Raises:
+        ValueError: it is one, or its `dataset.json` is damaged.
+    """
+    held = read_contents(folder)
+    same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
+    if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
+        raise ValueError(
+            f"{folder} holds the records of another benchmark: choose another --out or remove it"
+        )

@@ -1,0 +1,168 @@
+"""The schema of `dataset.json`: what does not fit is refused in one line that names the key and the rule."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin.files.dataset_json import (
+    KINDS,
+    BenchmarkFile,
+    BenchmarkRecipe,
+    FeatureFacts,
+    MeasuredFile,
+    SimulatedFile,
+    SimulatedRecipe,
+    Statistics,
+    parse_contents,
+    read_contents,
+    to_json_values,
+    write_contents,
+)
+
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "dataset.md").read_text()
+FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
+FILE = {
+    "name": "a.mcap",
+    "samples": 2,
+    "seconds": 0.2,
+    "bytes": 99,
+    "sha256": "0" * 64,
+    "statistics": {"bend_deg": FIGURES},
+    "csv": "a.csv",
+    "csv_sha256": "1" * 64,
+}
+FEATURE = {"topic": "/truth", "field": "bend_deg", "unit": "deg", "shape": [], "meaning": "bend"}
+
+
+def contents(**changes) -> dict:
+    return {
+        "source": "measured",
+        "endotwin": "1",
+        "episodes": 1,
+        "seconds": 0.2,
+        "bytes": 99,
+        "features": {"bend_deg": FEATURE},
+        "statistics": {"bend_deg": FIGURES},
+        "files": [FILE],
+    } | changes
+
+
+def refusal(values) -> str:
+    with pytest.raises(ValueError, match=r".") as refused:
+        parse_contents(json.dumps(values))
+    assert "\n" not in str(refused.value)
+    assert "pydantic" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_contents_come_back_from_their_file(tmp_path):
+    write_contents(tmp_path, contents())
+    assert to_json_values(read_contents(tmp_path)) == contents()
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"colour": 1}, "unknown key colour; valid: source, endotwin, episodes, seconds, bytes, features,"),
+        (
+            {"files": [FILE | {"colour": 1}]},
+            "unknown key files[0].colour; valid: name, samples, seconds, bytes, sha256, statistics, csv,",
+        ),
+        (
+            {"statistics": {"bend_deg": FIGURES | {"median": 1}}},
+            "unknown key statistics.bend_deg.median; valid: count, max, mean, min, std",
+        ),
+        ({"mujoco": "3"}, "unknown key mujoco; valid: "),
+        ({"source": "simulated"}, "mujoco is missing"),
+        ({"source": "guessed"}, "source = 'guessed': must be simulated, measured or benchmark"),
+        ({"source": ["measured"]}, "source = ['measured']: must be simulated, measured or benchmark"),
+        ({"episodes": "1"}, "episodes = '1': must be a valid integer"),
+        ({"episodes": 1.0}, "episodes = 1.0: must be a valid integer"),
+        ({"episodes": True}, "episodes = True: must be a valid integer"),
+        ({"episodes": 0}, "episodes = 0: must be greater than or equal to 1"),
+        ({"seconds": float("nan")}, "seconds = nan: must be a finite number"),
+        ({"endotwin": 1}, "endotwin = 1: must be a valid string"),
+        ({"files": []}, "files = []: must have at least 1 item"),
+        ({"files": [FILE, FILE]}, "files: a.mcap is there twice"),
+        ({"files": [FILE | {"name": "../a.mcap"}]}, "files[0].name = '../a.mcap': must match pattern"),
+        ({"files": [FILE | {"name": ".a.mcap"}]}, "files[0].name = '.a.mcap': must match pattern"),
+        ({"files": [FILE | {"name": "a.txt"}]}, "files[0].name = 'a.txt': must match pattern"),
+        ({"files": [FILE | {"sha256": "0"}]}, "files[0].sha256 = '0': must match pattern"),
+        ({"features": {"bend_deg": FEATURE | {"shape": 3}}}, "features.bend_deg.shape = 3: must be a valid"),
+    ],
+)
+def test_what_does_not_fit_is_named_with_the_rule(changes, fault):
+    assert refusal(contents(**changes)).startswith(fault)
+
+
+def test_refusal_says_what_to_do():
+    assert refusal(contents(colour=1)).endswith("; import the logs again into another folder")
+    assert refusal(contents(source="simulated")).endswith("; remove it, and generate the dataset again")
+    assert "the suite makes the records again" in refusal(contents(source="benchmark"))
+    for older in ({"files": []}, {"preset": {}, "files": [], "endotwin": "0.1.0"}):
+        assert "generate the dataset again; measured logs, import again" in refusal(older)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "\udcff", '{"source": "measured", "source"'])
+def test_text_that_is_no_json_is_refused_in_one_line(text):
+    with pytest.raises(ValueError, match="it is not JSON: ") as refused:
+        parse_contents(text.encode("utf-8", "surrogateescape"))
+    assert "\n" not in str(refused.value)
+
+
+def test_what_does_not_fit_is_not_written(tmp_path):
+    with pytest.raises(ValueError, match="unknown key colour"):
+        write_contents(tmp_path, contents(colour=1))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "unwanted"),
+    [
+        ("twin.files.dataset_json", {"numpy", "mujoco", "mcap", "scipy", "matplotlib"}),
+        ("twin", {"pydantic"}),
+        ("twin.recording", {"pydantic"}),
+        ("twin.export.frames", {"pydantic"}),
+    ],
+)
+def test_schema_is_light_and_loaded_only_where_it_is_needed(module, unwanted):
+    program = f"import sys, {module}; print(*(name.split('.')[0] for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not unwanted & set(done.stdout.split())
+
+
+def keys_of(models: dict) -> list[tuple[str, str, str]]:
+    """Key, kinds that have it, and what it is, as the document lists them."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for kind, model in models.items():
+        for name, field in model.model_fields.items():
+            rows.setdefault((name, field.description), []).append(kind)
+    return [
+        (f"`{name}`", "all" if len(kinds) == len(models) else ", ".join(kinds), what)
+        for (name, what), kinds in rows.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("title", "models"),
+    [
+        ("The dataset:", KINDS),
+        ("Each file", dict(zip(KINDS, (SimulatedFile, MeasuredFile, BenchmarkFile), strict=True))),
+        ("What it was made from", {"simulated": SimulatedRecipe, "benchmark": BenchmarkRecipe}),
+        ("Each quantity** in `features`", {"": FeatureFacts}),
+        ("Each quantity** in `statistics`", {"": Statistics}),
+    ],
+)
+def test_document_lists_every_key_of_the_schema_and_no_other(title, models):
+    _, found, rest = DOCUMENT.partition(f"\n**{title}")
+    assert found
+    table = re.search(r"\n\| key .*\n\|[-|]+\n((?:\|.*\n)+)", rest)[1]
+    rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in table.splitlines()]
+    wanted = keys_of(models)
+    if len(models) == 1:
+        wanted = [(key, what) for key, _, what in wanted]
+    assert rows == wanted

@@ -1,0 +1,289 @@
+"""Schema of `dataset.json`, the file that describes a dataset: written by three, validated by every reader.
+
+`generate`, `import` and the full suite write it; `source` says which of them, and so which keys are there.
+Every key must be there but those of a simulated recipe that have a default, and no other key may be.
+"""
+
+import itertools
+import json
+import re
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from twin.files.atomic import write_whole
+
+NAME = "dataset.json"
+"""Name of the file in the folder of a dataset."""
+
+Count = Annotated[int, Field(ge=1)]
+Whole = Annotated[int, Field(ge=0)]
+Seconds = Annotated[float, Field(ge=0)]
+Interval = tuple[float, float]
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+FileName = Annotated[str, Field(pattern=r"^[^./\\\x00][^/\\\x00]*\.mcap$")]
+Parameters = dict[str, int | float | str]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Statistics(_Strict):
+    """Statistics of one quantity, over all its numbers; missing measurements are not counted."""
+
+    count: Count = Field(description="how many numbers")
+    max: float = Field(description="largest")
+    mean: float = Field(description="mean")
+    min: float = Field(description="smallest")
+    std: Seconds = Field(description="standard deviation, of the population")
+
+
+class FeatureFacts(_Strict):
+    """Where one quantity stands in the files, and what it is."""
+
+    topic: str = Field(description="topic of its messages")
+    field: str = Field(description="field of the message; `*` stands for each of the wires a, b (, c, d)")
+    unit: str = Field(description="its unit")
+    shape: tuple[Whole, ...] = Field(description="shape of one sample; empty for one number")
+    meaning: str = Field(description="what it is, in words")
+
+
+class _File(_Strict):
+    name: FileName = Field(description="name of the file")
+    samples: Count = Field(description="number of samples")
+    seconds: Seconds = Field(description="length [s], from the first sample to one step after the last")
+    bytes: Count = Field(description="size of the file [bytes]")
+    sha256: Sha256 = Field(description="SHA-256 of the file")
+    statistics: dict[str, Statistics] = Field(description="statistics of each quantity in the file")
+
+
+class SimulatedFile(_File):
+    """Entry of `files` for an episode that `generate` simulated."""
+
+    seed: Whole = Field(description="seed that the episode was drawn from")
+    episode: Whole = Field(description="number of the episode within its seed, from 0")
+    signal: str = Field(description="kind of the command's signal")
+    stroke_mm: Interval = Field(description="lowest and highest pulling distance asked for [mm]")
+    sheath_bend_deg: Interval | None = Field(
+        description="angle that the sheath is bent by, at the start and at the end [deg]; null: the preset's"
+    )
+    table_sha256: Sha256 | None = Field(description="SHA-256 of the CSV table beside the file; null: none")
+
+
+class MeasuredFile(_File):
+    """Entry of `files` for a log that `import` read."""
+
+    csv: str = Field(description="name of the CSV file that it was read from")
+    csv_sha256: Sha256 = Field(description="SHA-256 of that CSV file")
+
+
+class BenchmarkFile(_File):
+    """Entry of `files` for a test record of the full suite."""
+
+    twin: Literal["nominal", "bending sheath", "randomized"] = Field(
+        description="`nominal`: the preset, `bending sheath`: the preset, its sheath bent during the record, "
+        "`randomized`: drawn from the ranges"
+    )
+    signal: str = Field(description="kind of the command's signal")
+    stroke_mm: Interval = Field(description="lowest and highest pulling distance asked for [mm]")
+
+
+class _Recipe(_Strict):
+    preset: Parameters = Field(description="all parameters of the preset, in SI units")
+    seconds: Seconds = Field(description="length of an episode [s]")
+    sample_time_s: Seconds = Field(description="time between two samples [s]")
+
+
+class SimulatedRecipe(_Recipe):
+    """What a simulated dataset was made from, as its `recipe.yaml` says it."""
+
+    episodes: Count = Field(description="number of episodes of each seed")
+    seeds: tuple[Whole, ...] = Field(min_length=1, description="seeds")
+    signals: tuple[str, ...] = Field(min_length=1, description="kinds of signal")
+    strokes_mm: tuple[Interval, ...] = Field(
+        min_length=1, description="lowest and highest pulling distances [mm]"
+    )
+    sensor: dict[str, float] = Field(description="`variance_deg2`: variance of the white noise [deg^2]")
+    ranges: dict[str, Interval] | None = Field(
+        None, description="ranges that endoscopes are drawn from, in SI units; left out if none"
+    )
+    lateral_stroke_mm: Interval | None = Field(
+        None, description="lowest and highest pulling distance of wire c [mm]; left out if none"
+    )
+    sheath_bends_deg: tuple[Interval, ...] = Field(
+        (), description="bends of the sheath at the start and at the end [deg]; left out if the preset's"
+    )
+    camera: dict[str, int | float] | None = Field(
+        None, description="rate and size of the pictures; left out if none"
+    )
+    given_pull_m: str | None = Field(
+        None, description="number of samples of a recorded command; left out if none"
+    )
+
+
+class BenchmarkRecipe(_Recipe):
+    """What the test records of the full suite were made from."""
+
+    ranges: dict[str, Interval] = Field(description="ranges that endoscopes are drawn from, in SI units")
+    seed: Whole = Field(description="seed of commands and endoscopes")
+
+
+_SOURCE = "what made it: `simulated` (`generate`), `measured` (`import`), `benchmark` (the full suite)"
+
+
+class _Dataset(_Strict):
+    source: str
+    endotwin: str = Field(description="version of EndoTwin that wrote it; of `import`, the last one")
+    episodes: Count = Field(description="number of files")
+    seconds: Seconds = Field(description="length of all files [s]")
+    bytes: Count = Field(description="size of all files [bytes]")
+    features: dict[str, FeatureFacts] = Field(description="each quantity that a file holds, by name")
+    statistics: dict[str, Statistics] = Field(description="statistics of each quantity over all files")
+
+
+class SimulatedDataset(_Dataset):
+    """A dataset that `generate` wrote."""
+
+    source: Literal["simulated"] = Field(description=_SOURCE)
+    mujoco: str = Field(description="version of MuJoCo that simulated it")
+    recipe: SimulatedRecipe = Field(description="what it was made from")
+    files: tuple[SimulatedFile, ...] = Field(min_length=1, description="one entry for each MCAP file")
+
+
+class MeasuredDataset(_Dataset):
+    """A folder of logs that `import` read."""
+
+    source: Literal["measured"] = Field(description=_SOURCE)
+    files: tuple[MeasuredFile, ...] = Field(min_length=1, description="one entry for each MCAP file")
+
+
+class BenchmarkDataset(_Dataset):
+    """The test records of the full suite."""
+
+    source: Literal["benchmark"] = Field(description=_SOURCE)
+    mujoco: str = Field(description="version of MuJoCo that simulated it")
+    recipe: BenchmarkRecipe = Field(description="what it was made from")
+    files: tuple[BenchmarkFile, ...] = Field(min_length=1, description="one entry for each MCAP file")
+
+
+Entry = SimulatedFile | MeasuredFile | BenchmarkFile
+Dataset = SimulatedDataset | MeasuredDataset | BenchmarkDataset
+
+KINDS: dict[str, type[SimulatedDataset] | type[MeasuredDataset] | type[BenchmarkDataset]] = {
+    "simulated": SimulatedDataset,
+    "measured": MeasuredDataset,
+    "benchmark": BenchmarkDataset,
+}
+"""Schema of each `source`."""
+
+_REMEDIES = {
+    "simulated": "remove it, and generate the dataset again",
+    "measured": "import the logs again into another folder",
+    "benchmark": "remove its folder, and the suite makes the records again",
+}
+_REMEDY = "remove it, and generate the dataset again; measured logs, import again into another folder"
+
+
+def read_contents(folder: Path) -> Dataset:
+    """Return what the `dataset.json` of a folder says, once it fits the schema.
+
+    Raises:
+        FileNotFoundError: there is no such folder or file: the dataset is not complete, or it is no dataset.
+        ValueError: it is damaged or of an older version; the line says which key is wrong, and what to do.
+    """
+    path = folder / NAME
+    if not folder.is_dir():
+        raise FileNotFoundError(f"no folder {folder}")
+    if not path.is_file():
+        raise FileNotFoundError(f"no {path}: the dataset is not complete; generate it again to go on")
+    try:
+        return parse_contents(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged or of an older version: {error}") from error
+
+
+def write_contents(folder: Path, values: Mapping[str, Any]) -> None:
+    """Write the `dataset.json` of a folder, whole or not at all, if it fits the schema.
+
+    Raises:
+        ValueError: it does not.
+        OSError: the disk is full or fails.
+    """
+    text = to_text(values)
+    parse_contents(text)
+    write_whole(folder / NAME, text)
+
+
+def to_text(values: Mapping[str, Any]) -> str:
+    """Return contents as the text of the file."""
+    return json.dumps(values, indent=2, allow_nan=False) + "\n"
+
+
+def parse_contents(text: str | bytes) -> Dataset:
+    """Return what the text of a `dataset.json` says.
+
+    Raises:
+        ValueError: it does not fit the schema; the line says which key is wrong, and what to do.
+    """
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"it is not JSON: {' '.join(str(error).split())}; {_REMEDY}") from error
+    if not isinstance(values, dict):
+        raise ValueError(f"it is not a JSON object with keys; {_REMEDY}")
+    rule = f"must be {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"
+    if "source" not in values:
+        raise ValueError(f"source is missing, {rule}; {_REMEDY}")
+    source = values["source"]
+    if not isinstance(source, str) or source not in KINDS:
+        raise ValueError(f"source = {source!r:.40}: {rule}; {_REMEDY}")
+    try:
+        contents = KINDS[source].model_validate_json(text)
+    except ValidationError as error:
+        raise ValueError(f"{_first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
+    names = sorted(file.name for file in contents.files)
+    for name, following in itertools.pairwise(names):
+        if name == following:
+            raise ValueError(f"files: {name} is there twice; {_REMEDIES[source]}")
+    return contents
+
+
+def to_json_values(part: BaseModel) -> dict[str, Any]:
+    """Return a part of the contents as the plain values that stand in the file."""
+    return part.model_dump(mode="json", exclude_unset=True)
+
+
+def _first_fault(model: type[BaseModel], error: ValidationError) -> str:
+    """Name the first wrong key of a file, the value, and the rule, in one line."""
+    fault = error.errors()[0]
+    place = fault["loc"]
+    name = _place(place)
+    if fault["type"] == "missing":
+        return f"{name} is missing, it must be there"
+    if fault["type"] == "extra_forbidden":
+        return f"unknown key {name}; valid: {', '.join(_valid_keys(model, place[:-1]))}"
+    rule = re.sub(r"^\w+( \w+)? should ", "must ", fault["msg"])
+    return f"{name} = {fault['input']!r:.40}: {rule}"
+
+
+def _place(path: Sequence[int | str]) -> str:
+    """Return a key's place in the file, as in `files[1].statistics.bend_deg.mean`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return "".join(parts).removeprefix(".")
+
+
+def _valid_keys(model: Any, path: Sequence[int | str]) -> list[str]:
+    """Return the keys of the part of the schema that a path leads to."""
+    for part in path:
+        if isinstance(model, type) and issubclass(model, BaseModel):
+            model = model.model_fields[str(part)].annotation
+        else:  # a tuple of one kind, or a mapping from names to one kind
+            model = next(kind for kind in reversed(typing.get_args(model)) if kind is not Ellipsis)
+        if isinstance(model, types.UnionType):
+            model = typing.get_args(model)[0]
+    return list(model.model_fields)
