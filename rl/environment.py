@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DIRECT, make_agent
 from twin.estimation.learned.policy import Agent
@@ -63,13 +64,15 @@ class BatchEnvironment(VecEnv):
         """Take (count, action_size) actions."""
         self.actions = np.asarray(actions, dtype=float)
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict]]:
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Apply them; returns observations, rewards, ends and infos, new episodes begun where one ended."""
         estimate = self.agent.act(self.actions)
         reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
         self.episode_return += reward
         self.sample += 1
-        infos: list[dict] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         done = np.zeros(self.num_envs, dtype=bool)
         # All records have one length and all episodes began together, so they end together.
         if self.sample == self.task.pull_mm.shape[1]:
@@ -135,7 +138,7 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         render_mode: str | None = None,
     ):
         if agent not in AGENTS:
-            raise ValueError(f"unknown agent {agent!r}; valid: {', '.join(map(str, AGENTS))}")
+            raise InputError(f"unknown agent {agent!r}; valid: {', '.join(map(str, AGENTS))}")
         model = model or PAPER_MODEL
         pull, bend = stack_records(records or [_model_record(model, sample_time)])
         self.batch = BatchEnvironment(

@@ -19,6 +19,7 @@ from rl.trainers import Trainer, find_trainer
 from twin import __version__
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, method_specs, trainable_specs
@@ -93,21 +94,21 @@ class FullSuite:
         for T in self.sample_times:
             self.protocol(T)
             if T < SAMPLE_TIME or abs(T / SAMPLE_TIME - round(T / SAMPLE_TIME)) > 1e-9:
-                raise ValueError(f"sample_time = {T:g} s: must be a multiple of {SAMPLE_TIME:g} s")
+                raise InputError(f"sample_time = {T:g} s: must be a multiple of {SAMPLE_TIME:g} s")
         if self.members < 8:
-            raise ValueError(f"members = {self.members}: an ensemble needs at least 8")
+            raise InputError(f"members = {self.members}: an ensemble needs at least 8")
         if self.seconds < 5:
-            raise ValueError(f"seconds = {self.seconds:g}: must be at least 5")
+            raise InputError(f"seconds = {self.seconds:g}: must be at least 5")
         if self.episodes < 1 or self.workers < 1:
-            raise ValueError(f"episodes = {self.episodes}, workers = {self.workers}: at least 1 each")
+            raise InputError(f"episodes = {self.episodes}, workers = {self.workers}: at least 1 each")
         if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
-            raise ValueError(
+            raise InputError(
                 f"training set {self.train} is test data too: what is trained there proves nothing"
             )
         names = [spec.name for spec in method_specs()]
         for name in self.methods:
             if name not in names:
-                raise ValueError(f"unknown method {name!r}; valid: {', '.join(names)}")
+                raise InputError(f"unknown method {name!r}; valid: {', '.join(names)}")
 
     @property
     def specs(self) -> list[MethodSpec]:

@@ -91,7 +91,8 @@ def train_gru(
         def loss() -> torch.Tensor:
             surprise, increment, noise = _draw(task, model, training.sequences, window, rng)
             predicted, _ = network(tensor32(np.stack([surprise / scale, increment], axis=-1)), nothing)
-            return ((predicted - tensor32(noise / scale)) ** 2).mean()
+            mean_square: torch.Tensor = ((predicted - tensor32(noise / scale)) ** 2).mean()
+            return mean_square
 
         curve = descend(
             network,

@@ -31,28 +31,31 @@ FIRST_GAIN = (0.3, 0.1)  # of theta and, in parts of its limit, of f: where trai
 
 @dataclasses.dataclass(frozen=True)
 class KalmanNetTraining:
-    """How the gain is trained: back-propagation through time, cut at the end of every window."""
+    """Settings of the training: back-propagation through time, cut at the end of every window.
+
+    Attributes:
+        iterations: gradient steps, one per window.
+        sequences: filters that run side by side, each on its own noise.
+        window: samples that an error is traced back over.
+        episode: samples until all filters start anew, from another wrong initial estimate.
+        hidden: units of the GRU.
+        learning_rate: of Adam at the start; it falls to zero along a cosine.
+        noise: measurement noise during training.
+        noise_level: its level: R = 0.1 in the paper.
+        initial_error_deg: the initial estimate is off by up to this [deg].
+        seed: of the weights and the noise.
+    """
 
     iterations: int = 1500
-    """Gradient steps, one per window."""
     sequences: int = 64
-    """Filters that run side by side, each on its own noise."""
     window: int = 50
-    """Samples that an error is traced back over."""
     episode: int = 300
-    """Samples until all filters start anew, from another wrong initial estimate."""
     hidden: int = 16
-    """Units of the GRU."""
     learning_rate: float = 3e-3
-    """Of Adam at the start; it falls to zero along a cosine."""
     noise: str = "gaussian"
-    """Measurement noise during training."""
     noise_level: float = 0.1
-    """Its level: R = 0.1 in the paper."""
     initial_error_deg: float = 20.0
-    """The initial estimate is off by up to this [deg]."""
     seed: int = 0
-    """Of the weights and the noise."""
 
 
 class GainNetwork(torch.nn.Module):

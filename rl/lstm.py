@@ -12,6 +12,7 @@ from rl.recurrent_graph import export_recurrent
 from rl.run import run_configuration
 from rl.supervised import SequenceTraining, descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.lstm import LSTM, STATES, increments
 from twin.estimation.task import TrainingTask, stack_records
@@ -87,13 +88,14 @@ def train_lstm(
         _normalise(network, task, rng)
         window = min(training.window, task.pull_mm.shape[1])
         if window <= WARM_UP:
-            raise ValueError(f"records of {window} samples: the network is trained on more than {WARM_UP}")
+            raise InputError(f"records of {window} samples: the network is trained on more than {WARM_UP}")
         nothing = torch.zeros(STATES, training.sequences, training.hidden)
 
         def loss() -> torch.Tensor:
             seen, noise = _draw(task, training.sequences, window, rng)
             predicted, _ = network(seen, nothing)
-            return ((predicted - noise)[WARM_UP:] ** 2).mean()
+            mean_square: torch.Tensor = ((predicted - noise)[WARM_UP:] ** 2).mean()
+            return mean_square
 
         curve = descend(
             network,

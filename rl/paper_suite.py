@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rl.options import TrainingOptions
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.policy import POLICY_FILE, load_policy
@@ -97,18 +98,18 @@ def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float
         spec = find_trainable(agent)
         assert spec.training is not None
         if agent in files:
-            raise ValueError(f"{path}: a second policy of the agent {agent!r}")
+            raise InputError(f"{path}: a second policy of the agent {agent!r}")
         estimator: Any = spec.training.load(path)
         trained_at = float(estimator.sample_time)
         if abs(trained_at - sample_time) > 1e-9:
-            raise ValueError(
+            raise InputError(
                 f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
             )
         if spec.training.file == POLICY_FILE and spec.told == "R":
             beside = load_policy(path).active_model
             here = ActiveModel(model, sample_time, measurement_variance=beside.measurement_variance)
             if beside != here:
-                raise ValueError(f"{path} was trained beside another model or filter than the one given")
+                raise InputError(f"{path} was trained beside another model or filter than the one given")
         files[agent] = path
     return files
 
@@ -143,7 +144,7 @@ def run_paper_suite(
     knowledge = dataclasses.replace(knowledge, fits=fits)
     methods = [build_method(spec, knowledge) for spec in ready]
     if not methods:
-        raise ValueError(f"nothing to compare: {_needs(suite, knowledge)}")
+        raise InputError(f"nothing to compare: {_needs(suite, knowledge)}")
     scores, tracks = evaluate(test, methods, suite.protocol, progress)
     write_whole(suite.folder / "evaluation.json", _contents(suite, scores, len(test)))
     save_tracks(suite.folder / "tracks.npz", tracks)

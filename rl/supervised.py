@@ -26,24 +26,27 @@ GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
 
 @dataclasses.dataclass(frozen=True)
 class SequenceTraining:
-    """How a recurrent network, LSTM or GRU, is trained on windows of the records."""
+    """Settings of the training of a recurrent network on windows of the records.
+
+    Attributes:
+        iterations: gradient steps, each on fresh noise.
+        sequences: records with their own noise in one step.
+        window: samples of each.
+        hidden: units of the one recurrent layer.
+        learning_rate: of Adam at the start; it falls to zero along a cosine.
+        noise: measurement noise during training.
+        noise_level: its level: R = 0.1 in the paper.
+        seed: of the weights and the noise.
+    """
 
     iterations: int = 600
-    """Gradient steps, each on fresh noise."""
     sequences: int = 64
-    """Records with their own noise in one step."""
     window: int = 150
-    """Samples of each."""
     hidden: int = 32
-    """Units of the one recurrent layer."""
     learning_rate: float = 5e-3
-    """Of Adam at the start; it falls to zero along a cosine."""
     noise: str = "gaussian"
-    """Measurement noise during training."""
     noise_level: float = 0.1
-    """Its level: R = 0.1 in the paper."""
     seed: int = 0
-    """Of the weights and the noise."""
 
 
 class TorchNetwork:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.registry import MethodSpec, find_trainable
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def register_trainer(trainer: Trainer) -> Trainer:
     """
     training = trainer.method.training
     if training is None or training.agent in _TRAINERS:
-        raise ValueError(f"{trainer.method.name!r} is not trainable, or has a trainer already")
+        raise InputError(f"{trainer.method.name!r} is not trainable, or has a trainer already")
     _TRAINERS[training.agent] = trainer
     return trainer
 
@@ -74,5 +75,5 @@ def find_trainer(agent: str) -> Trainer:
             importlib.import_module(module.name)
         _SEARCHED.append("rl")
     if agent not in _TRAINERS:
-        raise ValueError(f"agent {agent!r} has no trainer; valid: {', '.join(_TRAINERS)}")
+        raise InputError(f"agent {agent!r} has no trainer; valid: {', '.join(_TRAINERS)}")
     return _TRAINERS[agent]

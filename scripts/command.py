@@ -1,4 +1,4 @@
-"""What all verbs share: parsing, one line for a user's mistake, one line of summary, progress on stderr.
+"""Common parts of all verbs: parsing, one line for a mistake, one line of summary, progress on stderr.
 
 Nothing heavy is imported here or at the top of a verb's file: `--help` answers at once. A verb imports what
 it needs when it runs.
@@ -40,7 +40,7 @@ SPOKEN = {
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """What a verb did."""
+    """Summary of a verb."""
 
     line: str
     """One sentence for a person."""

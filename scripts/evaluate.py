@@ -57,7 +57,7 @@ class Evaluate:
     sample_time: tuple[float, ...] = ()
     """T [s]; records are thinned to it. Without it, 0.1, and in the full suite 0.1 and 0.02."""
     initial_error_deg: float = 20.0
-    """How far the initial estimate is off [deg]."""
+    """Error of the initial estimate [deg]."""
     episodes: int = TrainingOptions.episodes
     """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at others)."""
     preset: str = "ureteroscope"

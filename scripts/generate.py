@@ -37,7 +37,7 @@ class Generate:
     lateral_stroke: tuple[float, float] | None = None
     """The same sideways, for a preset with two bending planes [mm]."""
     episodes: int | None = None
-    """How many of each seed; if not given, one of each combination, at least 5. Signals are taken in turn."""
+    """Number of each seed; if not given, one of each combination, at least 5. Signals are taken in turn."""
     seconds: float | None = None
     """Length of each episode; 60, if not given."""
     signal: str | None = None

@@ -31,7 +31,7 @@ class Identify:
     population: int = 80
     """Candidates of the genetic algorithm; prandtl-ishlinskii needs none."""
     generations: int = 150
-    """How many of them."""
+    """Number of generations."""
     seed: int = 0
     json: bool = False
     """Print the summary as one JSON object."""

@@ -20,7 +20,7 @@ class Import:
     out: Path
     """Folder to write into; other measured logs in it stay."""
     command_column: str = "command_deg"
-    """What the drive was told: an angle of the pulley, or a pulling distance."""
+    """Command of the drive: an angle of the pulley, or a pulling distance."""
     command_unit: Literal["deg", "rad", "mm", "m"] | None = None
     """Its unit, if the column's name does not end in it."""
     pulley_radius_mm: float = 10.0

@@ -20,7 +20,7 @@ class Render:
     out: Path
     """File to write; its ending says which."""
     episode: int = 0
-    """Which file of a folder, in the order of names."""
+    """Number of the file in a folder, in the order of names."""
     fps: int = 25
     """Frames per second of a film."""
     speed: float = 1.0

@@ -34,7 +34,7 @@ class Train:
     out: Path
     """Run folder: policy.onnx or the network's file, config.yaml, progress.csv, checkpoints of a policy."""
     agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
-    """Learned method, one of:"""
+    """Learned method."""
     protocol: Literal["strict", "free"] = "strict"
     """strict: trained under Gaussian noise of R = 0.1 alone, as in the paper; free: noise as given."""
     sample_time: float = 0.1

@@ -21,7 +21,7 @@ def main() -> int:
     assert spec.loader is not None
     sys.modules["scripts"] = package = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(package)
-    return importlib.import_module("scripts.__main__").main()
+    return int(importlib.import_module("scripts.__main__").main())
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ class Episode:
 
     @property
     def is_measured(self) -> bool:
-        """Whether a real endoscope left this record, and not the twin."""
+        """True where a real endoscope left this record, not the twin."""
         return bool(self.metadata.get("source") == "measured")
 
     @property
@@ -201,7 +201,7 @@ class Episode:
         return np.where(seen, np.interp(grid, time, self.measured_bend[known]), np.nan)
 
     def _origin(self) -> str:
-        """What made the record, as far as its metadata tells."""
+        """Maker of the record, as far as its metadata tells."""
         facts = self.metadata
         preset = facts.get("preset")
         preset = preset.get("name") if isinstance(preset, dict) else preset

@@ -116,26 +116,3 @@ def test_logs_with_and_without_tension_are_described_together(tmp_path):
     write_measured(tmp_path, "c", without)
     assert "tension_n" not in json.loads((tmp_path / "dataset.json").read_text())["features"]
     assert verify(tmp_path) == ([], 2)
-
-
-@pytest.mark.parametrize("name", ["", ".log", "..", "a/b", "/a", "a\\b"])
-def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    with pytest.raises(ValueError, match="--name"):
-        write_measured(tmp_path, name, episode)
-
-
-def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    late = dataclasses.replace(episode, time=episode.time * 1e-12)
-    with pytest.raises(ValueError, match="less than 1 ns"):
-        write_measured(tmp_path, "log", late)
-    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
-
-
-def test_angle_may_be_counted_the_other_way(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,-30\n2,0,-9\n")
-    turned = read_measured_log(path, LogFormat(reverse_angle=True))
-    np.testing.assert_allclose(turned.bend, -read_measured_log(path).bend)
-    assert turned.metadata["reverse_angle"] is True

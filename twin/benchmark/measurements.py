@@ -18,7 +18,7 @@ OnProgress = Callable[[int, int], None]
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """What is measured, and how much of it.
+    """Choice of measurements and their sizes.
 
     Attributes:
         preset: name of the endoscope, or path of its file.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, random_cycles, sinusoid
 from twin.episode import Episode
+from twin.errors import DivergedError
 from twin.physics import simulate_batch
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -163,7 +164,7 @@ def _whole(episodes: list[Episode | None]) -> list[Episode]:
     """
     whole = [episode for episode in episodes if episode is not None]
     if len(whole) < len(episodes):
-        raise FloatingPointError("a simulation diverged")
+        raise DivergedError("a simulation diverged")
     return whole
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -68,30 +69,30 @@ def measured_loop(
         recorded = episode.metadata.get("seconds_per_cycle")
         pace = float(recorded) / SIMULATED_SECONDS_PER_CYCLE if recorded else 1.0
     if not 0 < pace < math.inf:
-        raise ValueError(f"pace = {pace}: must be positive")
+        raise InputError(f"pace = {pace}: must be positive")
     if not 0 < fraction <= 1:
-        raise ValueError(f"fraction = {fraction}: must be above 0 and at most 1")
+        raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
     if not 0 < sample_time < math.inf:
-        raise ValueError(f"sample time {sample_time:g} s: must be positive")
+        raise InputError(f"sample time {sample_time:g} s: must be positive")
     _check_fits(episode, name)
     time = (episode.time - episode.time[0]) / pace
     even = dataclasses.replace(episode, time=time)
     count = int(time[-1] / sample_time) + 1
     fitted = np.arange(count) < round(fraction * count)
     if fitted.sum() < 10:
-        raise ValueError(f"{name}: {fitted.sum()} samples of {sample_time:g} s to fit: needs at least 10")
+        raise InputError(f"{name}: {fitted.sum()} samples of {sample_time:g} s to fit: needs at least 10")
     even = even.on_grid(sample_time)
     seen = ~np.isnan(even.measured_bend)
     fitted &= seen
     if fitted.sum() < 10:
-        raise ValueError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
+        raise InputError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
     bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     _check_motion(pull[fitted], name)
     if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
-        raise ValueError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
+        raise InputError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
     if tension.size and np.ptp(tension) < LEAST_TENSION:
-        raise ValueError(f"{name}: the tensions do not change: import it without them")
+        raise InputError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
     return MeasuredLoop(name, sample_time, pull, bend, tension, sheath_bend, fitted)
 
@@ -99,17 +100,17 @@ def measured_loop(
 def _check_fits(episode: Episode, name: str) -> None:
     """Check that the log has one bending plane and a constant sheath bend."""
     if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
-        raise ValueError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
+        raise InputError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
     if episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION:
-        raise ValueError(f"{name}: wires c and d are pulled too: calibrate on logs of one bending plane")
+        raise InputError(f"{name}: wires c and d are pulled too: calibrate on logs of one bending plane")
 
 
 def _check_motion(pull: Array, name: str) -> None:
     span = np.ptp(pull)
     if span < LEAST_MOTION:
-        raise ValueError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")
+        raise InputError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")
     # The farthest way back from the highest, or up from the lowest, point so far.
     back = (np.maximum.accumulate(pull) - pull).max()
     forth = (pull - np.minimum.accumulate(pull)).max()
     if min(back, forth) < 0.05 * span:
-        raise ValueError(f"{name}: the command never reverses: friction shows only on the way back")
+        raise InputError(f"{name}: the command never reverses: friction shows only on the way back")

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.measured import MeasuredLoop
+from twin.errors import InputError
 from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
@@ -106,15 +107,15 @@ def free_parameters(
     for name in names:
         low, _ = parameter_limits(name)
         if name in _NOT_PHYSICAL:
-            raise ValueError(f"parameter {name!r} cannot be fitted; usual ones: {', '.join(DEFAULT)}")
+            raise InputError(f"parameter {name!r} cannot be fitted; usual ones: {', '.join(DEFAULT)}")
         if name not in SIGNED and low < 0:
-            raise ValueError(f"parameter {name!r} may be negative and has no scale to be searched on")
+            raise InputError(f"parameter {name!r} may be negative and has no scale to be searched on")
     if len(set(names)) < len(names):
-        raise ValueError(f"parameters {', '.join(names)}: one is named twice")
+        raise InputError(f"parameters {', '.join(names)}: one is named twice")
     guess = {name: value for name, value in _guess(base, loops).items() if name in names}
     for name in names:
         if name not in SIGNED and not guess.get(name, getattr(base, name)) > 0:
-            raise ValueError(f"parameter {name!r} is 0 in the preset: give it a value to start from")
+            raise InputError(f"parameter {name!r} is 0 in the preset: give it a value to start from")
     return FreeParameters(base.replace(**guess), tuple(names))
 
 

@@ -13,6 +13,7 @@ from twin.calibration.parameters import FreeParameters
 from twin.calibration.search import Fit
 from twin.calibration.uncertainty import Uncertainty
 from twin.episode import Episode
+from twin.errors import DivergedError
 from twin.identification import identify
 from twin.report.figures import INK, MUTED, clean_axes
 
@@ -39,7 +40,7 @@ def fit_report(
     logs = []
     for loop, episode in zip(loops, predict([fit.preset], loops)[0], strict=True):
         if episode is None:
-            raise FloatingPointError(f"the calibrated twin diverges along {loop.name}")
+            raise DivergedError(f"the calibrated twin diverges along {loop.name}")
         episodes.append(episode)
         logs.append(_of_log(loop, episode, seed))
     values = {

@@ -15,6 +15,7 @@ from twin import __version__
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import residuals
 from twin.calibration.parameters import FreeParameters
+from twin.errors import InputError
 from twin.files.atomic import write_whole
 from twin.preset.preset import Preset, parameter_limits
 
@@ -74,9 +75,9 @@ def calibrate(
         ValueError: there is no log, or `evaluations` is too small for one generation.
     """
     if not loops:
-        raise ValueError("no log to calibrate on")
+        raise InputError("no log to calibrate on")
     if evaluations < 20:
-        raise ValueError(f"evaluations = {evaluations}: must be at least 20")
+        raise InputError(f"evaluations = {evaluations}: must be at least 20")
     key = _key(free, loops, seed, evaluations)
     finished, strategy = _resume(state_file, key)
     while len(finished) < STARTS:

@@ -133,7 +133,7 @@ def _caption(shown: int, episodes: int) -> str:
 
 
 def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
-    """What the episodes differ in, and what their endoscope and sensor are, as a list."""
+    """List of the conditions that vary over episodes, and of the endoscope and the sensor."""
     lines = []
     if recipe.given_pull_m is None:
         lines.append(f"signals: {_all_of(files, 'signal', str)}")

@@ -1,4 +1,4 @@
-"""How many of the conditions that a recipe names its episodes meet."""
+"""Coverage of a recipe: the conditions that it names and its episodes meet."""
 
 from twin.dataset.recipe import Recipe
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from twin.dataset.recipe import Conditions, EpisodeKey, Recipe, in_metres, of_each_episode
 from twin.episode import Episode
+from twin.errors import DivergedError
 from twin.physics import simulate_batch
 from twin.preset.preset import Preset
 from twin.recording.features import statistics
@@ -50,7 +51,7 @@ def make_episode(recipe: Recipe, key: EpisodeKey) -> Episode:
     """
     episode = make_episodes(recipe, [key])[0]
     if episode is None:
-        raise FloatingPointError(diverged(recipe, key))
+        raise DivergedError(diverged(recipe, key))
     return episode
 
 

@@ -10,6 +10,7 @@ from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
+from twin.errors import DivergedError, InputError
 from twin.files.dataset_json import SimulatedFile
 from twin.files.hashes import sha256_of
 from twin.recording import EpisodeWriter, read_episode, read_metadata, write_csv
@@ -21,7 +22,7 @@ from twin.recording.reader import HINT
 from twin.rendering.camera import pictures
 
 Entry = dict[str, Any]
-"""What `dataset.json` says of one file, as `twin.files.dataset_json.SimulatedFile` describes it."""
+"""Entry of one file in `dataset.json`, as `twin.files.dataset_json.SimulatedFile` describes it."""
 
 _OF_METADATA = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg")
 
@@ -73,7 +74,7 @@ def make_files(
         OSError: the disk is full, a file cannot be written, or nothing can draw a camera's pictures.
     """
     if versions != VERSIONS:
-        raise ValueError(f"a worker has {_listed(VERSIONS)}, here is {_listed(versions)}: they must agree")
+        raise InputError(f"a worker has {_listed(VERSIONS)}, here is {_listed(versions)}: they must agree")
     paths = {key: folder / file_name(recipe, key) for key in keys}
     made: dict[EpisodeKey, Made] = {}
     damage: dict[EpisodeKey, str] = {}
@@ -98,7 +99,7 @@ def make_files(
                 _write_table(paths[key], None)
             made[key] = Made(_entry(recipe, paths[key], episode.metadata, csv), damage=damage.get(key, ""))
     if failed:
-        raise FloatingPointError(diverged(recipe, failed[0]))
+        raise DivergedError(diverged(recipe, failed[0]))
     return [made[key] for key in keys]
 
 
@@ -114,7 +115,7 @@ def _refuse_if_unwanted(recipe: Recipe, folder: Path) -> None:
     """
     path = folder / "recipe.yaml"
     if path.is_file() and of_each_episode(load_recipe(path)) != of_each_episode(recipe):
-        raise ValueError(f"{folder} is the folder of another dataset by now")
+        raise InputError(f"{folder} is the folder of another dataset by now")
 
 
 def _write(recipe: Recipe, path: Path, episode: Episode) -> None:
@@ -165,17 +166,17 @@ def _check_file(recipe: Recipe, key: EpisodeKey, path: Path, known: SimulatedFil
     }
     for name, value in wanted.items():
         if metadata.get(name) != value:
-            raise ValueError(f"{path}: {name} is {metadata.get(name)}, not {value}")
+            raise InputError(f"{path}: {name} is {metadata.get(name)}, not {value}")
     if known is not None:
         if sha256_of(path) != known.sha256:
-            raise ValueError(f"{path} is not what dataset.json says")
+            raise InputError(f"{path} is not what dataset.json says")
         return metadata
     episode = read_episode(path)
     if len(episode.time) != metadata.get("samples"):
         stated = metadata.get("samples")
-        raise ValueError(f"{path} has {len(episode.time)} samples, its metadata says {stated}")
+        raise InputError(f"{path} has {len(episode.time)} samples, its metadata says {stated}")
     for fault in wrong_statistics(episode, metadata.get("statistics")):
-        raise ValueError(f"{path}: {fault}, by its metadata")
+        raise InputError(f"{path}: {fault}, by its metadata")
     return metadata
 
 

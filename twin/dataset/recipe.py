@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from twin.episode import LARGEST_GRID
+from twin.errors import InputError
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.preset.sample_time import check_sample_time
@@ -94,7 +95,7 @@ class Recipe:
 
     @property
     def combinations(self) -> int:
-        """How many combinations of signal, stroke and bend of the sheath there are."""
+        """Number of combinations of signal, stroke and bend of the sheath."""
         signals = len(self.signals) if self.given_pull_m is None else 1
         return signals * len(self.strokes_mm) * max(len(self.sheath_bends_deg), 1)
 
@@ -114,47 +115,47 @@ class Recipe:
             ValueError: a signal, a stroke, the times, the noise, a bend, a seed or the count cannot be.
         """
         if not 1 <= self.episodes <= MOST_EPISODES:
-            raise ValueError(f"episodes = {self.episodes}: must be from 1 to {MOST_EPISODES}, of each seed")
+            raise InputError(f"episodes = {self.episodes}: must be from 1 to {MOST_EPISODES}, of each seed")
         for name in ("seeds", "signals", "strokes_mm"):
             if not getattr(self, name):
-                raise ValueError(f"{name}: none is given, at least one is needed")
+                raise InputError(f"{name}: none is given, at least one is needed")
         for seed in self.seeds:
             if seed < 0:
-                raise ValueError(f"seed = {seed}: must not be negative")
+                raise InputError(f"seed = {seed}: must not be negative")
         if len(set(self.seeds)) < len(self.seeds):
-            raise ValueError(f"seeds = {list(self.seeds)}: one is given twice")
+            raise InputError(f"seeds = {list(self.seeds)}: one is given twice")
         rng = np.random.default_rng(0)
         if not 0 <= self.sensor_variance_deg2 < np.inf:
-            raise ValueError(
+            raise InputError(
                 f"variance of the sensor {self.sensor_variance_deg2:g} deg^2: must be finite and not negative"
             )
         check_sample_time(self.preset, self.sample_time_s)
         if self.seconds / self.sample_time_s > LARGEST_GRID:
-            raise ValueError(f"{self.seconds:g} s: an episode has at most {LARGEST_GRID} samples")
+            raise InputError(f"{self.seconds:g} s: an episode has at most {LARGEST_GRID} samples")
         if self.given_pull_m is not None:
             given = len(self.given_pull_m) * self.sample_time_s
             if abs(given - self.seconds) > 1e-9 * given:
-                raise ValueError(f"{self.seconds:g} s: the given command lasts {given:g} s")
+                raise InputError(f"{self.seconds:g} s: the given command lasts {given:g} s")
         if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():
-            raise ValueError("sheath_bends_deg and a range of sheath_bend: choose one")
+            raise InputError("sheath_bends_deg and a range of sheath_bend: choose one")
         self._check_strokes(rng)
         low, high = parameter_limits("sheath_bend")
         for bend in itertools.chain(*self.sheath_bends_deg):
             if not low <= np.radians(bend) <= high:
                 most = f"must be from 0 to {np.degrees(high):g} deg"
-                raise ValueError(f"bend of the sheath {bend:g} deg: {most}")
+                raise InputError(f"bend of the sheath {bend:g} deg: {most}")
         if self.camera is not None:
             self.camera.check()
 
     def _check_strokes(self, rng: np.random.Generator) -> None:
         if self.lateral_stroke_mm is not None and self.preset.bending_planes == 1:
-            raise ValueError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
+            raise InputError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
         farthest_mm = 2e3 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
         lateral = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
         for stroke in [*self.strokes_mm, *lateral]:
             if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest_mm:
                 most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
-                raise ValueError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}")
+                raise InputError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}")
         for stroke in [*(self.strokes_mm if self.given_pull_m is None else []), *lateral]:
             for kind in self.signals:
                 command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)

@@ -10,6 +10,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError
 
 from twin.dataset.recipe import Interval, Recipe
+from twin.errors import InputError, MissingFileError
 from twin.measured.command import read_command
 from twin.preset.file import load_preset, preset_of
 from twin.preset.preset import Preset, suggestion
@@ -134,11 +135,11 @@ def read_recipe_file(path: Path) -> dict[str, Any]:
         ValueError: it is not YAML of `key: value`.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no recipe {path}")
+        raise MissingFileError(f"no recipe {path}")
     try:
         return parse_recipe(path.read_text())
     except (ValueError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise InputError(f"{path}: {error}") from error
 
 
 def parse_recipe(text: str) -> dict[str, Any]:
@@ -151,11 +152,11 @@ def parse_recipe(text: str) -> dict[str, Any]:
     try:
         values = yaml.load(text, Loader=loader)
     except yaml.YAMLError as error:
-        raise ValueError(f"not a YAML file: {' '.join(str(error).split())}") from error
+        raise InputError(f"not a YAML file: {' '.join(str(error).split())}") from error
     if values is None:  # comments alone: every key may be left out
         return {}
     if not isinstance(values, dict):
-        raise ValueError("no recipe: expected `key: value` lines")
+        raise InputError("no recipe: expected `key: value` lines")
     return values
 
 
@@ -182,7 +183,7 @@ def resolve(values: Mapping[str, Any], folder: Path) -> Recipe:
     if file.command_csv is not None:
         for name in ("given_pull_m", "seconds", "strokes_mm", "signals"):
             if name in file.model_fields_set and (name != "signals" or file.lateral_stroke_mm is None):
-                raise ValueError(f"command_csv and {name}: choose one, the recorded command says all of it")
+                raise InputError(f"command_csv and {name}: choose one, the recorded command says all of it")
         given = read_command(folder / file.command_csv, preset, file.sample_time_s).tolist()
     strokes: list[Interval] = [(low, high) for low, high in file.strokes_mm]
     seconds = file.seconds
@@ -192,7 +193,7 @@ def resolve(values: Mapping[str, Any], folder: Path) -> Recipe:
     ranges = _ranges(file, named)
     if file.ranges is not None:
         for name in sorted(chosen & set(file.ranges)):
-            raise ValueError(f"ranges: {name} is set, or bent by sheath_bends_deg: choose one")
+            raise InputError(f"ranges: {name} is set, or bent by sheath_bends_deg: choose one")
     recipe = Recipe(
         preset=preset,
         strokes_mm=tuple(strokes),
@@ -225,12 +226,12 @@ def _validated(values: Mapping[str, Any]) -> RecipeFile:
         if first["type"] in ("extra_forbidden", "unexpected_keyword_argument", "invalid_key"):
             inside = {"sensor": list(SensorFile.model_fields), "camera": list(Camera.__dataclass_fields__)}
             valid = inside.get(key, [name for name in RecipeFile.model_fields if name != "given_pull_m"])
-            raise ValueError(f"unknown key {last!r}{suggestion(last, valid)}") from None
+            raise InputError(f"unknown key {last!r}{suggestion(last, valid)}") from None
         name, value = _place(values, first["loc"])
         rule = first["msg"][0].lower() + first["msg"][1:]
         if "." not in name or key not in ("sensor", "camera"):
             rule = _FORMS.get(key, rule)
-        raise ValueError(f"{name} = {value!r:.40}: {rule}") from None
+        raise InputError(f"{name} = {value!r:.40}: {rule}") from None
 
 
 def _place(values: Mapping[str, Any], path: Sequence[int | str]) -> tuple[str, Any]:
@@ -252,19 +253,19 @@ def _preset_name(preset: str | dict[str, Any], folder: Path) -> str | Path | dic
 
 def _inline_preset(parameters: dict[str, Any]) -> Preset:
     if not isinstance(parameters.get("name"), str):
-        raise ValueError("preset: parameters need a `name` among them")
+        raise InputError("preset: parameters need a `name` among them")
     return preset_of(parameters["name"], parameters)
 
 
 def _ranges(file: RecipeFile, preset: str | Path | dict[str, Any]) -> Ranges | None:
     if file.ranges is not None:
         if file.randomize:
-            raise ValueError("randomize and ranges: choose one; ranges given here are drawn from")
+            raise InputError("randomize and ranges: choose one; ranges given here are drawn from")
         return Ranges(tuple((name, low, high) for name, (low, high) in file.ranges.items()))
     if not file.randomize:
         return None
     if isinstance(preset, dict):
-        raise ValueError("randomize: a preset given by its parameters states no ranges; give `ranges`")
+        raise InputError("randomize: a preset given by its parameters states no ranges; give `ranges`")
     return load_ranges(preset)
 
 

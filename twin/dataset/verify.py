@@ -15,6 +15,7 @@ from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
 from twin.dataset.versions import VERSIONS
 from twin.dataset.write import describe
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.files.dataset_json import (
     NAME,
     Dataset,
@@ -159,19 +160,19 @@ def replay(path: Path) -> Replay:
     episode = read_episode(path)
     facts = episode.metadata
     if "recipe.yaml" not in episode.attachments or not {"seed", "episode"} <= set(facts):
-        raise ValueError(f"{path} carries no recipe: only what `endotwin generate` made can be replayed")
+        raise InputError(f"{path} carries no recipe: only what `endotwin generate` made can be replayed")
     try:
         recipe = resolve(parse_recipe(episode.attachments["recipe.yaml"].decode()), path.parent)
     except (ValueError, FileNotFoundError) as error:
-        raise ValueError(f"{path}: the recipe that it carries cannot be read: {error}") from error
+        raise InputError(f"{path}: the recipe that it carries cannot be read: {error}") from error
     key = EpisodeKey(facts["seed"], facts["episode"])
     if not all(type(number) is int and number >= 0 for number in (key.seed, key.number)):
-        raise ValueError(
+        raise InputError(
             f"{path}: seed {key.seed!r} and episode {key.number!r} are no whole numbers from 0 on"
         )
     recipe = dataclasses.replace(recipe, seeds=(key.seed,), episodes=key.number + 1)
     if of_each_episode(recipe)[0].encode() != episode.attachments["recipe.yaml"]:
-        raise ValueError(f"{path}: the recipe that it carries is of another version of EndoTwin")
+        raise InputError(f"{path}: the recipe that it carries is of another version of EndoTwin")
     with tempfile.TemporaryDirectory() as scratch:
         made = make_files(recipe, [key], Path(scratch), {}, False)[0].entry
         again = read_episode(Path(scratch) / made["name"])
@@ -191,7 +192,7 @@ def replay(path: Path) -> Replay:
 
 
 def _differences(one: Episode, other: Episode) -> list[str]:
-    """Which quantities differ, from which sample on, and by how much."""
+    """Quantities that differ, from which sample on, and by how much."""
     differs = []
     before, after = ({"time_s": episode.time, **recorded(episode)} for episode in (one, other))
     for name in sorted({*before, *after}):

@@ -12,6 +12,7 @@ from twin.dataset.files import Entry, Made, file_name, make_files
 from twin.dataset.recipe import Recipe, to_yaml
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
+from twin.errors import InputError
 from twin.files.atomic import remove_partial_files, write_whole
 from twin.files.dataset_json import (
     NAME,
@@ -171,7 +172,7 @@ def _former(folder: Path) -> SimulatedDataset | None:
         return None
     contents = read_contents(folder)
     if not isinstance(contents, SimulatedDataset):
-        raise ValueError(
+        raise InputError(
             f"{folder} holds a dataset that `generate` did not make (source {contents.source}): "
             "choose another --out or remove it"
         )
@@ -196,29 +197,29 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: SimulatedDatas
         former_recipe = load_recipe(path)
         own_file = path.read_text() != to_yaml(former_recipe)
         if own_file and former_recipe != recipe:
-            raise ValueError(f"{path} is not what `generate` wrote, nor this recipe: choose another --out")
+            raise InputError(f"{path} is not what `generate` wrote, nor this recipe: choose another --out")
         held, wanted, seeds = former_recipe.to_dict(), recipe.to_dict(), set(former_recipe.seeds)
     elif former is not None:
         held, wanted, seeds = to_json_values(former.recipe), describe(recipe), set(former.recipe.seeds)
     elif ours & set(there):
-        raise ValueError(f"{folder} holds a dataset without a recipe.yaml: {other}")
+        raise InputError(f"{folder} holds a dataset without a recipe.yaml: {other}")
     different = [
         name for name in {**wanted, **held} if name not in COUNTS and held.get(name) != wanted.get(name)
     ]
     if not seeds <= set(recipe.seeds):
         different.append("seeds")
     if different:
-        raise ValueError(
+        raise InputError(
             f"{folder} holds a dataset of another recipe (other {', '.join(different)}): {other}"
         )
     for name, version in VERSIONS.items():
         if former is not None and getattr(former, name) != version:
             made_with = f"{name} {getattr(former, name)}"
-            raise ValueError(f"{folder} holds a dataset of {made_with}, here is {version}: {other}")
+            raise InputError(f"{folder} holds a dataset of {made_with}, here is {version}: {other}")
     for name in there:
         if name not in ours:
             asked = "the one episode" if len(ours) == 1 else f"the {len(ours)} episodes"
-            raise ValueError(f"{folder} holds {name}, which is not among {asked} asked for: {other}")
+            raise InputError(f"{folder} holds {name}, which is not among {asked} asked for: {other}")
     return own_file
 
 

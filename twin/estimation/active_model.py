@@ -22,18 +22,23 @@ ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
 
 @dataclasses.dataclass(frozen=True)
 class ActiveModel(Estimator[Belief]):
-    """Everything that the filter is told before it runs."""
+    """Everything that the filter is told before it runs.
+
+    Attributes:
+        model: the reference model.
+        sample_time: T [s].
+        process_variance: diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small
+            as the paper's.
+        measurement_variance: R [deg^2], one for all filters or (B,).
+        initial_variance: diagonal of P at the first sample; not published, so small as Q: the first estimate
+            is trusted.
+    """
 
     model: HysteresisModel
-    """The reference model."""
     sample_time: float
-    """T [s]."""
     process_variance: tuple[float, float] = (1e-3, 1e-3)
-    """Diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small as the paper's."""
     measurement_variance: ArrayLike = 0.1
-    """R [deg^2], one for all filters or (B,)."""
     initial_variance: tuple[float, float] = (1e-2, 1e-2)
-    """Diagonal of P at the first sample; not published, so small as Q: the first estimate is trusted."""
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
@@ -71,7 +76,8 @@ class ActiveModel(Estimator[Belief]):
 
     def bend_deg(self, state: Belief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
-        return state.mean[0]
+        bend: Array = state.mean[0]
+        return bend
 
     def to_dict(self) -> dict[str, Any]:
         """Return model and variances as plain values, as a trained file holds them; R must be one number."""

@@ -14,6 +14,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ANGLE, ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, innovation_of
@@ -25,11 +26,17 @@ ITERATIONS = 5
 
 
 class AdaptiveBelief(NamedTuple):
-    """Belief in the state of B filters and in the variance of their measurements."""
+    """Belief in the state of B filters and in the variance of their measurements.
+
+    Attributes:
+        state: belief in angle and model error.
+        shape: alpha, (B,).
+        scale: beta, (B,) [deg^2].
+    """
 
     state: Belief
-    shape: Array  # alpha, (B,)
-    scale: Array  # beta, (B,) [deg^2]
+    shape: Array
+    scale: Array
 
     @property
     def measurement_variance(self) -> Array:
@@ -39,14 +46,19 @@ class AdaptiveBelief(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
-    """An active model whose R is where the search begins: the one told, or its own if it is never told."""
+    """An active model whose R is where the search begins: the one told, or its own if it is never told.
+
+    Attributes:
+        active_model: the filter; its R is the first guess.
+        forgetting: rho: what is left of the evidence after a measurement; it remembers about 1 / (1 - rho) of
+            them.
+        first_shape: alpha at the first sample: the first guess weighs as 2 alpha measurements; 0.98 settles
+            at 25.
+    """
 
     active_model: ActiveModel
-    """The filter; its R is the first guess."""
     forgetting: float = 0.98
-    """rho: what is left of the evidence after a measurement; it remembers about 1 / (1 - rho) of them."""
     first_shape: float = 25.0
-    """alpha at the first sample: the first guess weighs as 2 alpha measurements; 0.98 settles at 25."""
 
     def __post_init__(self) -> None:
         """Refuse a forgetting factor that is none.
@@ -55,9 +67,9 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
             ValueError: a parameter is out of range.
         """
         if not 0 < self.forgetting <= 1:
-            raise ValueError(f"forgetting = {self.forgetting}: must be above 0 and at most 1")
+            raise InputError(f"forgetting = {self.forgetting}: must be above 0 and at most 1")
         if not self.first_shape > 0:
-            raise ValueError(f"first_shape = {self.first_shape}: must be positive")
+            raise InputError(f"first_shape = {self.first_shape}: must be positive")
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that begins at the sensor's variance."""
@@ -91,7 +103,8 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
 
     def bend_deg(self, state: AdaptiveBelief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
-        return state.state.mean[0]
+        bend: Array = state.state.mean[0]
+        return bend
 
 
 register_method(

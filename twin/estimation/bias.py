@@ -22,12 +22,16 @@ BIASED_ANGLE = np.array([1.0, 0.0, 1.0])  # the sensor sees the angle and the bi
 
 @dataclasses.dataclass(frozen=True)
 class BiasedActiveModel(ActiveModel):
-    """The active model for a sensor that may be off by a constant, or by a slow drift."""
+    """The active model for a sensor that may be off by a constant, or by a slow drift.
+
+    Attributes:
+        bias_variance: of the bias at the first sample, where zero is expected [deg^2].
+        bias_process_variance: of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a
+            constant [deg^2].
+    """
 
     bias_variance: float = 1.0
-    """Of the bias at the first sample, where zero is expected [deg^2]."""
     bias_process_variance: float = 1e-6
-    """Of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a constant [deg^2]."""
 
     def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
         """Return the belief at the first sample: no known error of the model and no known bias."""

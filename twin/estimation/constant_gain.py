@@ -25,10 +25,13 @@ FIRST_STEP = 0.5  # of the search for the gain, in actions of [-1, 1]
 
 @dataclasses.dataclass(frozen=True)
 class ConstantGain(ActiveModel):
-    """The active model, moved further towards each measurement; the covariance is left as it is."""
+    """The active model, moved further towards each measurement; the covariance is left as it is.
+
+    Attributes:
+        gain: K: of the angle, and of the model's error [1 / s]; zero: the active model.
+    """
 
     gain: tuple[float, float] = (0.0, 0.0)
-    """K: of the angle, and of the model's error [1 / s]; zero: the active model."""
 
     def update(self, belief: Belief, measurement_deg: Array) -> Belief:
         """Condition the belief on one measurement and add the gain times what is left of the residual."""

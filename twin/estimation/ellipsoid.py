@@ -14,14 +14,20 @@ ROUNDING = 1e-9  # every shape is widened by this share: rounding can then neith
 
 
 class Ellipsoid(NamedTuple):
-    """B ellipsoids."""
+    """B ellipsoids.
 
-    centre: Array  # (2, B)
-    shape: Array  # (2, 2, B)
+    Attributes:
+        centre: (2, B).
+        shape: (2, 2, B).
+    """
+
+    centre: Array
+    shape: Array
 
     def half_width(self, axis: int) -> Array:
         """Return how far (B,) they reach from their centres along a coordinate."""
-        return np.sqrt(self.shape[axis, axis])
+        reach: Array = np.sqrt(self.shape[axis, axis])
+        return reach
 
 
 def around_box(low: Array, high: Array) -> Ellipsoid:

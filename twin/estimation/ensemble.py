@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 
 if TYPE_CHECKING:
@@ -30,23 +31,33 @@ NARROW = 0.5  # of the noise's standard deviation: narrower beliefs are moved by
 
 
 class EnsembleState(NamedTuple):
-    """Coefficients of B filters, and the covariance that they share, as all know the same noise."""
+    """Coefficients of B filters, and the covariance that they share, as all know the same noise.
+
+    Attributes:
+        sample: number of the latest sample.
+        mean: (M, B) of the coefficients.
+        covariance: (M, M) of the coefficients.
+    """
 
     sample: int
-    mean: Array  # (M, B) of the coefficients
-    covariance: Array  # (M, M) of the coefficients
+    mean: Array
+    covariance: Array
 
 
 @dataclasses.dataclass(frozen=True)
 class EnsembleFilter(Estimator[EnsembleState]):
-    """An ensemble along one command: all B filters follow that command and have one sensor."""
+    """An ensemble along one command: all B filters follow that command and have one sensor.
+
+    Attributes:
+        members_deg: (M, N) angle of each member at each sample of the command [deg].
+        measurement_variance: R [deg^2].
+        density: what else is known of the noise; without it, it is taken as normal, of mean zero and variance
+            R.
+    """
 
     members_deg: Array
-    """(M, N) angle of each member at each sample of the command [deg]."""
     measurement_variance: float = 0.1
-    """R [deg^2]."""
     density: "NoiseDensity | None" = None
-    """What else is known of the noise; without it, it is taken as normal, of mean zero and variance R."""
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R.
@@ -56,7 +67,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
         """
         variances = np.unique(sensor.variance)
         if variances.size > 1:
-            raise ValueError(f"an ensemble has one sensor for all its filters, not R = {variances.tolist()}")
+            raise InputError(f"an ensemble has one sensor for all its filters, not R = {variances.tolist()}")
         return dataclasses.replace(self, measurement_variance=float(variances[0]))
 
     def start(self, pull_mm: Array, bend_deg: Array) -> EnsembleState:
@@ -77,7 +88,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
         if missing.all():
             return state._replace(sample=sample)
         if missing.any():
-            raise ValueError("filters of one ensemble must miss the same measurements")
+            raise InputError("filters of one ensemble must miss the same measurements")
         mean, anomaly = self._mean_and_anomaly(sample)
         towards = state.covariance @ anomaly  # covariance of the coefficients with the angle
         spread = float(np.sqrt(max(float(anomaly @ towards), 0.0)))

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
@@ -18,21 +19,24 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class ErrorBound:
-    """What the error of a model never exceeds."""
+    """Bounds on the one-step error of a model.
+
+    Attributes:
+        slope_deg_per_mm: of w, per move of the command [deg / mm].
+        floor_deg: of w, at rest [deg].
+        error_deg_per_s: of f [deg / s].
+        increment_deg_per_s: of the change of f from sample to sample [deg / s].
+    """
 
     slope_deg_per_mm: float
-    """Of w, per move of the command [deg / mm]."""
     floor_deg: float
-    """Of w, at rest [deg]."""
     error_deg_per_s: float = 0.0
-    """Of f [deg / s]."""
     increment_deg_per_s: float = 0.0
-    """Of the change of f from sample to sample [deg / s]."""
 
     def __post_init__(self) -> None:
         values = dataclasses.astuple(self)
         if not (np.isfinite(values).all() and min(values) >= 0):
-            raise ValueError(f"bounds {values} of a model's error; valid: finite numbers, none negative")
+            raise InputError(f"bounds {values} of a model's error; valid: finite numbers, none negative")
 
     def of_step(self, pull_mm: Array, previous_pull_mm: Array) -> Array:
         """Return the bound (B,) on w for steps between commands (B,) [deg]."""
@@ -78,13 +82,13 @@ def bound_model_error(
         ValueError: no record has two samples, or the factor is below 1.
     """
     if not factor >= 1:
-        raise ValueError(
+        raise InputError(
             f"safety factor {factor} would break the bound on the very records; valid: 1 or more"
         )
     errors = [_step_errors(model, np.asarray(pull), np.asarray(bend)) for pull, bend in records]
     errors = [(move, error) for move, error in errors if error.size]
     if not errors:
-        raise ValueError("no record to bound the model's error on: each needs two samples or more")
+        raise InputError("no record to bound the model's error on: each needs two samples or more")
     move = np.concatenate([moves for moves, _ in errors])
     error = np.concatenate([found for _, found in errors])
     programme = _without_f(move, error)

@@ -1,4 +1,4 @@
-"""What all estimators of the bending angle share: B records filtered side by side, one sample at a time.
+"""Base class of estimators of the bending angle: B records filtered side by side, sample by sample.
 
 A whole record and a live stream go through the same `step`. A measurement that is NaN is missing: the
 estimator predicts and does not update. A pull that is NaN is taken to stand where it was.
@@ -11,18 +11,23 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 State = TypeVar("State")
 
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """What an estimator is told of the noise in its measurements."""
+    """Noise of the measurements, as far as an estimator is told.
+
+    Attributes:
+        variance: R, scalar or (B,) [deg^2].
+        bound: largest magnitude of the noise, scalar or (B,); infinite where there is none [deg].
+    """
 
     variance: ArrayLike
-    """R, scalar or (B,) [deg^2]."""
     bound: ArrayLike = np.inf
-    """Largest magnitude of the noise, scalar or (B,); infinite where there is none [deg]."""
 
 
 class Estimator(abc.ABC, Generic[State]):
@@ -100,6 +105,6 @@ def hold(values: Array) -> Array:
     if not missing.any():
         return values
     if missing[..., 0].any():
-        raise ValueError("the first pulling distance is missing: nothing can be held")
+        raise InputError("the first pulling distance is missing: nothing can be held")
     last = np.maximum.accumulate(np.where(missing, 0, np.arange(values.shape[-1])), axis=-1)
     return np.take_along_axis(values, last, axis=-1)

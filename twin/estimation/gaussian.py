@@ -13,11 +13,17 @@ Array = NDArray[np.float64]
 
 
 class Belief(NamedTuple):
-    """Mean and covariance of the state of B filters, and what their model remembers beside it."""
+    """Mean and covariance of the state of B filters, and what their model remembers beside it.
 
-    mean: Array  # (n, B); first the bending angle [deg]
-    covariance: Array  # (n, n, B)
-    memory: Array  # (m, B) of the model of hysteresis
+    Attributes:
+        mean: (n, B); first the bending angle [deg].
+        covariance: (n, n, B).
+        memory: (m, B) of the model of hysteresis.
+    """
+
+    mean: Array
+    covariance: Array
+    memory: Array
 
 
 def propagate(covariance: Array, transition: Array, process_covariance: Array) -> Array:
@@ -30,7 +36,9 @@ def propagate(covariance: Array, transition: Array, process_covariance: Array) -
     """
     spread = np.einsum("ijb,jkb->ikb", transition, covariance)
     spread = np.einsum("ijb,kjb->ikb", spread, transition)
-    return spread + (process_covariance if process_covariance.ndim == 3 else process_covariance[:, :, None])
+    noise = process_covariance if process_covariance.ndim == 3 else process_covariance[:, :, None]
+    propagated: Array = spread + noise
+    return propagated
 
 
 def innovation_of(mean: Array, covariance: Array, row: Array, measurement: ArrayLike) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief, propagate
 from twin.estimation.registry import MethodSpec, register_method
@@ -28,7 +29,7 @@ class KalmanActiveModel(ActiveModel):
 
     def __post_init__(self) -> None:
         if not self.model.affine:
-            raise ValueError(
+            raise InputError(
                 f"the model {self.model.name!r} is not affine in the angle, as a plain Kalman filter needs; "
                 "valid filters: ActiveModel, an extended one (EKF), and UnscentedActiveModel (UKF)"
             )

@@ -1,4 +1,4 @@
-"""What methods may know before they are tested: identified models, training records, fits, trained files."""
+"""Knowledge of methods before the test: identified models, training records, fits, trained files."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ class Fit(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Knowledge:
-    """What is known at one sample time.
+    """Knowledge before the test, at one sample time.
 
     Attributes:
         sample_time: T [s].

@@ -23,6 +23,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.gaussian import Belief, condition
 from twin.estimation.knowledge import Knowledge
@@ -37,27 +38,32 @@ RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
 
 @dataclasses.dataclass(frozen=True)
 class KoopmanFilter(Estimator[Belief]):
-    """The Kalman filter of a lifted model whose first state is the angle and whose others are its past."""
+    """The Kalman filter of a lifted model whose first state is the angle and whose others are its past.
+
+    Attributes:
+        gates: (2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm].
+        drives: (2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i.
+        process_variance: Q of the newest angle per sample; from a fit, its residual variance, until it is
+            tuned [deg^2].
+        measurement_variance: R [deg^2], one for all filters or (B,).
+        initial_variance: of the first angle: that of an even draw within 20 deg; the past angles are the same
+            one [deg^2].
+    """
 
     gates: Array
-    """(2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm]."""
     drives: Array
-    """(2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i."""
     process_variance: float
-    """Q of the newest angle per sample; from a fit, its residual variance, until it is tuned [deg^2]."""
     measurement_variance: ArrayLike = 0.1
-    """R [deg^2], one for all filters or (B,)."""
     initial_variance: float = 400 / 3
-    """Of the first angle: that of an even draw within 20 deg; the past angles are the same one [deg^2]."""
 
     @property
     def delays(self) -> int:
         """Number of past angles, d."""
-        return self.gates.shape[1] - 1
+        return int(self.gates.shape[1]) - 1
 
     @property
     def symmetric(self) -> bool:
-        """Whether what bends one way bends the other."""
+        """True where the model bends alike both ways."""
         return len(self.gates) == 2
 
     def with_sensor(self, sensor: Sensor) -> Self:
@@ -99,7 +105,8 @@ class KoopmanFilter(Estimator[Belief]):
 
     def bend_deg(self, state: Belief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
-        return state.mean[0]
+        bend: Array = state.mean[0]
+        return bend
 
     def row(self, pulls_mm: Array) -> Array:
         """Return the first row of the transition, (d + 1, ...).
@@ -154,7 +161,7 @@ def fit_koopman(
     fitted = [_fit(records, *choice, symmetric) for choice in choices]
     stable = [choice for choice, model in zip(choices, fitted, strict=True) if _forgets(model, records)]
     if not stable:
-        raise ValueError(
+        raise InputError(
             f"(delays, ridge) in {choices}: no model forgets its first angle along the training commands; "
             "give fewer delays, a larger ridge, or records in which the tendon moves further"
         )
@@ -228,7 +235,7 @@ def _drives(pulls_mm: Array, symmetric: bool) -> Array:
 
 
 def _forgets(model: KoopmanFilter, records: Sequence[Record]) -> bool:
-    """Whether, along every record, less than all of a first angle is left."""
+    """True where, along every record, less than all of a first angle is left."""
     undriven = dataclasses.replace(model, drives=np.zeros_like(model.drives))
     left = [undriven.response(pull, 1.0)[0, -1] for pull, _ in records]
     return bool((np.abs(left) < 1).all())  # not, where it is NaN

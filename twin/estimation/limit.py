@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.case import Case
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.registry import MethodSpec, register_method
@@ -71,7 +72,7 @@ class Ensembles:
                 if samples > best.shape[1] and np.abs(known[here] - pull_mm[:samples]).max() < _SAME:
                     best = members_deg[:, here]
         if best.shape[1] < _LEAST:
-            raise ValueError("a record follows a command that no ensemble was simulated along")
+            raise InputError("a record follows a command that no ensemble was simulated along")
         return best
 
     @functools.cached_property

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_trainable
@@ -27,7 +28,7 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
     try:
         spec = find_trainable(agent)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     assert spec.training is not None
     return spec.training.load(path)
 
@@ -43,4 +44,4 @@ def model_of(path: str | Path) -> HysteresisModel:
     try:
         return model_from_dict(description["active_model"]["model"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} does not tell the model that it was trained with") from error
+        raise InputError(f"{path} does not tell the model that it was trained with") from error

@@ -8,6 +8,7 @@ from typing import Generic
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, State
 
 GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
@@ -41,9 +42,9 @@ class OnlineEstimator(Generic[State]):
             ValueError: the sample time or the initial estimate is no proper number.
         """
         if not 0 < sample_time < math.inf:
-            raise ValueError(f"sample time {sample_time} s: must be positive and finite")
+            raise InputError(f"sample time {sample_time} s: must be positive and finite")
         if not math.isfinite(initial_bend_deg):
-            raise ValueError(f"initial_bend_deg = {initial_bend_deg}: must be a finite number")
+            raise InputError(f"initial_bend_deg = {initial_bend_deg}: must be a finite number")
         self.estimator = estimator
         self.sample_time = sample_time
         self.bend_deg = float(initial_bend_deg)

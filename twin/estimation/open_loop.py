@@ -14,7 +14,12 @@ Array = NDArray[np.float64]
 
 
 class OpenLoopState(NamedTuple):
-    """Angle (B,) [deg] and memory (m, B) of the model."""
+    """Angle (B,) [deg] and memory (m, B) of the model.
+
+    Attributes:
+        bend: (B,) angle [deg].
+        memory: (m, B) of the model.
+    """
 
     bend: Array
     memory: Array
@@ -22,7 +27,11 @@ class OpenLoopState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OpenLoop(Estimator[OpenLoopState]):
-    """The static model of the paper's comparison: its row is the same under every noise."""
+    """The static model of the paper's comparison: its row is the same under every noise.
+
+    Attributes:
+        model: of hysteresis.
+    """
 
     model: HysteresisModel
 

@@ -10,6 +10,8 @@ import pkgutil
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
+from twin.errors import InputError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -129,10 +131,10 @@ def register_method(spec: MethodSpec) -> MethodSpec:
         ValueError: another method has this name, or another one is trained under this agent.
     """
     if spec.name in _SPECS:
-        raise ValueError(f"method {spec.name!r} is registered already")
+        raise InputError(f"method {spec.name!r} is registered already")
     taken = {known.training.agent for known in _SPECS.values() if known.training}
     if spec.training and spec.training.agent in taken:
-        raise ValueError(f"agent {spec.training.agent!r} of {spec.name!r} is registered already")
+        raise InputError(f"agent {spec.training.agent!r} of {spec.name!r} is registered already")
     _SPECS[spec.name] = spec
     return spec
 
@@ -157,7 +159,7 @@ def find_method(name: str) -> MethodSpec:
     """
     spec = method_spec(name)
     if spec is None:
-        raise ValueError(f"unknown method {name!r}; valid: {', '.join(s.name for s in method_specs())}")
+        raise InputError(f"unknown method {name!r}; valid: {', '.join(s.name for s in method_specs())}")
     return spec
 
 
@@ -174,7 +176,7 @@ def find_trainable(agent: str) -> MethodSpec:
     """
     specs = trainable_specs()
     if agent not in specs:
-        raise ValueError(f"unknown agent {agent!r}; valid: {', '.join(specs)}")
+        raise InputError(f"unknown agent {agent!r}; valid: {', '.join(specs)}")
     return specs[agent]
 
 

@@ -24,10 +24,13 @@ HUBER_THRESHOLD = 1.345  # 95 % as efficient as least squares where the noise is
 
 @dataclasses.dataclass(frozen=True)
 class RobustActiveModel(ActiveModel):
-    """The active model that trusts a measurement less the further it is off; infinite threshold: the same."""
+    """The active model that trusts a measurement less the further it is off; infinite threshold: the same.
+
+    Attributes:
+        threshold: k: standard deviations sqrt(R) that the residual after the update may have at full weight.
+    """
 
     threshold: float = HUBER_THRESHOLD
-    """k: standard deviations sqrt(R) that the residual after the update may have at full weight."""
 
     def update(self, belief: Belief, measurement_deg: Array) -> Belief:
         """Condition the belief on one measurement, its variance inflated where it is far off."""

@@ -25,12 +25,19 @@ LEAST = 1e-6  # half width that bounds of zero are taken to have: a flat set has
 
 
 class FeasibleSet(NamedTuple):
-    """The set of B filters: the points of [theta, f] that lie in an ellipsoid and in a box."""
+    """The set of B filters: the points of [theta, f] that lie in an ellipsoid and in a box.
+
+    Attributes:
+        ellipsoid: one of the two sets.
+        low: (2, B) of the box [deg], [deg / s].
+        high: (2, B).
+        memory: (m, B) of the model of hysteresis.
+    """
 
     ellipsoid: Ellipsoid
-    low: Array  # (2, B) of the box [deg], [deg / s]
-    high: Array  # (2, B)
-    memory: Array  # (m, B) of the model of hysteresis
+    low: Array
+    high: Array
+    memory: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,18 +46,20 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
 
     The model must be affine in the angle, or keep the order of two angles and never move them apart
     (0 <= slope <= 1), as the model of Bouc and Wen does.
+
+    Attributes:
+        model: the reference model.
+        sample_time: T [s].
+        error_bound: bounds on the model's error; `bound_model_error` finds them on training records.
+        measurement_bound: largest magnitude of the measurement noise, scalar or (B,) [deg].
+        initial_bound_deg: largest error of the first estimate [deg].
     """
 
     model: HysteresisModel
-    """The reference model."""
     sample_time: float
-    """T [s]."""
     error_bound: ErrorBound
-    """Bounds on the model's error; `bound_model_error` finds them on training records."""
     measurement_bound: ArrayLike = 3 * np.sqrt(0.1)
-    """Largest magnitude of the measurement noise, scalar or (B,) [deg]."""
     initial_bound_deg: float = 20.0
-    """Largest error of the first estimate [deg]."""
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the noise's largest magnitude; if it has none, 3 deviations."""
@@ -139,7 +148,8 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
 
     def bend_deg(self, state: FeasibleSet) -> Array:
         """Return the (B,) middle of the interval, the estimate with the least worst error [deg]."""
-        return (state.low[0] + state.high[0]) / 2
+        middle: Array = (state.low[0] + state.high[0]) / 2
+        return middle
 
     def interval(self, state: FeasibleSet) -> tuple[Array, Array]:
         """Return the (B,) lowest and highest angle in the set [deg]."""

@@ -13,18 +13,22 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class TrainingTask:
-    """Recorded episodes of equal length, and what is unknown about them to the estimator."""
+    """Recorded episodes of equal length, and what is unknown about them to the estimator.
+
+    Attributes:
+        pull_mm: (records, N) pulling distance [mm].
+        bend_deg: (records, N) true bending angle [deg]: it makes measurements and rewards, never
+            observations.
+        noise: kind of the measurement noise.
+        noise_level: its level: the paper trains at R = 0.1.
+        initial_error_deg: the initial estimate is off by up to this, evenly drawn [deg].
+    """
 
     pull_mm: Array
-    """(records, N) pulling distance [mm]."""
     bend_deg: Array
-    """(records, N) true bending angle [deg]: it makes measurements and rewards, never observations."""
     noise: str = "gaussian"
-    """Kind of the measurement noise."""
     noise_level: float = 0.1
-    """Its level: the paper trains at R = 0.1."""
     initial_error_deg: float = 20.0
-    """The initial estimate is off by up to this, evenly drawn [deg]."""
 
     def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
         """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg]."""

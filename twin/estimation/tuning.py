@@ -24,12 +24,19 @@ TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is t
 
 
 class TrainingEpisodes(NamedTuple):
-    """Training records with noise on them and a wrong first estimate; B of N samples."""
+    """Training records with noise on them and a wrong first estimate; B of N samples.
 
-    pull_mm: Array  # (B, N) [mm]
-    measurement_deg: Array  # (B, N) [deg]
-    initial_bend_deg: Array  # (B,) [deg]
-    bend_deg: Array  # (B, N) truth [deg]
+    Attributes:
+        pull_mm: (B, N) [mm].
+        measurement_deg: (B, N) [deg].
+        initial_bend_deg: (B,) [deg].
+        bend_deg: (B, N) truth [deg].
+    """
+
+    pull_mm: Array
+    measurement_deg: Array
+    initial_bend_deg: Array
+    bend_deg: Array
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief
 from twin.estimation.registry import MethodSpec, register_method
@@ -26,18 +27,20 @@ class UnscentedActiveModel(ActiveModel):
     the covariance is positive whatever the model. kappa = 3 - n then matches the fourth moment of a normal
     angle, with beta = 0: Wan and van der Merwe's beta = 2 does that for alpha near 0, in general it is
     beta = 2 (1 - alpha^2).
+
+    Attributes:
+        alpha: spread of the points, above 0.
+        beta: what is added to the weight of the centre in the covariance.
+        kappa: second parameter of the spread, above -2.
     """
 
     alpha: float = 1.0
-    """Spread of the points, above 0."""
     beta: float = 0.0
-    """What is added to the weight of the centre in the covariance."""
     kappa: float = 1.0
-    """Second parameter of the spread, above -2."""
 
     def __post_init__(self) -> None:
         if not (self.alpha > 0 and self.kappa > -2):
-            raise ValueError(
+            raise InputError(
                 f"no points for alpha = {self.alpha}, kappa = {self.kappa}; valid: alpha > 0, kappa > -2"
             )
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.case import Case
 from twin.estimation.estimator import Sensor
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
@@ -67,7 +68,7 @@ def _measurements(condition: Condition, number: int, record: EvaluationRecord, p
     kind, level = condition
     if kind == RECORDED:
         if record.measured_deg is None:
-            raise ValueError(f"{record.name}: the record holds no measurement")
+            raise InputError(f"{record.name}: the record holds no measurement")
         return record.measured_deg[None]
     noise = _draws(kind, level, number, len(record.pull_mm), protocol)
     return np.where(record.seen, record.bend_deg + noise, np.nan)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import DivergedError
 from twin.evaluation.case import group_records, make_case
 from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices
@@ -115,7 +116,7 @@ def _row(
 
     indices, late = pooled(1), pooled(round(STEADY_SECONDS / protocol.sample_time_s))
     if not np.isfinite(indices["rmse_deg"]).all():
-        raise FloatingPointError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
+        raise DivergedError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
     return Score(

@@ -1,7 +1,9 @@
-"""How methods are compared: the noises of each suite, the draws, and the wrong initial estimate."""
+"""Protocol of a comparison: the noises of each suite, the draws, and the wrong initial estimate."""
 
 import dataclasses
 import math
+
+from twin.errors import InputError
 
 Condition = tuple[str, float]
 """Kind and level of a measurement noise."""
@@ -59,18 +61,18 @@ class Protocol:
             ValueError: the suite is unknown or a number is out of range.
         """
         if self.suite not in SUITES:
-            raise ValueError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
+            raise InputError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
         if self.seeds < 1:
-            raise ValueError(f"seeds = {self.seeds}: must be at least 1")
+            raise InputError(f"seeds = {self.seeds}: must be at least 1")
         if not math.isfinite(self.initial_error_deg):
-            raise ValueError(f"initial_error_deg = {self.initial_error_deg}: must be a finite number")
+            raise InputError(f"initial_error_deg = {self.initial_error_deg}: must be a finite number")
         if not 0 < self.sample_time_s < math.inf:
-            raise ValueError(f"sample time {self.sample_time_s} s: must be positive and finite")
+            raise InputError(f"sample time {self.sample_time_s} s: must be positive and finite")
         if self.recorded_variance is not None:
             if not 0 < self.recorded_variance < math.inf:
-                raise ValueError(f"recorded_variance = {self.recorded_variance}: must be positive and finite")
+                raise InputError(f"recorded_variance = {self.recorded_variance}: must be positive and finite")
             if self.seeds != 1:
-                raise ValueError(f"seeds = {self.seeds}: recorded measurements are one draw")
+                raise InputError(f"seeds = {self.seeds}: recorded measurements are one draw")
 
     @property
     def conditions(self) -> tuple[Condition, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.evaluation.record import EvaluationRecord
 from twin.recording import read_dataset
 
@@ -79,7 +80,7 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
     pieces = [(pull[begin:end], bend[begin:end]) for begin, end in edges.reshape(-1, 2)]
     moving = [piece for piece in pieces if (np.abs(np.diff(piece[0])) > STILL_MM).any()]
     if not moving:
-        raise ValueError(
+        raise InputError(
             f"{_name(episode, 0)}: too much of the measured angle is missing at this sample time"
         )
     return moving
@@ -93,7 +94,7 @@ def evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
     """
     seen = np.isfinite(episode.measured_bend) if episode.is_measured else np.ones(len(episode.time), bool)
     if seen.sum() < 2:
-        raise ValueError(
+        raise InputError(
             f"{_name(episode, number)}: the angle is known at {seen.sum()} samples, at least 2 are needed"
         )
     first = int(seen.argmax())

@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.evaluation.case import make_case
 from twin.evaluation.method import Method
 from twin.evaluation.protocol import Protocol
@@ -88,7 +89,7 @@ def write_estimates(
         time = episode.time[0] + sample_time * (begin + np.arange(len(record.pull_mm)))
         target = folder / file.name
         if target in written:
-            raise ValueError(f"two records are called {file.name}: their estimates would be one file")
+            raise InputError(f"two records are called {file.name}: their estimates would be one file")
         with EpisodeWriter(target) as writer:
             writer.write(episode)
             for method in methods:

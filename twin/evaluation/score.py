@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from twin.errors import InputError, MissingFileError
+
 LARGEST = 256 * 2**20
 """Size that no file of results comes near [bytes]."""
 
@@ -91,7 +93,7 @@ class Score:
             if field.name in row:
                 values[field.name] = _read(field.name, row[field.name])
             elif field.default is dataclasses.MISSING:
-                raise ValueError(f"a row has no {field.name}")
+                raise InputError(f"a row has no {field.name}")
         return cls(**values)
 
 
@@ -103,22 +105,22 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
         ValueError: it is no such file, or a row is damaged.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
+        raise MissingFileError(f"no file {path}")
     if path.stat().st_size > LARGEST:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes: results have at most {LARGEST}")
+        raise InputError(f"{path} has {path.stat().st_size} bytes: results have at most {LARGEST}")
     try:
         contents = json.loads(path.read_bytes())
         rows, protocol = contents["rows"], contents["protocol"]
         if not isinstance(rows, list) or not isinstance(protocol, dict):
             raise TypeError("rows is no list, or protocol no object")
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is not the results of an evaluation") from error
+        raise InputError(f"{path} is not the results of an evaluation") from error
     scores = []
     for number, row in enumerate(rows):
         try:
             scores.append(Score.from_dict(row if isinstance(row, dict) else {}))
         except ValueError as error:
-            raise ValueError(f"{path}: row {number}: {error}") from None
+            raise InputError(f"{path}: row {number}: {error}") from None
     return scores, protocol
 
 
@@ -148,7 +150,7 @@ def _read(name: str, value: Any) -> Any:
             return value
     elif _is_number(value):
         return float(value)
-    raise ValueError(f"{name} = {value!r:.40}: of the wrong kind")
+    raise InputError(f"{name} = {value!r:.40}: of the wrong kind")
 
 
 def _is_number(value: Any) -> bool:

@@ -1,14 +1,16 @@
-"""What every estimator said along one record under one noise: the data behind a tracking figure."""
+"""Track: the estimates of every method along one record under one noise, behind a tracking figure."""
 
 import dataclasses
 import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
 
 Array = NDArray[np.float64]
@@ -16,20 +18,23 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """N samples of one test episode: truth, measurement and the estimate of each method."""
+    """N samples of one test episode: truth, measurement and the estimate of each method.
+
+    Attributes:
+        noise: kind of the measurement noise, as in `evaluation.json`.
+        level: its covariance [deg^2] or its expectation [deg].
+        time: (N,) time since the start of the record [s].
+        truth_deg: (N,) true bending angle [deg].
+        measurement_deg: (N,) bending angle as the noisy sensor saw it [deg].
+        estimates: (N,) estimated bending angle [deg] by method; sample 0 is the wrong initial estimate.
+    """
 
     noise: str
-    """Kind of the measurement noise, as in `evaluation.json`."""
     level: float
-    """Its covariance [deg^2] or its expectation [deg]."""
     time: Array
-    """(N,) time since the start of the record [s]."""
     truth_deg: Array
-    """(N,) true bending angle [deg]."""
     measurement_deg: Array
-    """(N,) bending angle as the noisy sensor saw it [deg]."""
     estimates: dict[str, Array]
-    """(N,) estimated bending angle [deg] by method; sample 0 is the wrong initial estimate."""
 
     def error_deg(self, method: str) -> Array:
         """Return estimate minus truth (N,) of a method [deg].
@@ -38,7 +43,7 @@ class Track:
             ValueError: the track has no such method.
         """
         if method not in self.estimates:
-            raise ValueError(f"no estimates of {method!r}; there are: {', '.join(self.estimates)}")
+            raise InputError(f"no estimates of {method!r}; there are: {', '.join(self.estimates)}")
         return self.estimates[method] - self.truth_deg
 
 
@@ -66,17 +71,17 @@ def load_tracks(path: Path) -> list[Track]:
         ValueError: the file holds no tracks.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
+        raise MissingFileError(f"no file {path}")
     try:
         with np.load(path, allow_pickle=False) as arrays:
             heads = json.loads(str(arrays["heads"]))
             return [_track(head, arrays[f"track_{number}"]) for number, head in enumerate(heads)]
     except Exception as error:
         # Damage shows as any of the exceptions of zipfile, zlib, numpy and json.
-        raise ValueError(f"{path} holds no tracks: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path} holds no tracks: {' '.join(str(error).split())}") from error
 
 
-def _track(head: dict, rows: Array) -> Track:
+def _track(head: dict[str, Any], rows: Array) -> Track:
     time, truth, measurement, *estimates = rows
     return Track(
         noise=head["noise"],

@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 
 from twin.episode import Episode
+from twin.errors import InputError
 
 EVEN = 0.01
 """A sample may be off its place by this share of the sample time."""
@@ -32,7 +33,7 @@ def frames_per_second(episode: Episode) -> int:
         f" to {steps.max():.6g} s" if np.ptp(steps) > EVEN * steps.min() else ""
     )
     near = min(_ROUND, key=lambda rate: abs(np.log(rate * episode.sample_time)))
-    raise ValueError(
+    raise InputError(
         f"its samples are {apart} apart: must be evenly apart, a whole number per second; "
         f"give a sample time, such as {1 / near:g} s, or choose another format"
     )

@@ -12,12 +12,12 @@ from twin.files.atomic import write_whole
 from twin.recording import read_episode, recover_episode, write_csv, write_episode
 
 FORMATS = ("parquet", "csv", "mcap")
-"""What records are written as: a LeRobot dataset, one table each, or one MCAP file each."""
+"""Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """How records are exported.
+    """Options of an export.
 
     Attributes:
         form: one of `FORMATS`.

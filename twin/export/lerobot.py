@@ -29,6 +29,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.export.even import frames_per_second
 from twin.export.frames import Column, frame_columns
 from twin.export.parts import CHUNK_FILES, PartWriter
@@ -74,7 +75,7 @@ def write_lerobot(
 
 
 class _Dataset:
-    """What is known of the episodes written so far."""
+    """Facts of the episodes written so far."""
 
     def __init__(self, data: PartWriter, meta: PartWriter) -> None:
         self.tasks: dict[str, int] = {}
@@ -90,7 +91,7 @@ class _Dataset:
         try:
             per_second = frames_per_second(episode)
         except ValueError as error:
-            raise ValueError(f"{name}: {error}") from error
+            raise InputError(f"{name}: {error}") from error
         robot, task = _robot_and_task(episode)
         columns = frame_columns(
             episode,
@@ -133,7 +134,7 @@ class _Dataset:
     def info(self, file_megabytes: float) -> dict[str, Any]:
         """Return the contents of `info.json`."""
         if self._episodes == 0:
-            raise ValueError("there is no episode to write")
+            raise InputError("there is no episode to write")
         return {
             "codebase_version": VERSION,
             "robot_type": self._robots.pop() if len(self._robots) == 1 else "endoscope",
@@ -156,7 +157,7 @@ class _Dataset:
         for name, values in told.items():
             if np.isnan(values["mean"]).any():
                 missing = int(np.isnan(values["mean"]).argmax())
-                raise ValueError(
+                raise InputError(
                     f"{self._features[name]['names'][missing]} is missing at every sample of all episodes"
                 )
         return told
@@ -168,14 +169,14 @@ class _Dataset:
             self._running = {key: RunningStatistics(feature["shape"][0]) for key, feature in features.items()}
             return
         if per_second != self._per_second:
-            raise ValueError(
+            raise InputError(
                 f"{name} has {per_second} samples per second, {self._first} has {self._per_second}: "
                 "give a sample time that suits both, or export them apart"
             )
         for key in [*self._features, *features]:
             first, this = (_width(of, key) for of in (self._features, features))
             if this != first:
-                raise ValueError(f"{name} has {this}, {self._first} has {first}: export them apart")
+                raise InputError(f"{name} has {this}, {self._first} has {first}: export them apart")
 
     def _statistics_of(self, columns: Mapping[str, Column]) -> dict[str, Any]:
         told: dict[str, Any] = {}

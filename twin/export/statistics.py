@@ -128,7 +128,8 @@ class Histogram:
             return np.full(len(wanted), np.nan)
         rank = np.array(wanted) * (total - 1)
         below, above = self._number(np.floor(rank)), self._number(np.ceil(rank))
-        return below + (rank - np.floor(rank)) * (above - below)
+        between: Array = below + (rank - np.floor(rank)) * (above - below)
+        return between
 
     def _number(self, rank: Array) -> Array:
         """Return about the number of a rank from 0 on: those of a bin are taken to lie evenly in it."""

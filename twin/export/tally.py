@@ -1,4 +1,4 @@
-"""What an export has read and written, and what was missing of damaged files."""
+"""Tally of an export: records read and written, and losses of damaged files."""
 
 import dataclasses
 from pathlib import Path
@@ -45,7 +45,7 @@ class Tally:
 
     @property
     def damage(self) -> str:
-        """How much is missing of damaged files, as the end of a sentence; empty if all were whole."""
+        """Losses of damaged files, as the end of a sentence; empty if all were whole."""
         told = ""
         if self.recovered:
             got = sum(file["samples"] for file in self.recovered)

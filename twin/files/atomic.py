@@ -7,6 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
+from twin.errors import MissingFileError
+
 
 class WholeFile:
     """Context manager: an open binary file that takes its final name when the block succeeds.
@@ -32,7 +34,7 @@ class WholeFile:
             FileNotFoundError: the folder does not exist.
         """
         if not self.path.parent.is_dir():
-            raise FileNotFoundError(f"no folder {self.path.parent} to write {self.path.name} into")
+            raise MissingFileError(f"no folder {self.path.parent} to write {self.path.name} into")
         self._file = self._partial.open("xb")
         return self._file
 

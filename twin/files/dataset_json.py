@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
 
 NAME = "dataset.json"
@@ -44,7 +45,7 @@ class Statistics(_Strict):
 
 
 class FeatureFacts(_Strict):
-    """Where one quantity stands in the files, and what it is."""
+    """Place of one quantity in the files, and its meaning."""
 
     topic: str = Field(description="topic of its messages")
     field: str = Field(description="field of the message; `*` stands for each of the wires a, b (, c, d)")
@@ -100,7 +101,7 @@ class _Recipe(_Strict):
 
 
 class SimulatedRecipe(_Recipe):
-    """What a simulated dataset was made from, as its `recipe.yaml` says it."""
+    """Recipe of a simulated dataset, as in its `recipe.yaml`."""
 
     episodes: Count = Field(description="number of episodes of each seed")
     seeds: tuple[Whole, ...] = Field(min_length=1, description="seeds")
@@ -127,7 +128,7 @@ class SimulatedRecipe(_Recipe):
 
 
 class BenchmarkRecipe(_Recipe):
-    """What the test records of the full suite were made from."""
+    """Origin of the test records of the full suite."""
 
     ranges: dict[str, Interval] = Field(description="ranges that endoscopes are drawn from, in SI units")
     seed: Whole = Field(description="seed of commands and endoscopes")
@@ -198,13 +199,13 @@ def read_contents(folder: Path) -> Dataset:
     """
     path = folder / NAME
     if not folder.is_dir():
-        raise FileNotFoundError(f"no folder {folder}")
+        raise MissingFileError(f"no folder {folder}")
     if not path.is_file():
-        raise FileNotFoundError(f"no {path}: the dataset is not complete; generate it again to go on")
+        raise MissingFileError(f"no {path}: the dataset is not complete; generate it again to go on")
     try:
         return parse_contents(path.read_bytes())
     except ValueError as error:
-        raise ValueError(f"{path} is damaged or of an older version: {error}") from error
+        raise InputError(f"{path} is damaged or of an older version: {error}") from error
 
 
 def write_contents(folder: Path, values: Mapping[str, Any]) -> None:
@@ -233,23 +234,23 @@ def parse_contents(text: str | bytes) -> Dataset:
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"it is not JSON: {' '.join(str(error).split())}; {_REMEDY}") from error
+        raise InputError(f"it is not JSON: {' '.join(str(error).split())}; {_REMEDY}") from error
     if not isinstance(values, dict):
-        raise ValueError(f"it is not a JSON object with keys; {_REMEDY}")
+        raise InputError(f"it is not a JSON object with keys; {_REMEDY}")
     rule = f"must be {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"
     if "source" not in values:
-        raise ValueError(f"source is missing, {rule}; {_REMEDY}")
+        raise InputError(f"source is missing, {rule}; {_REMEDY}")
     source = values["source"]
     if not isinstance(source, str) or source not in KINDS:
-        raise ValueError(f"source = {source!r:.40}: {rule}; {_REMEDY}")
+        raise InputError(f"source = {source!r:.40}: {rule}; {_REMEDY}")
     try:
         contents = KINDS[source].model_validate_json(text)
     except ValidationError as error:
-        raise ValueError(f"{_first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
+        raise InputError(f"{_first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
     names = sorted(file.name for file in contents.files)
     for name, following in itertools.pairwise(names):
         if name == following:
-            raise ValueError(f"files: {name} is there twice; {_REMEDIES[source]}")
+            raise InputError(f"files: {name} is there twice; {_REMEDIES[source]}")
     return contents
 
 

@@ -6,6 +6,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from twin.errors import InputError
+
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL, errno.EACCES)
 """Error numbers of file systems that cannot lock a folder."""
 
@@ -27,7 +29,7 @@ def claim(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise ValueError(f"another run is writing into {folder}: wait for it, or stop it") from error
+            raise InputError(f"another run is writing into {folder}: wait for it, or stop it") from error
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise

@@ -5,6 +5,7 @@ from typing import Any
 
 import yaml
 
+from twin.errors import InputError
 from twin.files.atomic import write_whole
 
 
@@ -18,7 +19,7 @@ def claim_folder(folder: Path, configuration: dict[str, Any]) -> None:
     text = yaml.safe_dump(configuration, sort_keys=False)
     if path.is_file():
         if path.read_text() != text:
-            raise ValueError(
+            raise InputError(
                 f"{folder} holds a run of another configuration: choose another `folder` or remove it"
             )
         return

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 from types import TracebackType
 
+from twin.errors import InputError
 from twin.files.lock import claim
 
 
@@ -34,9 +35,9 @@ class WholeFolder:
         self._partial = self.path.with_name(f".{self.path.name}.partial")
         self._claim = contextlib.ExitStack()
         if self.path.is_symlink() or (self.path.exists() and not self.path.is_dir()):
-            raise ValueError(f"{path} is there and is no folder: choose another name, or remove it")
+            raise InputError(f"{path} is there and is no folder: choose another name, or remove it")
         if self.path.is_dir() and any(self.path.iterdir()):
-            raise ValueError(f"the folder {path} is not empty: choose another name, or remove it")
+            raise InputError(f"the folder {path} is not empty: choose another name, or remove it")
 
     def __enter__(self) -> Path:
         """Create the folder under its temporary name and return that name.

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
@@ -120,7 +121,7 @@ class BoucWen:
         found = numbers(values, names)
         kappa_x, kappa_w, rho, sigma, n = found
         if not (np.isfinite(found).all() and kappa_x > 0 and kappa_w and rho > 0 and sigma >= 0.5 and n >= 1):
-            raise ValueError(
+            raise InputError(
                 f"{', '.join(names)} must be finite, kappa_x and rho positive, kappa_w not zero, "
                 f"sigma at least 0.5 and n at least 1; got {found}"
             )

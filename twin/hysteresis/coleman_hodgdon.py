@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
@@ -116,7 +117,7 @@ class ColemanHodgdon:
         found = numbers(values, names)
         a, b, _ = found
         if not (np.isfinite(found).all() and a > 0 and b > 0):
-            raise ValueError(f"{', '.join(names)} must be finite, the first two positive; got {found}")
+            raise InputError(f"{', '.join(names)} must be finite, the first two positive; got {found}")
         return cls(*found)
 
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError, MissingFileError
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.coleman_hodgdon import ColemanHodgdon
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
@@ -112,15 +113,15 @@ def load_model(path: Path) -> HysteresisModel:
         ValueError: the file holds no model that we know, or parameters that cannot be.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no model file {path}; `endotwin identify` writes one")
+        raise MissingFileError(f"no model file {path}; `endotwin identify` writes one")
     try:
         values = json.loads(path.read_text())
         name = values.get("model", ColemanHodgdon.name)
     except (ValueError, AttributeError) as error:
-        raise ValueError(f"{path} is no model of hysteresis written by `endotwin identify`") from error
+        raise InputError(f"{path} is no model of hysteresis written by `endotwin identify`") from error
     if not isinstance(name, str) or name not in MODELS:
-        raise ValueError(f"{path} holds the model {name!r}; valid: {', '.join(MODELS)}")
+        raise InputError(f"{path} holds the model {name!r}; valid: {', '.join(MODELS)}")
     try:
         return MODELS[name](values)
     except ValueError as error:
-        raise ValueError(f"{path} is no {name.title()} model: {error}") from error
+        raise InputError(f"{path} is no {name.title()} model: {error}") from error

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.hysteresis.reading import series
 
 Array = NDArray[np.float64]
@@ -90,7 +91,7 @@ class PrandtlIshlinskii:
         """
         weights, thresholds = (series(values, field.name) for field in dataclasses.fields(cls))
         if len(weights) != len(thresholds) or min(*weights, *thresholds) < 0:
-            raise ValueError(
+            raise InputError(
                 "weights_deg_per_mm and thresholds_mm must be of one length and not negative; "
                 f"got {list(weights)} and {list(thresholds)}"
             )

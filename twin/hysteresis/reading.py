@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from twin.errors import InputError
+
 
 def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
     """Return the named values, each a single number.
@@ -16,7 +18,7 @@ def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
     for name, value in zip(names, found, strict=True):
         if isinstance(value, bool) or not isinstance(value, int | float):
             fault = "is missing" if name not in values else f"is {value!r}, no number"
-            raise ValueError(f"{name} {fault}; it needs {', '.join(names)}")
+            raise InputError(f"{name} {fault}; it needs {', '.join(names)}")
     return [float(value) for value in found if value is not None]
 
 
@@ -28,8 +30,8 @@ def series(values: dict[str, Any], name: str) -> tuple[float, ...]:
     """
     found = values.get(name)
     if not isinstance(found, list | tuple) or not found:
-        raise ValueError(f"{name} is {found!r}: must be a list of numbers")
+        raise InputError(f"{name} is {found!r}: must be a list of numbers")
     plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in found)
     if not plain or not np.isfinite(found).all():
-        raise ValueError(f"{name} is {found!r}: every entry must be a finite number")
+        raise InputError(f"{name} is {found!r}: every entry must be a finite number")
     return tuple(float(value) for value in found)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from twin.errors import InputError
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
 from twin.identification.bouc_wen import identify_bouc_wen
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
@@ -72,8 +73,8 @@ def check_options(name: str, *, monotone: bool = False, thresholds_mm: Sequence[
         ValueError: so it is.
     """
     if name not in MODELS:
-        raise ValueError(f"unknown model {name!r}; valid: {', '.join(MODELS)}")
+        raise InputError(f"unknown model {name!r}; valid: {', '.join(MODELS)}")
     if monotone and name != ColemanHodgdon.name:
-        raise ValueError(f"monotone constrains {ColemanHodgdon.name} models only, not {name}")
+        raise InputError(f"monotone constrains {ColemanHodgdon.name} models only, not {name}")
     if thresholds_mm and name != PrandtlIshlinskii.name:
-        raise ValueError(f"thresholds belong to {PrandtlIshlinskii.name} models only, not to {name}")
+        raise InputError(f"thresholds belong to {PrandtlIshlinskii.name} models only, not to {name}")

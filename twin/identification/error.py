@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
@@ -23,14 +24,14 @@ def check(records: Records) -> None:
         ValueError: there is no record, a command does not move or never reverses, or a value is not finite.
     """
     if not records:
-        raise ValueError("no record to identify from")
+        raise InputError("no record to identify from")
     for index, (pull, bend) in enumerate(records):
         if not (np.isfinite(pull).all() and np.isfinite(bend).all()):
-            raise ValueError(f"record {index}: command and angle must be finite")
+            raise InputError(f"record {index}: command and angle must be finite")
         if not (np.abs(np.diff(pull)) > 1e-9).any():
-            raise ValueError(f"record {index}: the command never moves")
+            raise InputError(f"record {index}: the command never moves")
     if not any((np.diff(pull) > 0).any() and (np.diff(pull) < 0).any() for pull, _ in records):
-        raise ValueError(NEVER_REVERSES)
+        raise InputError(NEVER_REVERSES)
 
 
 class Stack:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from twin.errors import InputError
 from twin.hysteresis import PrandtlIshlinskii
 from twin.hysteresis.prandtl_ishlinskii import plays_along
 from twin.identification.error import Records, check, mean_square_error
@@ -44,7 +45,7 @@ def identify_prandtl_ishlinskii(
     if not (
         np.isfinite(thresholds).all() and min(thresholds) >= 0 and len(set(thresholds)) == len(thresholds)
     ):
-        raise ValueError(f"thresholds {list(thresholds)} mm: must be different and not negative")
+        raise InputError(f"thresholds {list(thresholds)} mm: must be different and not negative")
     plays = np.concatenate([_centred(plays_along(pull, thresholds)) for pull, _ in records], axis=1)
     bend = np.concatenate([_centred(angle) for _, angle in records])
     weights, _ = nnls(plays.T, bend)

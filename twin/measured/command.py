@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError, MissingFileError
 from twin.measured.csv_columns import average_repeats, read_columns
 from twin.preset.preset import Preset
 
@@ -25,7 +26,7 @@ def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
         ValueError: a column is missing, a value is no finite number, or time runs backwards.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no command file {path}")
+        raise MissingFileError(f"no command file {path}")
     table = read_columns(path)
     command_name = table.first_of(("pull_mm", "command_deg"))
     time_name = table.first_of(("time_s", "phase_rad"))
@@ -36,5 +37,5 @@ def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
 
     instants, mean_pull = average_repeats(time, pull)
     if instants[-1] - instants[0] < sample_time:
-        raise ValueError(f"{path}: the command lasts less than one sample of {sample_time:g} s")
+        raise InputError(f"{path}: the command lasts less than one sample of {sample_time:g} s")
     return np.interp(np.arange(instants[0], instants[-1], sample_time), instants, mean_pull)

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "#n/a", "null", "none"})
@@ -45,7 +47,7 @@ class CsvColumns:
         """
         if self.names.count(name) != 1:
             count = "no" if name not in self.names else "more than one"
-            raise ValueError(f"{self.path} has {count} column {name}; its columns: {', '.join(self.names)}")
+            raise InputError(f"{self.path} has {count} column {name}; its columns: {', '.join(self.names)}")
         index = self.names.index(name)
         values = np.empty(len(self.rows))
         for number, (line, row) in enumerate(zip(self.lines, self.rows, strict=True)):
@@ -58,7 +60,7 @@ class CsvColumns:
             except ValueError:
                 values[number] = np.nan
             if not np.isfinite(values[number]):
-                raise ValueError(f"{self.path} line {line}: {name} is {text!r:.40}, not a finite number")
+                raise InputError(f"{self.path} line {line}: {name} is {text!r:.40}, not a finite number")
         return values
 
     def first_of(self, names: Sequence[str]) -> str:
@@ -70,7 +72,7 @@ class CsvColumns:
         for name in names:
             if name in self.names:
                 return name
-        raise ValueError(
+        raise InputError(
             f"{self.path} has no column {' or '.join(names)}; its columns: {', '.join(self.names)}"
         )
 
@@ -83,7 +85,7 @@ class CsvColumns:
         values = self.column(name)
         backwards = np.diff(values) < 0
         if backwards.any():
-            raise ValueError(
+            raise InputError(
                 f"{self.path} line {self.lines[int(backwards.argmax()) + 1]}: {name} runs backwards"
             )
         return values
@@ -103,7 +105,7 @@ class CsvColumns:
         """
         missing = np.isnan(self.column(name, may_miss=True))
         if missing.all():
-            raise ValueError(f"{self.path}: {name} is missing in every row")
+            raise InputError(f"{self.path}: {name} is missing in every row")
         if missing.any() and on_warning:
             on_warning(f"{self.count(missing, f'{name} is missing')}: such rows are dropped")
         return self.only(~missing)
@@ -117,7 +119,7 @@ class CsvColumns:
         time = self.column(name)
         late = time < np.maximum.accumulate(time)
         if late.mean() > MOST_LATE:
-            raise ValueError(f"{self.count(late, f'{name} runs backwards')}: at most {MOST_LATE:.0%} may")
+            raise InputError(f"{self.count(late, f'{name} runs backwards')}: at most {MOST_LATE:.0%} may")
         if late.any() and on_warning:
             on_warning(f"{self.count(late, f'{name} runs backwards')}: such rows are dropped")
         return self.only(~late)
@@ -142,9 +144,9 @@ def read_columns(path: Path) -> CsvColumns:
             names = tuple(name.strip() for name in next(reader, []))
             numbered = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV file") from error
+        raise InputError(f"{path} is not a CSV file") from error
     if not numbered:
-        raise ValueError(f"{path} holds no lines of data")
+        raise InputError(f"{path} holds no lines of data")
     lines, rows = zip(*numbered, strict=True)
     return CsvColumns(path, names, lines, rows)
 

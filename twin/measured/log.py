@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
+from twin.errors import InputError, MissingFileError
 from twin.measured.command import SECONDS_PER_CYCLE
 from twin.measured.csv_columns import CsvColumns, average_repeats, hold, read_columns
 
@@ -100,7 +101,7 @@ def read_measured_log(
     form = form or LogFormat()
     _check_format(form)
     if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
+        raise MissingFileError(f"no file {path}")
     table = read_columns(path)
 
     time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
@@ -125,16 +126,16 @@ def read_measured_log(
 
     instants, means = average_repeats(time, np.column_stack(columns))
     if len(instants) < 2:
-        raise ValueError(f"{path}: all rows have the same {time_column}, a record needs two times")
+        raise InputError(f"{path}: all rows have the same {time_column}, a record needs two times")
     _warn_of_gap(table, time, instants, on_warning)
     count = len(instants)
     if np.isnan(means[0, 0]):
         line = f"{path} line {table.lines[0]}"
-        raise ValueError(f"{line}: {form.command_column} is missing, and no row before it has one to hold")
+        raise InputError(f"{line}: {form.command_column} is missing, and no row before it has one to hold")
     measured = means[:, 1].copy()
     known = ~np.isnan(measured)
     if known.sum() < 2:
-        raise ValueError(f"{path}: {form.angle_column} is measured {known.sum()} times, a record needs two")
+        raise InputError(f"{path}: {form.angle_column} is measured {known.sum()} times, a record needs two")
     between = np.interp(instants, instants[known], measured[known])
     sheath_bend = means[:, -1] if sheath_bend_column is not None else np.empty(0)
     if form.sheath_bend_deg is not None:
@@ -176,12 +177,12 @@ def read_measured_log(
 
 def _check_format(form: LogFormat) -> None:
     if not 0 < form.pulley_radius < np.inf:
-        raise ValueError(f"`pulley_radius` is {form.pulley_radius:g} m: must be positive")
+        raise InputError(f"`pulley_radius` is {form.pulley_radius:g} m: must be positive")
     if not 0 < form.seconds_per_cycle < np.inf:
-        raise ValueError(f"seconds_per_cycle = {form.seconds_per_cycle:g}: must be positive")
+        raise InputError(f"seconds_per_cycle = {form.seconds_per_cycle:g}: must be positive")
     bend = form.sheath_bend_deg
     if bend is not None and not 0 <= bend <= _LARGEST_SHEATH_BEND_DEG:
-        raise ValueError(f"sheath_bend_deg = {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
+        raise InputError(f"sheath_bend_deg = {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
 
 
 def _in_time_order(
@@ -212,9 +213,9 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     known = values[~np.isnan(values)]
     if not known.size:
-        raise ValueError(f"{table.path}: {name} is missing in every row")
+        raise InputError(f"{table.path}: {name} is missing in every row")
     if known.min() == known.max():
-        raise ValueError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
+        raise InputError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
     return pull, unit
 
 
@@ -263,11 +264,11 @@ def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, f
     valid = f"{', '.join(most)} or {last}"
     if given is not None:
         if given not in units:
-            raise ValueError(f"{parameter} = {given}: must be {valid}")
+            raise InputError(f"{parameter} = {given}: must be {valid}")
         return given
     ending = name.lower().rpartition("_")[2] if "_" in name else ""
     if ending not in units:
-        raise ValueError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
+        raise InputError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
     return ending
 
 
@@ -278,7 +279,7 @@ def _refuse_implausible(
     wrong = (values < low) | (values > high)
     if wrong.any():
         row = int(wrong.argmax())
-        raise ValueError(
+        raise InputError(
             f"{table.path} line {table.lines[row]}: {name} is {values[row]:g} {unit}, "
             f"which is not from {low:g} to {high:g}: {advice}"
         )

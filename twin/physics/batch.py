@@ -12,6 +12,7 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.physics.drive import Drive
 from twin.physics.layout import Layout
 from twin.physics.load import Loads
@@ -97,11 +98,11 @@ class EndoscopeBatch:
             ValueError: there is none, or they differ in layout.
         """
         if not presets:
-            raise ValueError("a batch needs at least one endoscope")
+            raise InputError("a batch needs at least one endoscope")
         alike = ("bending_planes", "vertebrae", "sheath_elements", "time_step", "control_period")
         for name in alike:
             if len({getattr(preset, name) for preset in presets}) > 1:
-                raise ValueError(f"the endoscopes of a batch must agree in {name}")
+                raise InputError(f"the endoscopes of a batch must agree in {name}")
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
         compiled = {preset: mujoco.MjModel.from_xml_string(xml) for preset, xml in built.items()}

@@ -6,6 +6,7 @@ play of a gear (Brokate and Sprekels 1996, 'Hysteresis and Phase Transitions', c
 
 import math
 
+from twin.errors import InputError
 from twin.preset.preset import Preset
 
 DriveState = tuple[float, float, float]
@@ -77,7 +78,7 @@ class Drive:
             ValueError: the command is not finite.
         """
         if not math.isfinite(command):
-            raise ValueError(f"commanded pulling distance {command}: must be a finite number")
+            raise InputError(f"commanded pulling distance {command}: must be a finite number")
         if not self._stiff:
             self._turn_motor(command)
         elif self._count:

@@ -9,6 +9,7 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
+from twin.errors import DivergedError, InputError
 from twin.physics.drive import Drive, DriveState
 from twin.physics.layout import Layout
 from twin.physics.load import Loads, joint_friction
@@ -154,13 +155,13 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         """
         if not math.isfinite(pull + lateral_pull):
             wrong = lateral_pull if math.isfinite(pull) else pull
-            raise ValueError(f"commanded pulling distance {wrong}: must be a finite number")
+            raise InputError(f"commanded pulling distance {wrong}: must be a finite number")
         data, preset = self.data.ptr, self.preset
         if lateral_pull and preset.bending_planes == 1:
-            raise ValueError(f"lateral pull of {lateral_pull:g} m: {preset.name!r} has one bending plane")
+            raise InputError(f"lateral pull of {lateral_pull:g} m: {preset.name!r} has one bending plane")
         if sheath_bend is not None:
             if not 0 <= sheath_bend < math.inf:
-                raise ValueError(f"sheath bend of {sheath_bend} rad: must be finite and not negative")
+                raise InputError(f"sheath bend of {sheath_bend} rad: must be finite and not negative")
             self._sheath_bend = np.array([sheath_bend])
         self._follow_load(self._sheath_bend)
         for plane, (drive, command) in enumerate(zip(self._drives, (pull, lateral_pull), strict=False)):
@@ -170,7 +171,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         start = data.time  # MuJoCo sets a diverged simulation back to 0
         mujoco.mj_step(self.model.ptr, data, self._steps)
         if self._warnings.any():
-            raise FloatingPointError(
+            raise DivergedError(
                 f"the simulation of {preset.name!r} diverged after {start:.3f} s: "
                 f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
             )
@@ -206,7 +207,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         model, data = self.model.ptr, self.data.ptr
         size = mujoco.mj_stateSize(model, _WHOLE_STATE)
         if state.physics.shape != (size,) or state.sheath_friction.shape != self.layout.element.shape:
-            raise ValueError(
+            raise InputError(
                 f"a state of {state.physics.size} numbers does not fit this endoscope, which has {size}"
             )
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.layout import Layout
 from twin.preset.preset import Preset
@@ -112,7 +113,7 @@ class Command:
         if lateral_pull is None:
             lateral_pull = np.zeros(len(pull))
         elif preset.bending_planes == 1:
-            raise ValueError(f"a lateral command: {preset.name!r} has one bending plane, it needs two")
+            raise InputError(f"a lateral command: {preset.name!r} has one bending plane, it needs two")
         lateral_pull = np.asarray(lateral_pull, dtype=float)
         check_finite(lateral_pull)
         bend = np.asarray(preset.sheath_bend if sheath_bend is None else sheath_bend, dtype=float)
@@ -120,10 +121,10 @@ class Command:
             bend = np.full(len(pull), bend)
         for name, values in (("lateral command", lateral_pull), ("bend of the sheath", bend)):
             if values.shape != pull.shape:
-                raise ValueError(f"{name} has {values.size} samples, the command has {len(pull)}")
+                raise InputError(f"{name} has {values.size} samples, the command has {len(pull)}")
         if not (np.isfinite(bend).all() and (bend >= 0).all()):
             wrong = bend[~(np.isfinite(bend) & (bend >= 0))][0]
-            raise ValueError(f"the sheath's bend is {wrong:g} rad: every sample must be finite, not negative")
+            raise InputError(f"the sheath's bend is {wrong:g} rad: every sample must be finite, not negative")
 
         periods = check_sample_time(preset, sample_time)
         samples = np.stack([pull, lateral_pull, bend], axis=1)

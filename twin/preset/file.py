@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from twin.errors import InputError, MissingFileError
 from twin.files.assets import assets_folder
 from twin.preset.preset import Preset, suggestion
 
@@ -56,14 +57,14 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
         if path.parent == assets_folder():
             names = preset_names()
             hint = suggestion(text, names)
-            raise ValueError(f"unknown preset {text!r}{hint}; or give the path of a .yaml file")
-        raise FileNotFoundError(f"no preset file {path}")
+            raise InputError(f"unknown preset {text!r}{hint}; or give the path of a .yaml file")
+        raise MissingFileError(f"no preset file {path}")
     try:
         values = yaml.safe_load(path.read_text())
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
+        raise InputError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
     if not isinstance(values, dict):
-        raise ValueError(f"{path} holds no preset: expected `parameter: value` lines")
+        raise InputError(f"{path} holds no preset: expected `parameter: value` lines")
     return path.stem, values
 
 

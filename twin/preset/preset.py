@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from twin.errors import InputError
+
 
 def _within(default: float, low: float, high: float) -> Any:
     """Return a field with a default and physical limits."""
@@ -132,7 +134,7 @@ class Preset:
             ValueError: a parameter is not a finite number or lies outside its physical range.
         """
         if not isinstance(self.name, str):
-            raise ValueError(f"preset parameter name = {self.name!r}: must be text")
+            raise InputError(f"preset parameter name = {self.name!r}: must be text")
         for field in dataclasses.fields(self)[1:]:
             value = getattr(self, field.name)
             _check(field, value)
@@ -140,7 +142,7 @@ class Preset:
                 object.__setattr__(self, field.name, float(value))
         steps = self.control_period / self.time_step
         if steps < 1 or abs(steps - round(steps)) > 1e-9:
-            raise ValueError(
+            raise InputError(
                 f"preset parameter control_period = {self.control_period!r}: "
                 f"must be a whole multiple of time_step = {self.time_step!r}"
             )
@@ -164,7 +166,7 @@ class Preset:
         names = [field.name for field in dataclasses.fields(self)]
         for name in changes:
             if name not in names:
-                raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, names)}")
+                raise InputError(f"unknown preset parameter {name!r}{suggestion(name, names)}")
         return dataclasses.replace(self, **changes)
 
     def without_friction(self) -> "Preset":
@@ -190,7 +192,7 @@ def parameter_limits(name: str) -> tuple[float, float]:
     """
     limits = {field.name: field.metadata for field in dataclasses.fields(Preset)[1:]}
     if name not in limits:
-        raise ValueError(f"unknown preset parameter {name!r}{suggestion(name, list(limits))}")
+        raise InputError(f"unknown preset parameter {name!r}{suggestion(name, list(limits))}")
     return limits[name]["low"], limits[name]["high"]
 
 
@@ -212,7 +214,7 @@ def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
                 if name in whole
                 else "must be NAME=VALUE, as in wire_stiffness=2e4"
             )
-            raise ValueError(f"change of the preset {change!r}: {rule}") from error
+            raise InputError(f"change of the preset {change!r}: {rule}") from error
     return parsed
 
 
@@ -220,15 +222,15 @@ def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
     low, high = field.metadata["low"], field.metadata["high"]
     stated = f"preset parameter {field.name} = {value!r:.40}"
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
-        raise ValueError(f"{stated}: must be a finite number")
+        raise InputError(f"{stated}: must be a finite number")
     if isinstance(field.default, int) and (not isinstance(value, int) or not low <= value <= high):
-        raise ValueError(f"{stated}: must be a whole number from {low} to {high}")
+        raise InputError(f"{stated}: must be a whole number from {low} to {high}")
     if value <= 0 and low > 0:
-        raise ValueError(f"{stated}: must be positive")
+        raise InputError(f"{stated}: must be positive")
     if value < 0 and low == 0:
-        raise ValueError(f"{stated}: must not be negative")
+        raise InputError(f"{stated}: must not be negative")
     if not low <= value <= high:
-        raise ValueError(f"{stated}: must be from {low:g} to {high:g}")
+        raise InputError(f"{stated}: must be from {low:g} to {high:g}")
 
 
 def suggestion(name: str, names: list[str]) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.preset.file import read_preset_file
 from twin.preset.preset import Preset, parameter_limits
 
@@ -41,10 +42,10 @@ class Ranges:
         object.__setattr__(self, "limits", floats)
         for name, low, high in self.limits:
             if name in _FIXED:
-                raise ValueError(f"range of {name}: it is not drawn; choose it in the preset")
+                raise InputError(f"range of {name}: it is not drawn; choose it in the preset")
             least, most = parameter_limits(name)
             if not least <= low < high <= most:
-                raise ValueError(
+                raise InputError(
                     f"range of {name} = [{low:g}, {high:g}]: must rise, within [{least:g}, {most:g}]"
                 )
 
@@ -76,7 +77,7 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
     stated = values.get("ranges")
     if not isinstance(stated, dict) or not stated:
         rule = "add `ranges:` with `parameter: [low, high]` lines"
-        raise ValueError(f"preset {name!r} states no ranges: {rule}")
+        raise InputError(f"preset {name!r} states no ranges: {rule}")
     return Ranges(tuple(_range(str(parameter), limits) for parameter, limits in stated.items()))
 
 
@@ -84,7 +85,7 @@ def _range(name: str, limits: Any) -> tuple[str, float, float]:
     try:
         low, high = (float(limit) for limit in limits)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"range of {name} = {limits!r}: must be [low, high]") from error
+        raise InputError(f"range of {name} = {limits!r}: must be [low, high]") from error
     return name, low, high
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.preset.preset import Preset
 
 
@@ -13,7 +14,7 @@ def check_sample_time(preset: Preset, sample_time: float) -> int:
     """
     periods = round(sample_time / preset.control_period) if np.isfinite(sample_time) else 0
     if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
-        raise ValueError(
+        raise InputError(
             f"sample time {sample_time:g} s: must be a whole multiple of the control period, "
             f"{preset.control_period:g} s"
         )

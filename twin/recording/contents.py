@@ -9,6 +9,7 @@ from typing import Any
 from mcap.opcode import Opcode
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.recording.mcap_file.records import HEAD, Budget, FileRecord, parse, unpack
 from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
 from twin.recording.writer import METADATA_RECORD
@@ -90,16 +91,16 @@ class Contents:
             elif end - offset >= head_size:
                 opcode, length = HEAD.unpack_from(raw, offset)
             else:
-                raise ValueError("the last record of a chunk is cut off")
+                raise InputError("the last record of a chunk is cut off")
             stop = offset + head_size + length
             count += 1
             if count > limit:
-                raise ValueError("its chunks hold more records than a file of this size may hold")
+                raise InputError("its chunks hold more records than a file of this size may hold")
             if stop > end:
-                raise ValueError(f"a record claims {length} bytes: {end - offset - head_size} are left")
+                raise InputError(f"a record claims {length} bytes: {end - offset - head_size} are left")
             if opcode == message_opcode:
                 if length < fields_size:
-                    raise ValueError(f"a message has {length} bytes: must have {fields_size} or more")
+                    raise InputError(f"a message has {length} bytes: must have {fields_size} or more")
                 if channel not in places:
                     places[channel] = self._place(channel, found)
                 place = places[channel]
@@ -121,7 +122,7 @@ class Contents:
     def _place(self, channel: int, found: Found) -> tuple[list[int], list[bytes]] | None:
         """Return the lists for the messages of a channel; None if they are skipped."""
         if channel not in self.topics:
-            raise ValueError(f"a message is on channel {channel}, which is not described")
+            raise InputError(f"a message is on channel {channel}, which is not described")
         topic = self.topics[channel]
         return found.setdefault(topic, ([], [])) if topic in self._kept else None
 
@@ -130,11 +131,11 @@ class Contents:
         fields = parse(raw, record)
         if record.opcode == Opcode.SCHEMA:
             if self._schemas.setdefault(fields.id, fields.name) != fields.name:
-                raise ValueError(f"schema {fields.id} is both {self._schemas[fields.id]} and {fields.name}")
+                raise InputError(f"schema {fields.id} is both {self._schemas[fields.id]} and {fields.name}")
             return
         channel = (fields.topic, fields.message_encoding, fields.schema_id)
         if self._channels.setdefault(fields.id, channel) != channel:
-            raise ValueError(f"channel {fields.id} is described twice, differently")
+            raise InputError(f"channel {fields.id} is described twice, differently")
         self.topics[fields.id] = fields.topic
 
     def metadata(self) -> dict[str, Any]:
@@ -144,7 +145,7 @@ class Contents:
             ValueError: the file has none, or an item is not JSON.
         """
         if self.items is None:
-            raise ValueError(f"metadata record {METADATA_RECORD!r} is missing")
+            raise InputError(f"metadata record {METADATA_RECORD!r} is missing")
         return {name: from_json(name, text) for name, text in self.items.items()}
 
     def episode(self, metadata: dict[str, Any]) -> Episode:
@@ -167,13 +168,13 @@ class Contents:
         """
         for topic in REQUIRED_TOPICS:
             if topic not in self.topics.values():
-                raise ValueError(f"topic {topic} is missing")
+                raise InputError(f"topic {topic} is missing")
         for topic, encoding, schema in self._channels.values():
             if topic not in TOPICS:
                 continue
             wanted, found = SCHEMAS[topic].DESCRIPTOR.full_name, self._schemas.get(schema, "none")
             if (encoding, found) != ("protobuf", wanted):
-                raise ValueError(
+                raise InputError(
                     f"topic {topic} has {encoding!r} messages of schema {found}: "
                     f"must be 'protobuf' of {wanted}"
                 )
@@ -184,7 +185,7 @@ class Contents:
             payload.count(tag) for payload in self.payloads.get("/joint_states", []) for tag in _JOINT_TAGS
         )
         if joints > max(_SMALLEST_JOINT_LIMIT, self.file_size):
-            raise ValueError("/joint_states has more joints than a file of this size may hold")
+            raise InputError("/joint_states has more joints than a file of this size may hold")
 
 
 def from_json(name: str, text: str) -> Any:
@@ -196,15 +197,15 @@ def from_json(name: str, text: str) -> Any:
     try:
         return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
     except ValueError as error:
-        raise ValueError(f"metadata {name!r} is not JSON: {error}") from error
+        raise InputError(f"metadata {name!r} is not JSON: {error}") from error
 
 
 def _refuse_constant(constant: str) -> None:
-    raise ValueError(f"{constant} is not a number")
+    raise InputError(f"{constant} is not a number")
 
 
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text} is beyond the largest number")
+        raise InputError(f"{text} is beyond the largest number")
     return value

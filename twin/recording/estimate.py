@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from twin.recording.endotwin_pb2 import Measurement  # type: ignore[attr-defined]
+from twin.recording.endotwin_pb2 import Measurement
 
 
 def estimate_topic(method: str) -> str:

@@ -16,6 +16,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
+from twin.errors import InputError
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.poses import LATERAL_HINGE
 
@@ -56,11 +57,11 @@ def to_nanoseconds(time: Array) -> list[int]:
     """
     rounded = np.rint(np.asarray(time, dtype=float) * 1e9)
     if rounded[0] < 0 or rounded[-1] > LARGEST_TIME:
-        raise ValueError(f"time runs from {time[0]:g} to {time[-1]:g} s: a log time is from 0 to 9.2e9 s")
+        raise InputError(f"time runs from {time[0]:g} to {time[-1]:g} s: a log time is from 0 to 9.2e9 s")
     nanoseconds = rounded.astype(np.int64)
     same = np.flatnonzero(np.diff(nanoseconds) <= 0)
     if len(same) > 0:
-        raise ValueError(f"time at sample {same[0] + 1} is less than 1 ns after the one before")
+        raise InputError(f"time at sample {same[0] + 1} is less than 1 ns after the one before")
     return cast(list[int], nanoseconds.tolist())
 
 
@@ -83,15 +84,15 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
     """
     for topic in REQUIRED_TOPICS:
         if topic not in times:
-            raise ValueError(f"topic {topic} is missing")
+            raise InputError(f"topic {topic} is missing")
     count = len(times["/command"])
     for topic in SCHEMAS:
         if topic not in times or topic in ("/measurement", SCENE_TOPIC):
             continue
         if len(times[topic]) != count:
-            raise ValueError(f"topic {topic} has {len(times[topic])} messages, /command has {count}")
+            raise InputError(f"topic {topic} has {len(times[topic])} messages, /command has {count}")
         if list(times[topic]) != list(times["/command"]):
-            raise ValueError(f"the messages of {topic} are not at the times of those of /command")
+            raise InputError(f"the messages of {topic} are not at the times of those of /command")
 
     commands = [Command.FromString(payload) for payload in payloads["/command"]]
     truths = [Truth.FromString(payload) for payload in payloads["/truth"]]
@@ -117,7 +118,7 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
     sideways = _hinges("lateral joints", joints, count, lateral=True)
     if sideways.shape[1] not in (0, arrays["joint_angle"].shape[1]):
         sizes = arrays["joint_angle"].shape[1], sideways.shape[1]
-        raise ValueError(f"/joint_states has {sizes[0]} hinges, {sizes[1]} lateral ones")
+        raise InputError(f"/joint_states has {sizes[0]} hinges, {sizes[1]} lateral ones")
     if sideways.shape[1] > 0:
         lateral["lateral_joint_angle"] = sideways
     wires = wire_names(lateral.values())
@@ -134,7 +135,7 @@ def _places(measurements: Sequence[int], commands: Sequence[int]) -> list[int]:
     index = {time: place for place, time in enumerate(commands)}
     places = [index.get(time, -1) for time in measurements]
     if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
-        raise ValueError("the messages of /measurement are not at the times of those of /command")
+        raise InputError("the messages of /measurement are not at the times of those of /command")
     return places
 
 
@@ -149,7 +150,7 @@ def _optional(messages: list[Any], field: str) -> Array:
     if not any(known):
         return np.empty(0)
     if not all(known):
-        raise ValueError(f"{field} is missing at sample {known.index(False)}, not at {known.index(True)}")
+        raise InputError(f"{field} is missing at sample {known.index(False)}, not at {known.index(True)}")
     return np.array([getattr(message, field) for message in messages])
 
 
@@ -169,10 +170,10 @@ def _wires(truths: list[Any], field: str, wires: str) -> Array:
         tables[name] = _table(of_wire, list(map(operator.attrgetter(of_wire), truths)), len(truths))
     for name, table in tables.items():
         if name not in wires and table.shape[1] > 0:
-            raise ValueError(f"{field.format(name)} is recorded, but no lateral pull, bend or joints")
+            raise InputError(f"{field.format(name)} is recorded, but no lateral pull, bend or joints")
         if name in wires and table.shape != tables["a"].shape:
             sizes = tables["a"].shape[1], table.shape[1]
-            raise ValueError(
+            raise InputError(
                 f"{field.format('a')} has {sizes[0]} columns, {field.format(name)} has {sizes[1]}"
             )
     return np.stack([tables[name] for name in wires], axis=1)
@@ -184,7 +185,7 @@ def _table(name: str, rows: Sequence[Sequence[float]], count: int) -> Array:
     columns = sizes[0] if sizes else 0
     if sizes.count(columns) < len(sizes):
         index = next(index for index, size in enumerate(sizes) if size != columns)
-        raise ValueError(f"{name} has {sizes[index]} values at sample {index}, {columns} at sample 0")
+        raise InputError(f"{name} has {sizes[index]} values at sample {index}, {columns} at sample 0")
     if columns == 0:
         return np.empty((count, 0))
     return np.fromiter(itertools.chain.from_iterable(rows), float, columns * count).reshape(count, columns)

@@ -14,6 +14,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.recording.mcap_file.layout import SECOND
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ def link_length(episode: Episode) -> float | None:
         return None
     joints = int(episode.joint_angle.shape[1])
     if preset["vertebrae"] != joints:
-        raise ValueError(f"joint_angle has {joints} columns, the preset {preset['vertebrae']} vertebrae")
+        raise InputError(f"joint_angle has {joints} columns, the preset {preset['vertebrae']} vertebrae")
     return float(preset["section_length"]) / joints
 
 

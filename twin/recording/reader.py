@@ -8,6 +8,7 @@ from typing import Any
 from mcap.opcode import Opcode
 
 from twin.episode import Episode
+from twin.errors import InputError, MissingFileError
 from twin.recording.contents import TOPICS, Contents
 from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
 
@@ -35,7 +36,7 @@ def read_episode(path: str | Path) -> Episode:
     try:
         return whole_episode(contents)
     except ValueError as error:
-        raise ValueError(f"{path} {error}") from error
+        raise InputError(f"{path} {error}") from error
 
 
 def read_metadata(path: str | Path) -> dict[str, Any]:
@@ -53,7 +54,7 @@ def read_metadata(path: str | Path) -> dict[str, Any]:
         contents.check_topics()
         return contents.metadata()
     except Exception as error:
-        raise ValueError(f"{path} holds no whole episode: {one_line(error)}") from error
+        raise InputError(f"{path} holds no whole episode: {one_line(error)}") from error
 
 
 def read_dataset(path: str | Path) -> list[Episode]:
@@ -77,7 +78,7 @@ def episode_files(path: str | Path) -> list[Path]:
         return [path]
     files = sorted(path.glob("*.mcap"))
     if not files:
-        raise FileNotFoundError(f"no *.mcap file in {path}")
+        raise MissingFileError(f"no *.mcap file in {path}")
     return files
 
 
@@ -92,7 +93,7 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
         ValueError: the file is cut off or damaged; the text goes on after the name of the file.
     """
     if len(data) < 2 * len(MAGIC) or not data.endswith(MAGIC):
-        raise ValueError("is cut off: it does not end with the MCAP mark")
+        raise InputError("is cut off: it does not end with the MCAP mark")
     contents = Contents(len(data), kept)
     # Damaged bytes raise exceptions of no closed list: mcap, zstandard and Protobuf have their own and let
     # through those of struct, of codecs and of dictionaries.
@@ -105,7 +106,7 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
     except MemoryError:
         raise
     except Exception as error:
-        raise ValueError(f"is damaged: {one_line(error)}") from error
+        raise InputError(f"is damaged: {one_line(error)}") from error
     return contents
 
 
@@ -120,7 +121,7 @@ def whole_episode(contents: Contents) -> Episode:
     except MemoryError:
         raise
     except Exception as error:
-        raise ValueError(f"holds no whole episode: {one_line(error)}") from error
+        raise InputError(f"holds no whole episode: {one_line(error)}") from error
 
 
 def one_line(error: Exception) -> str:
@@ -136,7 +137,7 @@ def _read(path: Path, kept: Collection[str]) -> Contents:
     try:
         return whole_contents(data, kept)
     except ValueError as error:
-        raise ValueError(f"{path} {error}{HINT}") from error
+        raise InputError(f"{path} {error}{HINT}") from error
 
 
 def _records(data: bytes) -> Iterator[FileRecord]:
@@ -148,22 +149,22 @@ def _records(data: bytes) -> Iterator[FileRecord]:
         if record.opcode == Opcode.DATA_END:
             expected = parse(data, record).data_section_crc
             if expected not in (0, zlib.crc32(memoryview(data)[:offset])):
-                raise ValueError("the CRC of the data section does not match")
+                raise InputError("the CRC of the data section does not match")
             data_ended = True
         elif record.opcode in _DATA and data_ended:
-            raise ValueError(f"the record at byte {offset} comes after the end of the data section")
+            raise InputError(f"the record at byte {offset} comes after the end of the data section")
         elif record.opcode == Opcode.FOOTER:
             fault = summary_fault(data, record)
             if fault is not None:
-                raise ValueError(fault)
+                raise InputError(fault)
             if not data_ended:
-                raise ValueError("the data section has no end")
+                raise InputError("the data section has no end")
             if record.end != end:
-                raise ValueError(f"{end - record.end} bytes come after the footer")
+                raise InputError(f"{end - record.end} bytes come after the footer")
             return
         yield record
         offset = record.end
-    raise ValueError("it has no footer")
+    raise InputError("it has no footer")
 
 
 def _check_counts(contents: Contents, statistics: Any) -> None:
@@ -171,4 +172,4 @@ def _check_counts(contents: Contents, statistics: Any) -> None:
     for kind, found in contents.counts.items():
         claimed = getattr(statistics, f"{kind}_count")
         if claimed != found:
-            raise ValueError(f"the summary counts {claimed} records of kind {kind}, the file has {found}")
+            raise InputError(f"the summary counts {claimed} records of kind {kind}, the file has {found}")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.recording.contents import TOPICS, Contents, from_json
 from twin.recording.mcap_file.records import mcap_bytes
 from twin.recording.messages import LARGEST_TIME, REQUIRED_TOPICS
@@ -88,7 +89,7 @@ def recover_episode(path: str | Path) -> Recovered:
     except Exception as error:
         reason = one_line(error)
         repeated = refused.endswith(reason)
-        raise ValueError(
+        raise InputError(
             f"{path} {refused}; nothing can be recovered" + ("" if repeated else f": {reason}")
         ) from error
 
@@ -102,7 +103,7 @@ def _recovered(salvage: Salvage, refused: str) -> Recovered:
     faults += _keep_whole_samples(salvage)
     count = len(contents.times[_CLOCK])
     if count < 2:
-        raise ValueError(f"{count} samples are whole: an episode has two or more")
+        raise InputError(f"{count} samples are whole: an episode has two or more")
     if expected is not None and not count <= expected <= LARGEST_TIME:
         expected = None  # no clock can have seen it
     metadata["recovered"] = {"samples": count, "expected": expected}
@@ -156,7 +157,7 @@ def _keep_whole_samples(salvage: Salvage) -> Iterator[str]:
     contents = salvage.contents
     for topic in sorted(({*REQUIRED_TOPICS, *contents.topics.values()} & TOPICS) - {*contents.times}):
         if topic in REQUIRED_TOPICS:
-            raise ValueError(f"no message of topic {topic} is whole")
+            raise InputError(f"no message of topic {topic} is whole")
         yield f"no message of topic {topic} is whole"
     # Reversed, so that the first message at a time is the one that stays.
     messages = {

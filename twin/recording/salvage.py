@@ -10,6 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.recording.contents import Contents, Found
 from twin.recording.mcap_file.records import HEAD, MAGIC, FileRecord, parse, record_at, summary_fault
 from twin.recording.reader import one_line
@@ -189,17 +190,17 @@ class Salvage:
             Exception: the length of the record is not credible either.
         """
         if record.opcode == 0:
-            raise ValueError("no record has opcode 0")
+            raise InputError("no record has opcode 0")
         fields: Any = parse(self._data, record) if record.opcode in _PARSED else None
         length = record.end - record.body
         if record.opcode == Opcode.CHUNK:
             if length != _CHUNK_FIELDS + len(fields.compression) + len(fields.data):
-                raise ValueError("a chunk is not as long as its fields")
+                raise InputError("a chunk is not as long as its fields")
             self._chunks_seen += 1
         if record.opcode == Opcode.MESSAGE_INDEX:
             size = int.from_bytes(self._data[record.body + 2 : record.body + 6], "little")
             if length != 2 + 4 + size:
-                raise ValueError("a message index is not as long as its fields")
+                raise InputError("a message index is not as long as its fields")
         self._taken.add((record.start, record.opcode))
 
         try:
@@ -222,7 +223,7 @@ class Salvage:
                 length = index.chunk_length if kind == Opcode.CHUNK else index.length
                 try:
                     if offset + length > len(self._data):
-                        raise ValueError(f"{offset + length - len(self._data)} bytes of it are missing")
+                        raise InputError(f"{offset + length - len(self._data)} bytes of it are missing")
                     if offset not in self._pieces:
                         self._faults.append(
                             f"{_name(kind)} at byte {offset}: it was taken for another record"
@@ -257,7 +258,7 @@ def _check_attachment(data: bytes, record: FileRecord) -> None:
     """Check the CRC at the end of an attachment, where it has one."""
     expected = int.from_bytes(data[record.end - _CRC_SIZE : record.end], "little")
     if expected not in (0, zlib.crc32(memoryview(data)[record.body : record.end - _CRC_SIZE])):
-        raise ValueError("its CRC does not match")
+        raise InputError("its CRC does not match")
 
 
 def _name(opcode: int) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.episode import OPTIONAL, Episode
+from twin.errors import InputError
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.mcap_file.layout import Stream
 from twin.recording.messages import SCENE_TOPIC, wire_names
@@ -37,7 +38,7 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     _check_shapes(episode)
     seen = ~np.isnan(episode.measured_bend)
     if not seen.any():
-        raise ValueError("measured_bend is NaN at every sample: a record needs a measurement")
+        raise InputError("measured_bend is NaN at every sample: a record needs a measurement")
     streams = [
         _scalars("/command", Command, _command_columns(episode)),
         _scalars("/truth", Truth, _truth_columns(episode)),
@@ -161,4 +162,4 @@ def _check_shapes(episode: Episode) -> None:
             wanted is None or size == wanted for size, wanted in zip(shape[1:], columns, strict=True)
         )
         if not fits:
-            raise ValueError(f"{field} has shape {shape} for {count} samples: must be {valid}")
+            raise InputError(f"{field} has shape {shape} for {count} samples: must be {valid}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.files.atomic import WholeFile
 from twin.recording.mcap_file.chunks import message_chunks, sample_chunks
 from twin.recording.mcap_file.container import Container
@@ -74,7 +75,7 @@ class EpisodeWriter:
         if kind is None:
             try:
                 if not self._complete:
-                    raise ValueError(f"{self.path}: no whole episode was written")
+                    raise InputError(f"{self.path}: no whole episode was written")
                 self._write_others()
                 self._container.finish()
             except BaseException as failure:
@@ -93,7 +94,7 @@ class EpisodeWriter:
                 `streams.streams_of`), or the file holds an episode already.
         """
         if self._complete:
-            raise ValueError(f"{self.path} already holds an episode: one file, one episode")
+            raise InputError(f"{self.path} already holds an episode: one file, one episode")
         metadata = {name: _to_json(name, episode.metadata[name]) for name in sorted(episode.metadata)}
         nanoseconds = to_nanoseconds(episode.time)
         streams = streams_of(episode, nanoseconds[0])
@@ -124,7 +125,7 @@ class EpisodeWriter:
             ValueError: the time is negative or beyond 292 years.
         """
         if not 0 <= time <= LARGEST_TIME:
-            raise ValueError(f"{topic}: time {time} ns: a log time is from 0 to {LARGEST_TIME} ns")
+            raise InputError(f"{topic}: time {time} ns: a log time is from 0 to {LARGEST_TIME} ns")
         self._descriptors.setdefault(topic, message.DESCRIPTOR)
         self._others.append((time, topic, message.SerializeToString(deterministic=True)))
 
@@ -165,7 +166,7 @@ def _to_json(name: str, value: Any) -> str:
     try:
         return json.dumps(value, sort_keys=True, allow_nan=False, default=_plain)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"metadata {name!r} is not JSON: {error}") from error
+        raise InputError(f"metadata {name!r} is not JSON: {error}") from error
 
 
 def _plain(value: Any) -> Any:

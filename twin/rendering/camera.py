@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from twin.episode import Episode
+from twin.errors import InputError
 
 QUALITY = 85
 """JPEG quality of the pictures, out of 100."""
@@ -37,11 +38,11 @@ class Camera:
             ValueError: the rate or the size is out of range.
         """
         if not 0 < self.pictures_per_second <= 1000:
-            raise ValueError(
+            raise InputError(
                 f"camera: {self.pictures_per_second:g} pictures per second: must be positive, at most 1000"
             )
         if self.width % 2 or self.height % 2 or not (80 <= self.width <= 1280 and 120 <= self.height <= 1280):
-            raise ValueError(
+            raise InputError(
                 f"camera: {self.width} x {self.height} pixels: must be even, 80 to 1280 and 120 to 1280"
             )
 

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 from scipy.spatial.transform import Rotation
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.physics.endoscope import Endoscope
 from twin.physics.view import SideView
 from twin.preset.preset import Preset
@@ -35,7 +36,7 @@ class Film:
             OSError: nothing on this system can draw without a screen.
         """
         if width % 2 or height % 2 or not (160 <= width <= 2560 and 120 <= height <= 1280):
-            raise ValueError(f"size {width} x {height}: both must be even, from 160 x 120 to 2560 x 1280")
+            raise InputError(f"size {width} x {height}: both must be even, from 160 x 120 to 2560 x 1280")
         self.episode = episode
         self.width, self.height = width, height
         self._scene_width = width // 2

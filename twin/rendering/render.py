@@ -69,7 +69,7 @@ def render_frame(episode: Episode, index: int, *, width: int = WIDTH, height: in
         OSError: nothing on this system can draw without a screen.
     """
     if not -len(episode.time) <= index < len(episode.time):
-        raise ValueError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
+        raise InputError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
     return Film(episode, width, height).frame(index % len(episode.time))
 
 
@@ -150,7 +150,7 @@ def render_mp4(
         OSError: nothing on this system can draw without a screen.
     """
     if not 0 < fps <= 240 or not 0 < speed <= 1000:
-        raise ValueError(f"fps {fps} and speed {speed:g}: must be positive, at most 240 and 1000")
+        raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most 240 and 1000")
     film = Film(episode, width, height)
     duration = episode.time[-1] - episode.time[0]
     frame_times = episode.time[0] + np.arange(int(duration * fps / speed + 1e-9) + 1) * speed / fps

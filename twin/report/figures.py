@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.registry import Style, method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
@@ -70,7 +71,7 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
         ValueError: there is not one fit per loop.
     """
     if fits and len(fits) != len(loops):
-        raise ValueError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
+        raise InputError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
     figure = Figure(figsize=(4.6, 4.0), layout="constrained")
     axes = clean_axes(figure.subplots())
     for pull, bend in loops:
@@ -173,7 +174,7 @@ def rmse_figure(scores: Sequence[Score]) -> Figure:
     """
     scores = protocol_scores(scores)
     if not scores:
-        raise ValueError("no rows of evaluation.json: nothing to draw")
+        raise InputError("no rows of evaluation.json: nothing to draw")
     noises = sorted({score.condition for score in scores})
     methods = ordered(score.label for score in scores)
     slot = 0.8 / len(methods)
@@ -263,4 +264,5 @@ def _handle(method: str, methods: Sequence[str], note: str = "") -> Line2D:
 def _running_median(values: Array, window: int) -> Array:
     """Median of the last `window` values at each place (M,)."""
     padded = np.concatenate([np.full(window - 1, values[0]), values])
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
+    median: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
+    return median

@@ -13,7 +13,12 @@ _NBSP = "\N{NO-BREAK SPACE}"
 
 @dataclasses.dataclass(frozen=True)
 class Findings:
-    """A headline and one line per noise."""
+    """A headline and one line per noise.
+
+    Attributes:
+        headline: wins of the proposed method, counted.
+        lines: best other method under each noise, and how far it is off.
+    """
 
     headline: str
     lines: list[str]
@@ -74,7 +79,7 @@ def _line(ours: Score, rival: Score) -> str:
 
 
 def _overlap(first: Score, second: Score) -> bool:
-    """Whether the intervals of two scores share a value."""
+    """True where the intervals of two scores share a value."""
     (low, high), (other_low, other_high) = first.rmse_ci95_deg, second.rmse_ci95_deg
     return low <= other_high and other_low <= high
 

@@ -18,6 +18,7 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
+from twin.errors import InputError, MissingFileError
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.registry import proposed_method, trainable_specs
 from twin.evaluation.paper import TABLES
@@ -39,7 +40,7 @@ LARGEST_VIDEO = 8 * 2**20
 """A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
 
 _DRAWN = 2
-"""How many loops are drawn over each other: more cannot be told apart."""
+"""Loops that are drawn over each other: more cannot be told apart."""
 
 
 def _agents() -> dict[str, str]:
@@ -71,17 +72,27 @@ def _commands() -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Shown:
-    """A picture of the page, or a film."""
+    """A picture of the page, or a film.
+
+    Attributes:
+        source: A `data:` address.
+        caption: below it.
+        is_film: whether it is a film, not a picture.
+    """
 
     source: str
-    """A `data:` address."""
     caption: str
     is_film: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class Gap:
-    """Something that the run folder does not hold, and the command that makes it."""
+    """Something that the run folder does not hold, and the command that makes it.
+
+    Attributes:
+        sentence: names it.
+        command: makes it.
+    """
 
     sentence: str
     command: str
@@ -102,9 +113,9 @@ def write_report(folder: Path, path: Path) -> Path:
         ValueError: nothing in the folder belongs to a run.
     """
     if not folder.is_dir():
-        raise FileNotFoundError(f"no folder {folder}")
+        raise MissingFileError(f"no folder {folder}")
     if not any((folder / name).exists() for name in _commands()):
-        raise ValueError(f"{folder} holds no run: expected one of {', '.join(_commands())}")
+        raise InputError(f"{folder} holds no run: expected one of {', '.join(_commands())}")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(assets_folder()),
         autoescape=True,
@@ -143,7 +154,7 @@ def _commands_run(folder: Path) -> list[str]:
 
 
 def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap:
-    """What `read` makes of a file or folder of the run, or why it is not there."""
+    """Part of the page that `read` makes of a file or folder of the run, or why it is not there."""
     command = f"endotwin {_commands()[name]}"
     if not (folder / name).exists():
         return Gap(f"This run has no {name}.", command)
@@ -205,7 +216,7 @@ def _tracking(path: Path) -> list[Shown]:
     scores = read_scores(evaluation)[0] if evaluation.is_file() else []
     shown = [_drawn(*drawn) for drawn in paper_figures(load_tracks(path), scores).values()]
     if not shown:
-        raise ValueError("it has none of the noises and methods of the paper's figures")
+        raise InputError("it has none of the noises and methods of the paper's figures")
     return shown
 
 
@@ -217,19 +228,19 @@ def _training(path: Path) -> Shown:
             with progress.open(newline="") as file:
                 lines = list(csv.DictReader(file))
             if not lines:
-                raise ValueError(f"{folder}/progress.csv has no lines")
+                raise InputError(f"{folder}/progress.csv has no lines")
             columns = {"samples": "samples", "return": "mean_reward"}
             curves[agent] = {
                 key: np.array([float(line[name]) for line in lines]) for key, name in columns.items()
             }
     if not curves:
-        raise ValueError("no agent in it has a progress.csv")
+        raise InputError("no agent in it has a progress.csv")
     caption = "What each agent pays per step while it learns, thin as recorded, thick the running median."
     return _drawn(training_figure(curves), caption)
 
 
 def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
-    """What was run, as (title, [(name, value)]), from every file of the run that says so."""
+    """Facts of the run, as (title, [(name, value)]), from every file that states some."""
     sources: dict[str, tuple[str, Callable[[str], Any]]] = {
         "Run": ("demo.json", json.loads),
         "Training records": ("data/train/dataset.json", _recipe),

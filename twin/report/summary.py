@@ -288,6 +288,6 @@ def _is_limit(method: str) -> bool:
 
 
 def _deployable(score: Score) -> bool:
-    """Whether it competes: neither an oracle nor an ensemble, which others are measured against."""
+    """True for a method that competes: no oracle, and no ensemble, which others are measured against."""
     spec = method_spec(score.method)
     return not score.oracle and (spec is None or spec.family != "ensemble")

@@ -5,6 +5,7 @@ from html import escape
 
 from tabulate import tabulate
 
+from twin.errors import InputError
 from twin.estimation.registry import method_specs
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.score import Score
@@ -58,7 +59,7 @@ def paper_table(
     """
     table = _table_of(noise)
     if fmt not in FORMATS:
-        raise ValueError(f"unknown format {fmt!r}; valid: {', '.join(FORMATS)}")
+        raise InputError(f"unknown format {fmt!r}; valid: {', '.join(FORMATS)}")
     chosen = [score for score in protocol_scores(scores, sample_time_s) if score.noise == noise]
     cells = {(score.level, score.label): score for score in chosen}
     methods = ordered(score.label for score in chosen)
@@ -122,7 +123,7 @@ def _table_of(noise: str) -> PaperTable:
     for table in TABLES:
         if table.noise == noise:
             return table
-    raise ValueError(f"no table of {noise!r} noise; valid: {', '.join(table.noise for table in TABLES)}")
+    raise InputError(f"no table of {noise!r} noise; valid: {', '.join(table.noise for table in TABLES)}")
 
 
 def _best(group: dict[str, Score | None], index: str) -> str | None:

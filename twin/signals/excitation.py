@@ -9,6 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 SETTLE_SECONDS = 1.0
 
@@ -32,12 +34,12 @@ def command(
         ValueError: the kind is unknown, the interval is empty or the record is shorter than two samples.
     """
     if kind not in SIGNALS:
-        raise ValueError(f"unknown signal {kind!r}; valid: {', '.join(SIGNALS)}")
+        raise InputError(f"unknown signal {kind!r}; valid: {', '.join(SIGNALS)}")
     low, high = stroke
     if not (np.isfinite([low, high]).all() and low < high):
-        raise ValueError(f"stroke [{low * 1e3:g}, {high * 1e3:g}] mm: the first must be below the second")
+        raise InputError(f"stroke [{low * 1e3:g}, {high * 1e3:g}] mm: the first must be below the second")
     if not (np.isfinite([seconds, sample_time]).all() and sample_time > 0 and seconds >= 2 * sample_time):
-        raise ValueError(f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples")
+        raise InputError(f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples")
     time = np.arange(round(seconds / sample_time), dtype=float) * sample_time
     unit = SIGNALS[kind](time, rng)  # in [-1, 1]
     return (low + high) / 2 + (high - low) / 2 * unit
@@ -71,7 +73,7 @@ def check_finite(pull: Array) -> None:
     bad = np.flatnonzero(~np.isfinite(pull))
     if bad.size:
         first = bad[0]
-        raise ValueError(f"the command is {pull[first]} at sample {first}: every sample must be finite")
+        raise InputError(f"the command is {pull[first]} at sample {first}: every sample must be finite")
 
 
 def _sine(time: Array, rng: np.random.Generator) -> Array:

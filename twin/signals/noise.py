@@ -10,6 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 
 OUTLIER_DEG = 10.0  # magnitude of an outlier of salt-and-pepper noise [deg]
@@ -66,9 +68,9 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
     """
     known = _known(kind)
     if not (np.isfinite(level) and level >= 0):
-        raise ValueError(f"{kind} noise of level {level}: must be a number that is not negative")
+        raise InputError(f"{kind} noise of level {level}: must be a number that is not negative")
     if kind == "salt-and-pepper" and level > 1:
-        raise ValueError(f"salt-and-pepper noise of level {level:g}: a probability is at most 1")
+        raise InputError(f"salt-and-pepper noise of level {level:g}: a probability is at most 1")
     return known.draw(level, shape, rng)
 
 
@@ -93,7 +95,7 @@ def fisher_information(kind: str, level: float) -> float | None:
 
 def _known(kind: str) -> _Kind:
     if kind not in NOISES:
-        raise ValueError(f"unknown noise {kind!r}; valid: {', '.join(NOISES)}")
+        raise InputError(f"unknown noise {kind!r}; valid: {', '.join(NOISES)}")
     return NOISES[kind]
 
 

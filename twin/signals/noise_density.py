@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
+from twin.errors import InputError
 from twin.signals.noise import (
     BACKGROUND_DEG2,
     GAMMA_SHAPE,
@@ -69,7 +70,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         ValueError: the kind has no density here.
     """
     if kind not in _MIXTURES:
-        raise ValueError(f"no density of {kind!r} noise; valid: {', '.join(_MIXTURES)}")
+        raise InputError(f"no density of {kind!r} noise; valid: {', '.join(_MIXTURES)}")
     weights, places, variances, widths = np.broadcast_arrays(*_MIXTURES[kind](level))
     scores = np.empty((len(_SPREADS), len(_INNOVATIONS)))
     informations = np.empty(len(_SPREADS))

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -32,9 +33,9 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
         ValueError: `time` does not increase, or the shapes differ or are not (N,) with N of at least 1.
     """
     if time.ndim != 1 or time.shape != bend.shape or not len(time):
-        raise ValueError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")
+        raise InputError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")
     if not (np.diff(time) > 0).all():
-        raise ValueError("time must increase from sample to sample")
+        raise InputError("time must increase from sample to sample")
     instant, reported = _readings(preset, time)
 
     reading = np.interp(instant, time, bend)

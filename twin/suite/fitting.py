@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.knowledge import Fit
 from twin.estimation.open_loop import MONOTONE
 from twin.estimation.registry import MethodSpec
@@ -88,5 +89,5 @@ def load_fits(path: Path) -> Fits:
         if not isinstance(fits, dict) or not all(isinstance(found, dict) for found in fits.values()):
             raise TypeError("no numbers by name")
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{path} is damaged: remove it, and it is made again") from error
+        raise InputError(f"{path} is damaged: remove it, and it is made again") from error
     return fits

@@ -1,4 +1,4 @@
-"""Do the intervals of the set-membership filters hold the truth, as they must while the noise is bounded?"""
+"""Containment: how often the intervals of set-membership filters hold the truth under bounded noise."""
 
 import itertools
 from collections.abc import Mapping, Sequence

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
+from twin.errors import DivergedError, InputError
 from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
 from twin.physics import simulate_batch
 from twin.preset.preset import Preset
@@ -35,17 +36,23 @@ _COMMANDS, _TWINS, _MEMBERS = range(3)
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """What one endoscope is and does in one record."""
+    """Endoscope and command of one record.
+
+    Attributes:
+        twin: kind of twin: `nominal`, `randomized`, `bending sheath`, or `member` of an ensemble.
+        preset: the endoscope.
+        signal: kind of command.
+        stroke_mm: lowest and highest pulling distance [mm].
+        pull: (N,) command [m].
+        sheath_bend: (N,) where the sheath is bent during the record [rad].
+    """
 
     twin: str
-    """Kind of twin: `nominal`, `randomized`, `bending sheath`, or `member` of an ensemble."""
     preset: Preset
     signal: str
     stroke_mm: tuple[float, float]
     pull: Array
-    """(N,) command [m]."""
     sheath_bend: Array | None = None
-    """(N,) where the sheath is bent during the record [rad]."""
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
@@ -151,7 +158,7 @@ def write_scenarios(folder: Path, preset: Preset, ranges: Ranges, seconds: float
     files = []
     for path, drive, episode in zip(paths, drives, simulate_drives(drives), strict=True):
         if episode is None:
-            raise FloatingPointError(f"the simulation of {path.name} ({drive.twin}) diverged")
+            raise DivergedError(f"the simulation of {path.name} ({drive.twin}) diverged")
         conditions = {"twin": drive.twin, "signal": drive.signal, "stroke_mm": list(drive.stroke_mm)}
         origin = {**conditions, "seed": seed}
         write_episode(path, dataclasses.replace(episode, metadata=episode.metadata | origin))
@@ -177,6 +184,6 @@ def _refuse_another_benchmark(folder: Path, recipe: dict[str, Any]) -> None:
     held = read_contents(folder)
     same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
     if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
-        raise ValueError(
+        raise InputError(
             f"{folder} holds the records of another benchmark: choose another --out or remove it"
         )

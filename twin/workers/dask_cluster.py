@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
 
+from twin.errors import InputError
+
 CONNECT_SECONDS = 20
 """Timeout of the connection to a Dask scheduler [s]."""
 
@@ -26,19 +28,19 @@ def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
-        raise ValueError("a Dask cluster needs Dask: pip install 'endotwin[cluster]'") from error
+        raise InputError("a Dask cluster needs Dask: pip install 'endotwin[cluster]'") from error
     if not re.fullmatch(r"[a-z]+://[^\s/]+:\d+", address):
-        raise ValueError(f"address = {address}: must be as in tcp://192.168.0.7:8786")
+        raise InputError(f"address = {address}: must be as in tcp://192.168.0.7:8786")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said here
     try:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise ValueError(f"address = {address}: no Dask scheduler answers there") from error
+        raise InputError(f"address = {address}: no Dask scheduler answers there") from error
     with client:
         threads = sum(client.nthreads().values())
         if threads == 0:
             start = f"start some with `dask worker {address} --nthreads 1`"
-            raise ValueError(f"address = {address}: the scheduler has no workers: {start}")
+            raise InputError(f"address = {address}: the scheduler has no workers: {start}")
         try:
             yield client.get_executor(pure=False), threads
         except (KilledWorker, CancelledError) as error:

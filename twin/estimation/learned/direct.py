@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.policy import POLICY_FILE, PolicyEstimator, load_policy
@@ -70,7 +71,7 @@ def load(path: Path) -> PolicyEstimator:
     """
     policy = load_policy(path)
     if policy.agent_name != DIRECT.agent:
-        raise ValueError(f"{path} holds the agent {policy.agent_name!r}, not {DIRECT.agent!r}")
+        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {DIRECT.agent!r}")
     return PolicyEstimator(policy, policy.active_model, make_agent)
 
 

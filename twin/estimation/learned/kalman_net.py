@@ -23,6 +23,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned import scale
 from twin.estimation.learned.recurrent import RecurrentNetwork, read_network
@@ -172,7 +173,7 @@ def check_affine(model: HysteresisModel) -> None:
         ValueError: its step is not affine in the angle.
     """
     if not model.affine:
-        raise ValueError(
+        raise InputError(
             f"the model {model.name!r} is not affine in the angle, as a learned gain needs to be "
             "trained through it; valid: 'coleman-hodgdon', 'prandtl-ishlinskii'"
         )

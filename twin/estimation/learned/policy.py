@@ -14,6 +14,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
@@ -90,10 +91,10 @@ def load_policy(path: Path) -> Policy:
     try:
         outputs = [output.name for output in network.session.get_outputs()]
         if outputs != ["action"]:
-            raise ValueError(f"its outputs are {outputs}")
+            raise InputError(f"its outputs are {outputs}")
         _ = policy.active_model
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is not a policy written by `endotwin train`") from error
+        raise InputError(f"{path} is not a policy written by `endotwin train`") from error
     return policy
 
 
@@ -162,7 +163,7 @@ class OracleRun:
             ValueError: the case has no truth.
         """
         if case.truth_deg is None:
-            raise ValueError("an oracle needs the truth")
+            raise InputError("an oracle needs the truth")
         estimator = self.estimator.with_sensor(case.sensor)
         pull, measurement, initial = time_first(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
         estimate = np.empty_like(measurement)

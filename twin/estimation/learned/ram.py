@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import CaseEstimator
 from twin.estimation.knowledge import Knowledge
@@ -39,7 +40,8 @@ class ReinforcementActiveModel:
     @property
     def bend_deg(self) -> Array:
         """(B,) estimates [deg]."""
-        return self.belief.mean[0].copy()
+        bend: Array = self.belief.mean[0].copy()
+        return bend
 
     def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
         """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
@@ -77,7 +79,7 @@ def load(path: Path) -> PolicyEstimator:
     """
     policy = load_policy(path)
     if policy.agent_name != RAM.agent:
-        raise ValueError(f"{path} holds the agent {policy.agent_name!r}, not {RAM.agent!r}")
+        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {RAM.agent!r}")
     return PolicyEstimator(policy, policy.active_model, ReinforcementActiveModel)
 
 

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.hysteresis import HysteresisModel, model_from_dict
 
@@ -41,7 +42,7 @@ class OnnxNetwork:
         self.file = file
         hidden = file.description.get("hidden")
         if not isinstance(hidden, int) or hidden < 1:
-            raise ValueError(f"hidden = {hidden!r}: must be a positive whole number")
+            raise InputError(f"hidden = {hidden!r}: must be a positive whole number")
         self.hidden = hidden
 
     def __call__(self, seen: Array, memory: Array32) -> tuple[Array, Array32]:
@@ -61,9 +62,9 @@ def read_network(path: Path, agent: str) -> tuple[OnnxNetwork, HysteresisModel, 
     try:
         outputs = [output.name for output in file.session.get_outputs()]
         if outputs != ["said", "remembered"]:
-            raise ValueError(f"its outputs are {outputs}")
+            raise InputError(f"its outputs are {outputs}")
         model = model_from_dict(file.description["active_model"]["model"])
         sample_time = float(file.description["active_model"]["sample_time"])
         return OnnxNetwork(file), model, sample_time
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no network written by `endotwin train --agent {agent}`") from error
+        raise InputError(f"{path} is no network written by `endotwin train --agent {agent}`") from error

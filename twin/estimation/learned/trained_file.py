@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError, MissingFileError
+
 METADATA_KEY = "endotwin"
 """Key of the description, as JSON, among the metadata of the ONNX file."""
 LARGEST = 256 * 2**20
@@ -56,9 +58,9 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"no trained file {path}; `endotwin train` writes one")
+        raise MissingFileError(f"no trained file {path}; `endotwin train` writes one")
     if path.stat().st_size > LARGEST:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes: a trained file has at most {LARGEST}")
+        raise InputError(f"{path} has {path.stat().st_size} bytes: a trained file has at most {LARGEST}")
     import onnxruntime  # imported when used: a table of methods needs none of it
 
     options = onnxruntime.SessionOptions()
@@ -72,7 +74,7 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
         if not isinstance(found, str):
             raise TypeError("the agent is no text")
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
-        raise ValueError(f"{path} is not a trained file written by `endotwin train`") from error
+        raise InputError(f"{path} is not a trained file written by `endotwin train`") from error
     if agent is not None and found != agent:
-        raise ValueError(f"{path} holds the agent {found!r}, not {agent!r}")
+        raise InputError(f"{path} holds the agent {found!r}, not {agent!r}")
     return TrainedFile(session, found, description, path)

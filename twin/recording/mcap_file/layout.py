@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Indices = NDArray[np.intp]
@@ -113,7 +115,7 @@ def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLa
     found, negative = (_numbers_at(doubles, message) for message in (template, changed))
     order = np.argsort(found)
     if found[order].tolist() != row.tolist() or negative[order].tolist() != inverted.tolist():
-        raise ValueError(f"{stream.topic}: {count} numbers do not stand in a double of the message each")
+        raise InputError(f"{stream.topic}: {count} numbers do not stand in a double of the message each")
     return MessageLayout(
         template=template,
         doubles=doubles[order],
@@ -160,5 +162,5 @@ def _changed(stream: Stream, one: Bytes, other: Bytes, size: int) -> Indices:
     places = np.flatnonzero(one != other) if len(one) == len(other) else np.empty(1, dtype=np.intp)
     numbers = places[: len(places) // size * size].reshape(-1, size)
     if numbers.size != places.size or (np.diff(numbers, axis=1) != 1).any():
-        raise ValueError(f"{stream.topic}: its messages differ in more than their numbers")
+        raise InputError(f"{stream.topic}: its messages differ in more than their numbers")
     return numbers[:, 0]

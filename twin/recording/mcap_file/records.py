@@ -24,6 +24,8 @@ from mcap.records import (
     Statistics,
 )
 
+from twin.errors import InputError, MissingFileError
+
 MAGIC = b"\x89MCAP0\r\n"
 """Magic bytes at the start and the end of every MCAP file."""
 
@@ -85,7 +87,7 @@ class Budget:
             ValueError: the file unpacks to more than its size explains.
         """
         if size > self.bytes:
-            raise ValueError(
+            raise InputError(
                 f"a chunk claims {size} bytes: a file of this size may unpack to {self.bytes} more"
             )
         self.bytes -= size
@@ -99,14 +101,14 @@ def mcap_bytes(path: Path) -> bytes:
         ValueError: it is a folder, is empty, or does not begin as MCAP files do.
     """
     if not path.exists():
-        raise FileNotFoundError(f"no file {path}")
+        raise MissingFileError(f"no file {path}")
     if path.is_dir():
-        raise ValueError(f"{path} is a folder, not an MCAP file")
+        raise InputError(f"{path} is a folder, not an MCAP file")
     data = path.read_bytes()
     if not data:
-        raise ValueError(f"{path} is cut off: it is empty")
+        raise InputError(f"{path} is cut off: it is empty")
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
-        raise ValueError(f"{path} is not an MCAP file: it does not begin with the MCAP mark")
+        raise InputError(f"{path} is not an MCAP file: it does not begin with the MCAP mark")
     return data
 
 
@@ -117,11 +119,11 @@ def record_at(data: bytes, offset: int, end: int) -> FileRecord:
         ValueError: it would go on beyond `end`.
     """
     if end - offset < HEAD.size:
-        raise ValueError(f"the record at byte {offset} is cut off")
+        raise InputError(f"the record at byte {offset} is cut off")
     opcode, length = HEAD.unpack_from(data, offset)
     body = offset + HEAD.size
     if length > end - body:
-        raise ValueError(f"the record at byte {offset} claims {length} bytes: {end - body} are left")
+        raise InputError(f"the record at byte {offset} claims {length} bytes: {end - body} are left")
     return FileRecord(opcode, offset, body, body + length)
 
 
@@ -134,7 +136,7 @@ class _Fields(ReadDataStream):
         except EndOfFile:
             data = b""
         if len(data) < length:
-            raise ValueError(f"a field of {length} bytes ends after {len(data)}")
+            raise InputError(f"a field of {length} bytes ends after {len(data)}")
         return data
 
 
@@ -166,11 +168,11 @@ def unpack(chunk: Chunk, budget: Budget) -> bytes:
         budget.take(size)
         raw = packed
     else:
-        raise ValueError(f"a chunk is compressed by {chunk.compression!r}: only zstd is supported")
+        raise InputError(f"a chunk is compressed by {chunk.compression!r}: only zstd is supported")
     if len(raw) != size:
-        raise ValueError(f"a chunk unpacks to {len(raw)} bytes, not to the {size} that it claims")
+        raise InputError(f"a chunk unpacks to {len(raw)} bytes, not to the {size} that it claims")
     if chunk.uncompressed_crc not in (0, zlib.crc32(raw)):
-        raise ValueError("the CRC of a chunk does not match")
+        raise InputError("the CRC of a chunk does not match")
     return raw
 
 
