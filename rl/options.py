@@ -3,11 +3,8 @@
 import dataclasses
 import math
 
-import numpy as np
-
 from twin.errors import InputError
 from twin.estimation.registry import find_trainable, proposed_method
-from twin.signals.noise import draw_noise
 
 EPISODES = 2000
 """The paper's number of episodes."""
@@ -65,6 +62,10 @@ class TrainingOptions:
             raise InputError(f"initial_error_deg = {self.initial_error_deg}: must be finite, not negative")
         if self.minibatch < 2:
             raise InputError(f"minibatch = {self.minibatch}: must be at least 2")
+        import numpy as np  # here: the help of a command needs none of it
+
+        from twin.signals.noise import draw_noise
+
         draw_noise(self.noise, self.noise_level, (1,), np.random.default_rng(0))
         if not 0 < self.discount <= 1:
             raise InputError(f"discount = {self.discount}: must be above 0 and at most 1")

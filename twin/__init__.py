@@ -29,10 +29,13 @@ _HOME = {
     "Recipe": "twin.dataset.recipe",
     "Sensor": "twin.estimation.estimator",
     "error_indices": "twin.evaluation.metrics",
+    "evaluate": "twin.evaluation.evaluate",
     "identify": "twin.identification",
+    "load_estimator": "twin.estimation.load",
     "load_model": "twin.hysteresis",
     "load_preset": "twin.preset",
     "load_recipe": "twin.dataset.recipe_file",
+    "method_specs": "twin.estimation.registry",
     "preset_names": "twin.preset",
     "read_dataset": "twin.recording",
     "read_episode": "twin.recording",
@@ -53,7 +56,10 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.errors import EndoTwinError as EndoTwinError
     from twin.estimation.active_model import ActiveModel as ActiveModel
     from twin.estimation.estimator import Sensor as Sensor
+    from twin.estimation.load import load_estimator as load_estimator
     from twin.estimation.online import OnlineEstimator as OnlineEstimator
+    from twin.estimation.registry import method_specs as method_specs
+    from twin.evaluation.evaluate import evaluate as evaluate
     from twin.evaluation.metrics import error_indices as error_indices
     from twin.hysteresis import ColemanHodgdon as ColemanHodgdon
     from twin.hysteresis import load_model as load_model

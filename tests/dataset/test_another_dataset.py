@@ -26,7 +26,7 @@ def test_another_recipe_is_refused_before_anything_is_touched(dataset_copy, whol
         ValueError, match=rf"holds a dataset of another recipe \(other {other}\): "
     ) as refused:
         make(dataset_copy, changed(**change), csv=True)
-    assert "choose another --out or remove it" in str(refused.value)
+    assert "choose another `folder` or remove it" in str(refused.value)
     assert "\n" not in str(refused.value)
     assert identities(dataset_copy) == before
     assert contents(dataset_copy) == contents(whole_dataset)
@@ -68,7 +68,7 @@ def test_episodes_without_their_recipe_are_refused(dataset_copy):
     for name in ("recipe.yaml", "dataset.json"):
         (dataset_copy / name).unlink()
     before = contents(dataset_copy)
-    with pytest.raises(ValueError, match=r"holds a dataset without a recipe\.yaml: choose another --out"):
+    with pytest.raises(ValueError, match=r"holds a dataset without a recipe\.yaml: choose another `folder`"):
         make(dataset_copy, csv=True)
     assert contents(dataset_copy) == before
 
@@ -102,7 +102,7 @@ def test_folder_of_measured_logs_is_refused(tmp_path):
     write_measured(tmp_path / "data", "log", measured_log(tmp_path))
     before = contents(tmp_path / "data")
     with pytest.raises(
-        ValueError, match=r"`generate` did not make \(source measured\): choose another --out"
+        ValueError, match=r"`generate` did not make \(source measured\): choose another `folder`"
     ):
         make(tmp_path / "data")
     assert contents(tmp_path / "data") == before

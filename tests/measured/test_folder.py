@@ -43,7 +43,7 @@ def test_the_same_log_may_be_read_again_and_gives_the_same_bytes(tmp_path):
 def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_path):
     path = write_measured(tmp_path, "log", read_measured_log(write(tmp_path, LOOP)))
     other = read_measured_log(write(tmp_path, steps()))
-    with pytest.raises(ValueError, match=r"log\.mcap is the log of another CSV file: choose another --name"):
+    with pytest.raises(ValueError, match=r"log\.mcap is the log of another CSV file: choose another `name`"):
         write_measured(tmp_path, "log", other)
     assert len(read_episode(path).time) > 4
     path.unlink()
@@ -94,7 +94,7 @@ def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
 def test_a_simulated_dataset_is_left_alone(tmp_path, dataset_copy):
     episode = read_measured_log(write(tmp_path, LOOP))
     before = {path.name: path.read_bytes() for path in dataset_copy.iterdir()}
-    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another --out"):
+    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another `folder`"):
         write_measured(dataset_copy, "log", episode)
     assert {path.name: path.read_bytes() for path in dataset_copy.iterdir()} == before
 

@@ -16,11 +16,7 @@ from twin.hysteresis import ColemanHodgdon
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int], None]
 
-FILTERS: dict[str, type[ActiveModel]] = {
-    "KF": KalmanActiveModel,
-    "EKF": ActiveModel,
-    "UKF": UnscentedActiveModel,
-}
+FILTERS: tuple[type[ActiveModel], ...] = (KalmanActiveModel, ActiveModel, UnscentedActiveModel)
 # Q, R and P may be scaled by one factor without changing the gain: at one Q, R and P span all ratios.
 MEASUREMENT_VARIANCES = (1e-12, 1.0, 1e12)
 INITIAL_VARIANCES = (1e-12, 1e12)
@@ -31,13 +27,13 @@ AT_ONCE = 1000  # covariances that are looked at together
 def covariances(steps: int = 1_000_000, on_progress: OnProgress | None = None) -> Result:
     """Measure the least 1 - correlation^2 of the covariances of KF, EKF and UKF at extreme Q, R and P."""
     margins = []
-    for done, filter_type in enumerate(FILTERS.values()):
+    for done, filter_type in enumerate(FILTERS):
         margins.append(least_margin(filter_type, steps))
         if on_progress:
             on_progress(done + 1, len(FILTERS))
     margin = min(margins)
     return Result(
-        f"least 1 - correlation^2 over {steps} samples of {', '.join(FILTERS)}",
+        f"least 1 - correlation^2 over {steps} samples of {', '.join(kind.__name__ for kind in FILTERS)}",
         margin,
         "",
         "every covariance symmetric and positive",

@@ -174,7 +174,7 @@ def _former(folder: Path) -> SimulatedDataset | None:
     if not isinstance(contents, SimulatedDataset):
         raise InputError(
             f"{folder} holds a dataset that `generate` did not make (source {contents.source}): "
-            "choose another --out or remove it"
+            "choose another `folder` or remove it"
         )
     return contents
 
@@ -188,7 +188,7 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: SimulatedDatas
     Raises:
         ValueError: the folder holds such episodes.
     """
-    path, other = folder / "recipe.yaml", "choose another --out or remove it"
+    path, other = folder / "recipe.yaml", "choose another `folder` or remove it"
     ours = {file_name(recipe, key) for key in recipe.keys}
     there = sorted(file.name for file in folder.glob("*.mcap"))
     held, wanted, seeds = {}, {}, set()
@@ -197,7 +197,7 @@ def _refuse_another_dataset(folder: Path, recipe: Recipe, former: SimulatedDatas
         former_recipe = load_recipe(path)
         own_file = path.read_text() != to_yaml(former_recipe)
         if own_file and former_recipe != recipe:
-            raise InputError(f"{path} is not what `generate` wrote, nor this recipe: choose another --out")
+            raise InputError(f"{path} is not what `generate` wrote, nor this recipe: choose another `folder`")
         held, wanted, seeds = former_recipe.to_dict(), recipe.to_dict(), set(former_recipe.seeds)
     elif former is not None:
         held, wanted, seeds = to_json_values(former.recipe), describe(recipe), set(former.recipe.seeds)

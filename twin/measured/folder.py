@@ -25,7 +25,7 @@ def check_name(name: str) -> None:
         ValueError: it is empty, begins with a dot, or is a path.
     """
     if not name or name.startswith(".") or "/" in name or "\\" in name:
-        raise InputError(f"--name {name!r}: must be the name of a file, without folder and ending")
+        raise InputError(f"name = {name!r}: must be the name of a file, without folder and ending")
 
 
 def write_measured(folder: Path, name: str, episode: Episode) -> Path:
@@ -78,14 +78,14 @@ def _listed(folder: Path) -> dict[str, dict[str, Any]]:
         return {}
     contents = read_contents(folder)
     if not isinstance(contents, MeasuredDataset):
-        raise InputError(f"{folder} holds a dataset.json that no import wrote: choose another --out")
+        raise InputError(f"{folder} holds a dataset.json that no import wrote: choose another `folder`")
     return {file.name: to_json_values(file) for file in contents.files if (folder / file.name).is_file()}
 
 
 def _refuse_to_mix(path: Path, files: dict[str, dict[str, Any]], csv_sha256: str) -> None:
     """Refuse to write over the log of another CSV file, or beside files that no import wrote."""
     if path.name in files and files[path.name]["csv_sha256"] != csv_sha256:
-        raise InputError(f"{path} is the log of another CSV file: choose another --name, or remove it")
+        raise InputError(f"{path} is the log of another CSV file: choose another `name`, or remove it")
     others = sorted(file.name for file in path.parent.glob("*.mcap") if file.name not in files)
     if others:
-        raise InputError(f"{path.parent} holds {others[0]}, which no import wrote: choose another --out")
+        raise InputError(f"{path.parent} holds {others[0]}, which no import wrote: choose another `folder`")

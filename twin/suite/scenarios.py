@@ -185,5 +185,5 @@ def _refuse_another_benchmark(folder: Path, recipe: dict[str, Any]) -> None:
     same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
     if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
         raise InputError(
-            f"{folder} holds the records of another benchmark: choose another --out or remove it"
+            f"{folder} holds the records of another benchmark: choose another `folder` or remove it"
         )

@@ -67,4 +67,4 @@ def read_network(path: Path, agent: str) -> tuple[OnnxNetwork, HysteresisModel, 
         sample_time = float(file.description["active_model"]["sample_time"])
         return OnnxNetwork(file), model, sample_time
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no network written by `endotwin train --agent {agent}`") from error
+        raise InputError(f"{path} is no network of the agent {agent!r} that training wrote") from error
