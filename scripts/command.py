@@ -109,7 +109,8 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
         if not end.code:
             raise
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
-    message = " ".join(itertools.takewhile(lambda line: not line.startswith("─"), inside))
+    said = itertools.dropwhile(_is_rule, inside)  # the box has lines of dashes where there is no Unicode
+    message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), said))
     wrong = re.search(
         r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])", message
     )
@@ -117,6 +118,10 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
         message = "{0} {2}: must be {1}".format(*wrong.groups())
     print(f"{name}: {message} (`{name} --help` lists the options)", file=sys.stderr)
     return None
+
+
+def _is_rule(line: str) -> bool:
+    return bool(line) and not line.strip("─-")
 
 
 def output_folder(path: Path) -> Path:

@@ -86,7 +86,8 @@ def _full(args: Evaluate) -> Summary:
         raise ValueError("--measurements recorded and --write-estimates are for --suite paper")
     if args.episodes < 1 or args.workers < 0:
         raise ValueError(f"--episodes {args.episodes}, --workers {args.workers}: at least 1 and 0")
-    from rl.full_suite import SAMPLE_TIMES, FullSuite, run_full_suite
+    from rl.full_suite import run_full_suite
+    from rl.suite_settings import SAMPLE_TIMES, FullSuite
 
     suite = FullSuite(
         folder=args.out,

@@ -14,13 +14,15 @@ from twin.episode import Episode
 from twin.files.assets import assets_folder
 from twin.physics import simulate
 from twin.preset.file import load_preset
-from twin.recording import write_episode
+from twin.recording import EpisodeWriter
 from twin.recording.camera import CAMERA_TOPIC
+from twin.recording.estimate import estimate_message, estimate_topic
+from twin.recording.messages import to_nanoseconds
 from twin.recording.scene import scene
 
 LAYOUT = json.loads((assets_folder() / "foxglove_layout.json").read_text(encoding="utf-8"))
 PANELS = LAYOUT["configById"]
-PATH = re.compile(r"(?P<topic>(/[a-z_]+)+)(?P<parts>(\.[a-z_]+(\[\d+\])?)+)")
+PATH = re.compile(r"(?P<topic>(/[A-Za-z_]+)+)(?P<parts>(\.[a-z_]+(\[\d+\])?)+)")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +34,12 @@ def episode() -> Episode:
 @pytest.fixture(scope="module")
 def recorded(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list]:
     """Every message of a simulated episode by topic, decoded by the schemas inside the file."""
-    path: Path = write_episode(tmp_path_factory.mktemp("layout") / "a.mcap", episode)
+    path: Path = tmp_path_factory.mktemp("layout") / "a.mcap"
+    with EpisodeWriter(path) as writer:
+        writer.write(episode)
+        for method in ("RAM", "AM"):  # as `evaluate` adds them
+            for time in to_nanoseconds(episode.time):
+                writer.add_message(estimate_topic(method), estimate_message(1.0), time)
     result: dict[str, list] = {}
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])

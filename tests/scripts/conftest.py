@@ -18,4 +18,4 @@ def few_steps() -> Iterator[None]:
 @pytest.fixture
 def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Episodes are made in this process: that workers make the same is asserted elsewhere."""
-    monkeypatch.setattr("scripts.generate.local_workers", ThreadPoolExecutor)
+    monkeypatch.setattr("twin.workers.processes.local_workers", ThreadPoolExecutor)

@@ -31,7 +31,7 @@ def workspace(tmp_path_factory, few_steps):
         f"{learn} --agent direct --out runs/direct --json",
         f"{learn} --agent lstm --out runs/lstm --json",
         "evaluate data/test --train data/train --model coleman_hodgdon.json "
-        "--policy runs/ram/policy.onnx runs/direct/policy.onnx --lstm runs/lstm/lstm.pt "
+        "--policy runs/ram/policy.onnx runs/direct/policy.onnx runs/lstm/lstm.onnx "
         "--suite paper --seeds 2 --out results --json",
         "calibrate data/test --preset short.yaml --free section_stiffness --evaluations 20 "
         "--out fitted.yaml --json",
@@ -119,7 +119,7 @@ def test_a_method_that_is_not_given_is_trained_and_kept_beside_the_results(works
     folder, _ = workspace
     line = (
         "evaluate data/test --train data/train --model coleman_hodgdon.json --suite paper-only --seeds 1 "
-        f"--policy runs/ram/policy.onnx --lstm runs/lstm/lstm.pt --episodes 32 --out {tmp_path}/results"
+        f"--policy runs/ram/policy.onnx runs/lstm/lstm.onnx --episodes 32 --out {tmp_path}/results"
     )
     done(line, folder)
     assert (tmp_path / "results/direct/policy.onnx").is_file()
@@ -271,7 +271,7 @@ def mistakes(workspace):
         ("train data/train --model model.json --out x", "model.json is no Coleman-Hodgdon model"),
         ("train data/train --model coleman_hodgdon.json --noise-level 1 --out x", "--protocol free"),
         ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "sample time 0.03 s"),
-        ("evaluate data/test --policy table.mcap --out x", "table.mcap is not a policy"),
+        ("evaluate data/test --policy table.mcap --out x", "table.mcap is not a trained file"),
         ("evaluate data/test --suite ful --out x", "unknown suite 'ful'"),
         (
             "evaluate data/test --sample-time 0.2 --policy runs/ram/policy.onnx --out x",

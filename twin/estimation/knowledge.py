@@ -16,7 +16,7 @@ Record = tuple[Array, Array]
 """`(pull_mm (N,), bend_deg (N,))` of a training record, with its true angle."""
 
 
-class Fit(Protocol):
+class TrainingFit(Protocol):
     """Numbers that are found on the training records, once for all methods that use them."""
 
     @property
@@ -36,7 +36,7 @@ class Knowledge:
         models: identified models of hysteresis, by name.
         records: training records at this sample time; empty where there are none.
         seed: of what is drawn for fits.
-        fits: what each `Fit` has found, by its key.
+        fits: what each `TrainingFit` has found, by its key.
         trained: file of each trained agent.
         ensembles: files of twins along the test's commands.
         smallest_wire_offset: that a twin may have [m].
@@ -61,6 +61,6 @@ class Knowledge:
         """The training records under the paper's training noise."""
         return TrainingTask(*stack_records(self.records))
 
-    def found(self, fit: Fit) -> dict[str, Any]:
+    def found(self, fit: TrainingFit) -> dict[str, Any]:
         """Return what a fit has found, or find it now."""
         return self.fits[fit.key] if fit.key in self.fits else fit.find(self)

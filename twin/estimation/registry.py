@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from twin.estimation.case import CaseEstimator
     from twin.estimation.estimator import Estimator
-    from twin.estimation.knowledge import Fit, Knowledge
+    from twin.estimation.knowledge import Knowledge, TrainingFit
 
 Family = Literal["model", "filter", "set-membership filter", "tuned filter", "learned", "ensemble"]
 
@@ -89,7 +89,7 @@ class MethodSpec:
     told: str
     build: "Callable[[Knowledge], Estimator[Any] | CaseEstimator]"
     models: tuple[str, ...] = ()
-    fits: "tuple[Fit, ...]" = ()
+    fits: "tuple[TrainingFit, ...]" = ()
     records: bool = False
     wire_offset: bool = False
     ensembles: bool = False

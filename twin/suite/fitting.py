@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.knowledge import Fit
+from twin.estimation.knowledge import TrainingFit
 from twin.estimation.open_loop import MONOTONE
 from twin.estimation.registry import MethodSpec
 from twin.files.atomic import write_whole
@@ -66,7 +66,7 @@ def identify_models(
     return models
 
 
-def needed_fits(specs: Iterable[MethodSpec]) -> list[Fit]:
+def needed_fits(specs: Iterable[MethodSpec]) -> list[TrainingFit]:
     """Return the fits that methods need, each once."""
     return list({fit.key: fit for spec in specs for fit in spec.fits}.values())
 

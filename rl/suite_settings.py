@@ -1,0 +1,92 @@
+"""Settings of the full benchmark, checked before any work."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+from rl.options import TrainingOptions
+from twin.errors import InputError
+from twin.estimation.registry import MethodSpec, method_specs
+from twin.evaluation.protocol import Protocol
+from twin.suite.scenarios import SAMPLE_TIME
+
+OnProgress = Callable[[int, int], None]
+NewProgress = Callable[[str, str], OnProgress]
+"""Begins to show the progress of a named stage, counted in some unit."""
+
+SAMPLE_TIMES = (0.1, 0.02)
+PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
+TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's
+
+
+@dataclasses.dataclass(frozen=True)
+class FullSuite:
+    """Everything that the benchmark is run on.
+
+    Attributes:
+        folder: where all of it is kept.
+        data: test records; without them, the benchmark's own are simulated.
+        train: training records; without them, five on the paper's stroke are simulated.
+        methods: names of the methods to compare; all, if empty.
+        preset: nominal twin of records and ensembles, and ranges that they are drawn from.
+        sample_times: T, each a multiple of 0.02 [s].
+        seeds: draws of the noise.
+        initial_error_deg: how far the initial estimate is off [deg].
+        episodes: of PPO at T = 0.1 s; at another T as many samples.
+        members: twins in an ensemble.
+        seconds: length of the records that it simulates.
+        workers: processes.
+        seed: of everything that is drawn.
+    """
+
+    folder: Path
+    data: tuple[Path, ...] = ()
+    train: Path | None = None
+    methods: tuple[str, ...] = ()
+    preset: str = "ureteroscope"
+    sample_times: tuple[float, ...] = SAMPLE_TIMES
+    seeds: int = 20
+    initial_error_deg: float = 20.0
+    episodes: int = TrainingOptions.episodes
+    members: int = 256
+    seconds: float = 60.0
+    workers: int = 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what would fail after hours.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        for T in self.sample_times:
+            self.protocol(T)
+            if T < SAMPLE_TIME or abs(T / SAMPLE_TIME - round(T / SAMPLE_TIME)) > 1e-9:
+                raise InputError(f"sample_time = {T:g} s: must be a multiple of {SAMPLE_TIME:g} s")
+        if self.members < 8:
+            raise InputError(f"members = {self.members}: an ensemble needs at least 8")
+        if self.seconds < 5:
+            raise InputError(f"seconds = {self.seconds:g}: must be at least 5")
+        if self.episodes < 1 or self.workers < 1:
+            raise InputError(f"episodes = {self.episodes}, workers = {self.workers}: at least 1 each")
+        if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
+            raise InputError(
+                f"training set {self.train} is test data too: what is trained there proves nothing"
+            )
+        names = [spec.name for spec in method_specs()]
+        for name in self.methods:
+            if name not in names:
+                raise InputError(f"unknown method {name!r}; valid: {', '.join(names)}")
+
+    @property
+    def specs(self) -> list[MethodSpec]:
+        """Methods that are compared, in the order of tables."""
+        return [spec for spec in method_specs() if not self.methods or spec.name in self.methods]
+
+    def protocol(self, sample_time: float) -> Protocol:
+        """Return how methods are compared at one sample time."""
+        return Protocol("full", self.seeds, sample_time, self.initial_error_deg, self.seed)
+
+    def folder_at(self, sample_time: float) -> Path:
+        """Return where all that is made for one sample time is kept."""
+        return self.folder / f"T_{sample_time:g}"
