@@ -17,6 +17,7 @@ from twin.estimation.registry import trainable_specs
 from twin.evaluation.reading import read_episodes, true_records, whole_pieces
 from twin.preset import Preset, Ranges
 from twin.suite.fitting import identify_models, load_fits, needed_fits, save_fits
+from twin.suite.limit import make_ensembles
 from twin.suite.scenarios import SAMPLE_TIME
 
 
