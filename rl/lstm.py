@@ -7,10 +7,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.options import TrainingOptions, share_of
+from rl.options import TrainingOptions
 from rl.recurrent_graph import export_recurrent
 from rl.run import run_configuration
-from rl.supervised import SequenceTraining, descend, tensor32, train_once
+from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
@@ -140,13 +140,7 @@ def _train(
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    settings = SequenceTraining(
-        iterations=share_of(SequenceTraining.iterations, options),
-        noise=options.noise,
-        noise_level=options.noise_level,
-        seed=options.seed,
-    )
-    return train_lstm(records, active_model, settings, folder, on_progress)
+    return train_lstm(records, active_model, sequence_settings(options), folder, on_progress)
 
 
 register_trainer(Trainer(LSTM, _train))

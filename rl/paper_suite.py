@@ -10,7 +10,6 @@ from rl.options import TrainingOptions
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.policy import POLICY_FILE, load_policy
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import MethodSpec, find_trainable, method_specs
 from twin.evaluation.compare import evaluate
@@ -105,8 +104,8 @@ def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float
             raise InputError(
                 f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
             )
-        if spec.training.file == POLICY_FILE and spec.told == "R":
-            beside = load_policy(path).active_model
+        if spec.training.same_filter:
+            beside = estimator.active_model
             here = ActiveModel(model, sample_time, measurement_variance=beside.measurement_variance)
             if beside != here:
                 raise InputError(f"{path} was trained beside another model or filter than the one given")

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from rl.options import TrainingOptions, share_of
 from twin.files.atomic import write_whole
 from twin.files.run_folder import claim_folder
 
@@ -47,6 +48,16 @@ class SequenceTraining:
     noise: str = "gaussian"
     noise_level: float = 0.1
     seed: int = 0
+
+
+def sequence_settings(options: TrainingOptions) -> SequenceTraining:
+    """Return the settings of a recurrent network for the options of a training."""
+    return SequenceTraining(
+        iterations=share_of(SequenceTraining.iterations, options),
+        noise=options.noise,
+        noise_level=options.noise_level,
+        seed=options.seed,
+    )
 
 
 class TorchNetwork:

@@ -12,6 +12,8 @@ import pytest
 from recorded import make_episode
 
 import twin
+from rl.options import TrainingOptions
+from rl.training import train_policy
 from scripts.__main__ import VERBS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -28,13 +30,16 @@ told = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(vari
 online = twin.OnlineEstimator(told, episode.sample_time, float(episode.bend_deg[0]))
 samples = zip(episode.time, episode.pull_mm, episode.measured_bend_deg)
 estimate = [online.push(*map(float, sample)) for sample in samples]
+policy = twin.load_estimator(sys.argv[2])
+steered = policy.estimate(episode.pull_mm, episode.measured_bend_deg[None], float(episode.bend_deg[0]))[0]
 try:
     twin.simulate
     refused = ""
 except twin.EndoTwinError as error:
     refused = str(error)
-found = [name for name in sys.argv[2:] if importlib.util.find_spec(name)]
-print(json.dumps({"home": twin.__file__, "estimate": estimate, "refused": refused, "found": found}))
+found = [name for name in sys.argv[3:] if importlib.util.find_spec(name)]
+told = {"home": twin.__file__, "estimate": estimate, "steered": steered.tolist()}
+print(json.dumps(told | {"refused": refused, "found": found}))
 """
 
 
@@ -134,10 +139,13 @@ def test_generate_writes_a_dataset_from_the_wheel(programs, tmp_path):
     assert again.returncode == 0, again.stderr
 
 
-def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path):
+def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, records, model):
     episode = make_episode(300, seed=3)
     twin.write_episode(tmp_path / "episode.mcap", episode)
-    done = run(core / "python", "-c", ESTIMATE, tmp_path / "episode.mcap", *EXTRAS, cwd=tmp_path)
+    few = TrainingOptions(episodes=8, environments=8, horizon=256, minibatch=64)
+    policy = train_policy(records, twin.ActiveModel(model, 0.1), few, tmp_path / "run")
+    words = (tmp_path / "episode.mcap", policy, *EXTRAS)
+    done = run(core / "python", "-c", ESTIMATE, *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     there = json.loads(done.stdout)
     assert Path(there["home"]).is_relative_to(tmp_path)
@@ -149,6 +157,9 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path):
     start = np.array([episode.bend_deg[0]])
     here = told.estimate(episode.pull_mm, episode.measured_bend_deg[None], start)[0]
     np.testing.assert_allclose(there["estimate"], here, rtol=1e-12)
+    steered = twin.load_estimator(policy)
+    here = steered.estimate(episode.pull_mm, episode.measured_bend_deg[None], start)[0]
+    np.testing.assert_allclose(there["steered"], here, rtol=1e-9)
 
     for verb, extra in {
         "generate --out data": "mujoco: pip install 'endotwin[sim]'",

@@ -48,12 +48,14 @@ class Training:
         file: name of the trained file in a run folder.
         load: reads such a file.
         purpose: a few words for the help of the command line.
+        same_filter: whether it runs beside the very filter that it was trained beside, and no other.
     """
 
     agent: str
     file: str
     load: "Callable[[Path], Estimator[Any]]"
     purpose: str
+    same_filter: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.policy import POLICY_FILE, PolicyEstimator, load_policy
+from twin.estimation.learned.policy import POLICY_FILE, PolicyEstimator, build_steered, load_steered
 from twin.estimation.learned.scale import from_log_scale, to_log_scale
 from twin.estimation.registry import MethodSpec, Style, Training, register_method
 from twin.hysteresis import ColemanHodgdon
@@ -62,23 +61,16 @@ def make_agent(active_model: ActiveModel) -> DirectEstimator:
     return DirectEstimator()
 
 
-def load(path: Path) -> PolicyEstimator:
-    """Read a trained policy.
+AGENT = "direct"
 
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file is no trained policy of this agent.
-    """
-    policy = load_policy(path)
-    if policy.agent_name != DIRECT.agent:
-        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {DIRECT.agent!r}")
-    return PolicyEstimator(policy, policy.active_model, make_agent)
+
+def load(path: Path) -> PolicyEstimator:
+    """Read a trained policy; see `load_steered`."""
+    return load_steered(path, AGENT, make_agent)
 
 
 def _build(knowledge: Knowledge) -> PolicyEstimator:
-    policy = load_policy(knowledge.trained["direct"])
-    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    return PolicyEstimator(policy, active_model, make_agent)
+    return build_steered(knowledge, AGENT, make_agent)
 
 
 DIRECT = register_method(
@@ -89,7 +81,7 @@ DIRECT = register_method(
         told="nothing",
         build=_build,
         models=(ColemanHodgdon.name,),
-        training=Training("direct", POLICY_FILE, load, "direct RL, without the active model, by PPO"),
+        training=Training(AGENT, POLICY_FILE, load, "direct RL, without the active model, by PPO"),
         in_paper_suite=True,
         paper_figures=(5,),
         beside_paper=True,

@@ -18,6 +18,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 
 Array = NDArray[np.float64]
@@ -173,3 +174,24 @@ class OracleRun:
             state = estimator.step(state, pull[k], pull[k - 1], measurement[k], case.truth_deg[:, k])
             estimate[k] = state.bend_deg
         return estimate.T
+
+
+def load_steered(path: Path, agent: str, make_agent: Callable[[ActiveModel], Agent]) -> PolicyEstimator:
+    """Read a trained policy of an agent, beside the filter that it was trained with.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file is no trained policy of this agent.
+    """
+    policy = load_policy(path)
+    if policy.agent_name != agent:
+        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {agent!r}")
+    return PolicyEstimator(policy, policy.active_model, make_agent)
+
+
+def build_steered(
+    knowledge: Knowledge, agent: str, make_agent: Callable[[ActiveModel], Agent]
+) -> PolicyEstimator:
+    """Return the trained policy of an agent, beside the active model of what is known."""
+    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    return PolicyEstimator(load_policy(knowledge.trained[agent]), active_model, make_agent)

@@ -5,11 +5,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import CaseEstimator
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.policy import POLICY_FILE, OracleRun, PolicyEstimator, load_policy
+from twin.estimation.learned.policy import (
+    POLICY_FILE,
+    OracleRun,
+    PolicyEstimator,
+    build_steered,
+    load_steered,
+)
 from twin.estimation.learned.scale import to_log_scale
 from twin.estimation.registry import MethodSpec, Style, Training, register_method
 from twin.hysteresis import ColemanHodgdon
@@ -70,23 +75,16 @@ class ReinforcementActiveModel:
         return self.bend_deg
 
 
-def load(path: Path) -> PolicyEstimator:
-    """Read a trained policy, beside the filter that it was trained with.
+AGENT = "ram"
 
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file is no trained policy of this agent.
-    """
-    policy = load_policy(path)
-    if policy.agent_name != RAM.agent:
-        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {RAM.agent!r}")
-    return PolicyEstimator(policy, policy.active_model, ReinforcementActiveModel)
+
+def load(path: Path) -> PolicyEstimator:
+    """Read a trained policy; see `load_steered`."""
+    return load_steered(path, AGENT, ReinforcementActiveModel)
 
 
 def _build(knowledge: Knowledge) -> PolicyEstimator:
-    policy = load_policy(knowledge.trained["ram"])
-    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    return PolicyEstimator(policy, active_model, ReinforcementActiveModel)
+    return build_steered(knowledge, AGENT, ReinforcementActiveModel)
 
 
 def _build_oracle(knowledge: Knowledge) -> CaseEstimator:
@@ -101,7 +99,9 @@ RAM = register_method(
         told="R",
         build=_build,
         models=(ColemanHodgdon.name,),
-        training=Training("ram", POLICY_FILE, load, "reinforcement active modeling, by PPO"),
+        training=Training(
+            AGENT, POLICY_FILE, load, "reinforcement active modeling, by PPO", same_filter=True
+        ),
         in_paper_suite=True,
         proposed=True,
         paper_column=3,
@@ -120,7 +120,7 @@ register_method(
         told="R, and the truth in its residual, as the paper's text reads",
         build=_build_oracle,
         models=(ColemanHodgdon.name,),
-        trained_as=RAM.agent,
+        trained_as=AGENT,
         in_paper_suite=True,
         oracle=True,
         beside_paper=True,
