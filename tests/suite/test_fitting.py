@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import as_method
@@ -19,6 +20,25 @@ from twin.suite.fitting import (
     tune,
 )
 from twin.suite.methods import active_methods, set_filters, static_methods, tuned_methods
+
+
+@pytest.fixture(scope="module")
+def records(records):
+    """The first ten seconds of each."""
+    return [(pull[:100], bend[:100]) for pull, bend in records]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_search():
+    """Fewer generations of a model, fewer evaluations of a filter's likelihood."""
+
+    def briefly(*args, options, **others):
+        return minimize(*args, options=options | {"maxfev": min(options["maxfev"], 150)}, **others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.estimation.tuning.minimize", briefly)
+        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        yield
 
 
 @pytest.fixture(scope="module")
