@@ -43,7 +43,7 @@ def short(tmp_path_factory, few_steps) -> Demo:
     out = tmp_path_factory.mktemp("short demo") / "out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scripts.demo, "_run_side_by_side", in_turn)
-        flags = "--records 2 --seconds 12 --episodes 32 --seeds 2 --json"
+        flags = "--records 2 --seconds 8 --episodes 32 --seeds 2 --json"
         printed = done(f"demo --out {shlex.quote(str(out))} {flags}", out.parent)
     return Demo(out, json.loads(printed), 32)
 

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
 from repository import REPOSITORY, endotwin
 from typed import done, typed
 
@@ -20,7 +21,10 @@ def workspace(tmp_path_factory, few_steps):
     """A short run of every verb, in the order of the README, in one folder."""
     folder = tmp_path_factory.mktemp("workspace")
     (folder / "short.yaml").write_text((REPOSITORY / "assets" / "ureteroscope.yaml").read_text())
-    data = "--preset ureteroscope --episodes 2 --seconds 12"
+    (folder / "loop.csv").write_text("time_s,pull_mm\n0,0\n1,1\n3,-1\n4,0\n")
+    coarse = load_preset("ureteroscope").replace(name="coarse", vertebrae=6, sheath_elements=4)
+    (folder / "coarse.yaml").write_text(yaml.safe_dump(coarse.to_dict()))
+    data = "--preset ureteroscope --episodes 2 --seconds 8"
     learn = "train data/train --model coleman_hodgdon.json --protocol strict --episodes 32"
     printed = {}
     for line in (
@@ -33,9 +37,10 @@ def workspace(tmp_path_factory, few_steps):
         "evaluate data/test --train data/train --model coleman_hodgdon.json "
         "--policy runs/ram/policy.onnx runs/direct/policy.onnx runs/lstm/lstm.onnx "
         "--suite paper --seeds 2 --out results --json",
-        "calibrate data/test --preset short.yaml --free section_stiffness --evaluations 20 "
+        "generate --preset ureteroscope --command-csv loop.csv --episodes 2 --out data/loops --json",
+        "calibrate data/loops --preset short.yaml --free section_stiffness --evaluations 20 "
         "--out fitted.yaml --json",
-        "benchmark --preset short.yaml --only return_point closed_cycles --cycles 4 "
+        "benchmark --preset coarse.yaml --only return_point closed_cycles --cycles 4 "
         "--out benchmark.json --json",
         "render data/test --out bend.png --json",
         "render data/test --episode 1 --speed 6 --size 320 180 --out bend.mp4 --json",
@@ -288,9 +293,9 @@ def mistakes(workspace):
         ("generate --stroke 2 400 --out x", "pulled by at most 8.17 mm"),
         ("generate --sample-time nan --out x", "sample_time_s = nan: input should be a finite number"),
         ("generate --seed -1 --out x", "--seed -1"),
-        ("generate --stroke -1 1 --episodes 2 --seconds 12 --seed 1 --out data/train", "of another recipe"),
+        ("generate --stroke -1 1 --episodes 2 --seconds 8 --seed 1 --out data/train", "of another recipe"),
         (
-            "generate --episodes 1 --seconds 12 --seed 1 --out data/train",
+            "generate --episodes 1 --seconds 8 --seed 1 --out data/train",
             "which is not among the one episode asked for",
         ),
         ("identify data/train --population 0 --out x.json", "population 0"),

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
@@ -12,6 +13,25 @@ from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, needed_fits, save_fits
+
+
+@pytest.fixture(scope="module")
+def records(records):
+    """The first ten seconds of each."""
+    return [(pull[:100], bend[:100]) for pull, bend in records]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_search():
+    """Fewer generations of a model, fewer evaluations of a filter's likelihood."""
+
+    def briefly(*args, options, **others):
+        return minimize(*args, options=options | {"maxfev": min(options["maxfev"], 150)}, **others)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.estimation.tuning.minimize", briefly)
+        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -56,7 +56,7 @@ def small_numbers():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("full")
-    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.04"]) == 0
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.08"]) == 0
     return out
 
 
