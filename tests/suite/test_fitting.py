@@ -29,7 +29,7 @@ def short_search():
         return minimize(*args, options=options | {"maxfev": min(options["maxfev"], 150)}, **others)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.estimation.tuning.minimize", briefly)
+        patch.setattr("scipy.optimize.minimize", briefly)
         patch.setattr("twin.suite.fitting.GENERATIONS", 40)
         yield
 
