@@ -1,6 +1,6 @@
+import briefly
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import as_method
@@ -31,12 +31,8 @@ def records(records):
 @pytest.fixture(scope="module", autouse=True)
 def short_search():
     """Fewer generations of a model, fewer evaluations of a filter's likelihood."""
-
-    def briefly(*args, options, **others):
-        return minimize(*args, options=options | {"maxfev": min(options["maxfev"], 150)}, **others)
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.estimation.tuning.minimize", briefly)
+        briefly.tune_filters(patch)
         patch.setattr("twin.suite.fitting.GENERATIONS", 40)
         yield
 
