@@ -1,17 +1,15 @@
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+import briefly
 import pytest
-
-from rl.supervised import SequenceTraining
 
 
 @pytest.fixture(scope="module")
 def few_steps() -> Iterator[None]:
-    """Networks are trained by few steps: what they have learned is asserted elsewhere."""
+    """Filters are tuned by few steps: what they have learned is asserted elsewhere."""
     with pytest.MonkeyPatch.context() as patch:
-        _, *others = SequenceTraining.__init__.__defaults__
-        patch.setattr(SequenceTraining.__init__, "__defaults__", (20, *others))
+        briefly.tune_filters(patch)
         yield
 
 

@@ -1,8 +1,8 @@
 import json
 
+import briefly
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
@@ -24,12 +24,8 @@ def records(records):
 @pytest.fixture(scope="module", autouse=True)
 def short_search():
     """Fewer generations of a model, fewer evaluations of a filter's likelihood."""
-
-    def briefly(*args, options, **others):
-        return minimize(*args, options=options | {"maxfev": min(options["maxfev"], 150)}, **others)
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scipy.optimize.minimize", briefly)
+        briefly.tune_filters(patch)
         patch.setattr("twin.suite.fitting.GENERATIONS", 40)
         yield
 

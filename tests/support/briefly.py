@@ -1,0 +1,18 @@
+"""Searches cut short, for tests whose assertions do not depend on how good their ends are."""
+
+from typing import Any
+
+import pytest
+from scipy.optimize import minimize
+
+EVALUATIONS = 150
+
+
+def tune_filters(patch: pytest.MonkeyPatch) -> None:
+    """Filters are tuned by few evaluations of their likelihood or RMSE."""
+
+    def briefly(*args: Any, options: dict[str, Any], **others: Any) -> Any:
+        most = min(options["maxfev"], EVALUATIONS)
+        return minimize(*args, options=options | {"maxfev": most}, **others)
+
+    patch.setattr("scipy.optimize.minimize", briefly)
