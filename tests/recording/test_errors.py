@@ -18,6 +18,7 @@ from mutated import MAGIC
 from recorded import assert_equal, make_episode
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.recording import EpisodeWriter, read_dataset, read_episode, write_csv, write_episode
 from twin.recording import endotwin_pb2 as schema
 from twin.recording.contents import TOPICS
@@ -29,7 +30,7 @@ def fault_of(path: Path) -> str:
     """What is said of a damaged file: one line that begins with its name."""
     with pytest.raises(ValueError, match="mcap") as caught:
         read_episode(path)
-    assert type(caught.value) is ValueError
+    assert type(caught.value) is InputError
     text = str(caught.value)
     assert text.startswith(f"{path} ")
     assert len(text.splitlines()) == 1

@@ -21,6 +21,7 @@ import zstandard
 from repository import REPOSITORY
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.recording import endotwin_pb2 as schema
 from twin.recording import read_episode, read_metadata, recover_episode
 
@@ -51,7 +52,7 @@ def read(function: Callable, path: Path) -> tuple[Any, str]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         SPENT.append(time.process_time() - begin)
-    assert kind is ValueError
+    assert kind is InputError
     assert text.startswith(f"{path} ")
     assert len(text.splitlines()) == 1
     assert len(text) < 1000

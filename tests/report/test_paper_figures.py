@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.paper_figures import paper_figures
 
@@ -34,14 +35,16 @@ def test_figures_have_the_papers_numbers_and_show_its_methods():
 
 def test_our_rmse_stands_beside_the_published_one():
     here = {"sample_time_s": 0.1, "stroke_mm": [-1.0, 1.0], "twin": "nominal"}
+    rest = dict.fromkeys(("mae_deg", "md_deg", "var_deg2", "bias_deg", "rmse_steady_deg"), 0.0)
+    rest |= {"oracle": False, "rmse_ci95_deg": [0.0, 9.0], "seeds": 1}
     rows = [
-        {"noise": "gaussian", "level": 5.0, "method": "RAM", "rmse_deg": 1.337, **here},
-        {"noise": "gaussian", "level": 1.0, "method": "Direct RL", "rmse_deg": 1.2, **here},
+        {"noise": "gaussian", "level": 5.0, "method": "RAM", "rmse_deg": 1.337, **here, **rest},
+        {"noise": "gaussian", "level": 1.0, "method": "Direct RL", "rmse_deg": 1.2, **here, **rest},
     ]
     # The tracks are of the first records at the longest sample time: other rows are not theirs.
     rows += [rows[0] | {"rmse_deg": 9.0, "stroke_mm": [-4.0, 4.0]}]
     rows += [rows[0] | {"rmse_deg": 9.0, "sample_time_s": 0.02}]
-    figures = paper_figures(ALL, rows)
+    figures = paper_figures(ALL, [Score.from_dict(row) for row in rows])
     assert "RAM: 1.34 (paper 1.04)" in legend(figures[7][0])
     assert "Direct RL: 1.20" in legend(figures[5][0])  # of which the paper has no figure
 

@@ -41,6 +41,7 @@ METHODS = [
     "Ensemble",
     "Ensemble (limit)",
 ]
+FEW = ["--methods", "C-H", "AM", "Constant gain", "ESMF", "Ensemble (limit)"]
 SMALL = "--suite full --seconds 6 --members 12 --episodes 10 --seeds 2 --seed 1 --json"
 
 
@@ -53,10 +54,27 @@ def small_numbers():
         yield
 
 
+@pytest.fixture(
+    scope="module",
+    params=[("0.1",), pytest.param(("0.1", "0.02"), marks=pytest.mark.slow)],
+    ids=["one sample time", "both sample times"],
+)
+def times(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(times, tmp_path_factory):
     out = tmp_path_factory.mktemp("full")
-    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.08"]) == 0
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", *times]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    """A few methods of every family, in a fraction of the time."""
+    out = tmp_path_factory.mktemp("few")
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1", "0.08", *FEW]) == 0
     return out
 
 
@@ -65,12 +83,12 @@ def evaluation(folder):
     return json.loads((folder / "evaluation.json").read_text())
 
 
-def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation):
+def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, times):
     rows = evaluation["rows"]
-    assert len(rows) == len(METHODS) * 10 * 3 * 3 * 2
+    assert len(rows) == len(METHODS) * 10 * 3 * 3 * len(times)
     assert list(dict.fromkeys(row["method"] for row in rows)) == METHODS
     assert {row["twin"] for row in rows} == {"nominal", "bending sheath", "randomized"}
-    assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 180
+    assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 90 * len(times)
     for row in rows:
         assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
 
@@ -83,9 +101,9 @@ def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
     np.testing.assert_allclose(figures("UKF"), figures("AM"), rtol=1e-9)
 
 
-def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation):
+def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation, times):
     rows = [row for row in evaluation["intervals"] if row["method"] == "ESMF (geometry)"]
-    assert len(rows) == 18  # strokes, twins, sample times
+    assert len(rows) == 9 * len(times)  # strokes, twins, sample times
     assert {row["noise"] for row in rows} == {"uniform"}
     assert all(row["runs_contained"] == 1.0 for row in rows)
     assert all(0.1 < row["width_deg"] < 2 * np.sqrt(3) for row in rows)  # narrower than one measurement
@@ -122,12 +140,22 @@ def test_tables_figures_and_fits_are_kept(folder):
     assert 0 <= fits["constant gain"]["gain"][0] <= 1
 
 
-def test_a_second_run_takes_what_is_there_and_says_the_same(folder, evaluation):
-    made = {path: path.stat().st_mtime_ns for path in folder.glob("*/*") if path.is_file()}
-    assert main([*SMALL.split(), "--out", str(folder), "--sample-time", "0.1", "--workers", "1"]) == 0
+def test_named_methods_alone_are_compared_at_every_sample_time(few):
+    rows = json.loads((few / "evaluation.json").read_text())["rows"]
+    assert list(dict.fromkeys(row["method"] for row in rows)) == FEW[1:]
+    assert {row["sample_time_s"] for row in rows} == {0.1, 0.08}
+    assert len(rows) == len(FEW[1:]) * 10 * 3 * 3 * 2
+    assert not list(few.glob("T_0.1/*/*.onnx"))  # nothing is trained that nobody asked for
+
+
+def test_a_second_run_takes_what_is_there_and_says_the_same(few):
+    before = json.loads((few / "evaluation.json").read_text())
+    made = {path: path.stat().st_mtime_ns for path in few.glob("*/*") if path.is_file()}
+    run = [*SMALL.split(), "--out", str(few), "--sample-time", "0.1", "--workers", "1", *FEW]
+    assert main(run) == 0
     assert {path: path.stat().st_mtime_ns for path in made} == made
-    again = json.loads((folder / "evaluation.json").read_text())
-    slow = [row for row in evaluation["rows"] if row["sample_time_s"] == 0.1]
+    again = json.loads((few / "evaluation.json").read_text())
+    slow = [row for row in before["rows"] if row["sample_time_s"] == 0.1]
     for first, second in zip(slow, again["rows"], strict=True):
         assert first["method"] == second["method"]
         assert second["rmse_deg"] == pytest.approx(first["rmse_deg"], rel=1e-6)
@@ -171,12 +199,12 @@ def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
     ("flags", "message"),
     [
         ("--policy p.onnx", "give no --policy"),
-        ("--sample-time 0.03", "sample_time = 0.03 s: must be a multiple of 0.02 s"),
-        ("--members 3", "members = 3: an ensemble needs at least 8"),
+        ("--sample-time 0.03", "--sample-time 0.03 s: must be a multiple of 0.02 s"),
+        ("--members 3", "--members 3: an ensemble needs at least 8"),
         ("--episodes 0", "--episodes 0"),
         ("--preset none", "none"),
-        ("--seeds 0", "seeds = 0"),
-        ("--seconds 2", "seconds = 2: must be at least 5"),
+        ("--seeds 0", "--seeds 0"),
+        ("--seconds 2", "--seconds 2: must be at least 5"),
         ("nowhere", "nowhere"),
     ],
 )
