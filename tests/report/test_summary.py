@@ -96,6 +96,14 @@ def test_methods_are_listed_from_the_nearest_to_the_limit(rows):
     assert names == ["RAM (oracle)", LIMIT, "Ensemble", "RAM", "AM"]
 
 
+def test_without_the_limit_there_is_no_distance_to_it(rows):
+    others = [row for row in rows if row.method != LIMIT]
+    assert "Times the limit" not in benchmark_tables(others, [])
+    time = np.arange(30) * 0.1
+    track = Track("gaussian", 1.0, time, time, time + 1, {"AM": time + 0.5})
+    assert set(benchmark_figures(others, [track])) == {"rmse_by_noise.png", "figure_06.png"}
+
+
 def test_figures_are_pictures_and_those_of_the_paper_carry_its_numbers(rows):
     time = np.arange(30) * 0.1
     track = Track("gaussian", 1.0, time, time, time + 1, {"AM": time + 0.5, "RAM": time + 0.1})

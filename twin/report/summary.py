@@ -38,7 +38,7 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
         parts.append(_noise_table(scores, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {_name(first)}, T = {times[0]:g} s")
     parts.append(_noise_table(scores, times[0], first, "rmse_steady_deg"))
-    for T in times:
+    for T in times if _has_limit(scores) else ():
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
     if bounds:
@@ -67,7 +67,7 @@ def benchmark_figures(scores: Sequence[Score], tracks: Sequence[Track]) -> dict[
     shown = [score for score in scores if score.group == first and score.sample_time_s == longest]
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
-        "times_the_limit.png": limit_figure(scores),
+        **({"times_the_limit.png": limit_figure(scores)} if _has_limit(scores) else {}),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
     return {name: to_png_bytes(figure) for name, figure in figures.items()}
@@ -95,6 +95,7 @@ def noise_figure(scores: Sequence[Score]) -> Figure:
     noises = list(dict.fromkeys(score.condition for score in scores))
     ratios = times_the_limit(scores, scores[0].sample_time_s, scores[0].group)
     methods = sorted(ratios, key=lambda method: -ratios[method])
+    methods = methods or list(dict.fromkeys(score.method for score in reversed(scores)))  # without a limit
     columns = 5
     lines = -(-len(noises) // columns)
     figure = Figure(figsize=(11, 0.22 * len(methods) * lines + 1.4), layout="constrained")
@@ -285,6 +286,10 @@ def _name(group: Group) -> str:
 def _is_limit(method: str) -> bool:
     spec = method_spec(method)
     return spec is not None and spec.is_limit
+
+
+def _has_limit(scores: Sequence[Score]) -> bool:
+    return any(_is_limit(score.method) for score in scores)
 
 
 def _deployable(score: Score) -> bool:
