@@ -39,7 +39,7 @@ def _added(episode: Episode) -> float:
     try:
         recipe = yaml.safe_load(episode.attachments.get("recipe.yaml", b""))
         return float(recipe["sensor"]["variance_deg2"])
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
         return 0.0
 
 
