@@ -72,7 +72,8 @@ def find_trainer(agent: str) -> Trainer:
     if agent not in _TRAINERS and not _SEARCHED:
         package = importlib.import_module("rl")
         for module in pkgutil.iter_modules(package.__path__, "rl."):
-            importlib.import_module(module.name)
+            if not module.ispkg:  # comparisons need more than a training does
+                importlib.import_module(module.name)
         _SEARCHED.append("rl")
     if agent not in _TRAINERS:
         raise InputError(f"agent {agent!r} has no trainer; valid: {', '.join(_TRAINERS)}")

@@ -13,7 +13,7 @@ VERBS = {
     "export": "write episodes anew: as a LeRobot dataset in Parquet, as CSV, as MCAP",
     "calibrate": "fit the physical parameters of a preset to logs",
     "identify": "fit a model of hysteresis to records",
-    "train": "train a policy (RAM or direct RL) or the LSTM on records",
+    "train": "train a learned method on records",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "render": "draw a record as PNG or MP4, without a screen",
     "report": "make one self-contained HTML page of a run",

@@ -32,6 +32,7 @@ SPOKEN = {
     "address": "--dask",
     "folder": "--out",
     "pulley_radius": "--pulley-radius-mm",
+    "recorded_variance": "--sensor-variance",
     "recover_episode": "`endotwin export FILE --recover`",
     "reverse_angle": "--reverse-angle",
 }

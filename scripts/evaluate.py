@@ -82,12 +82,14 @@ def evaluate(args: Evaluate) -> Summary:
 def _full(args: Evaluate) -> Summary:
     if args.policy:
         raise ValueError("--suite full trains every method at each of its sample times: give no --policy")
-    if args.measurements == "recorded" or args.write_estimates:
-        raise ValueError("--measurements recorded and --write-estimates are for --suite paper")
+    if args.measurements == "recorded" or args.write_estimates or args.sensor_variance is not None:
+        raise ValueError(
+            "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
+        )
     if args.episodes < 1 or args.workers < 0:
         raise ValueError(f"--episodes {args.episodes}, --workers {args.workers}: at least 1 and 0")
-    from rl.full_suite import run_full_suite
-    from rl.suite_settings import SAMPLE_TIMES, FullSuite
+    from rl.suite.full import run_full_suite
+    from rl.suite.settings import SAMPLE_TIMES, FullSuite
 
     suite = FullSuite(
         folder=args.out,
@@ -95,7 +97,7 @@ def _full(args: Evaluate) -> Summary:
         train=args.train,
         methods=args.methods,
         preset=args.preset,
-        sample_times=tuple(sorted(args.sample_time or SAMPLE_TIMES, reverse=True)),
+        sample_times=tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True)),
         seeds=args.seeds,
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
@@ -116,10 +118,10 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
-    from rl.paper_suite import PaperSuite, given_files, run_paper_suite
+    from rl.suite.paper import PaperSuite, given_files, run_paper_suite
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
-    from twin.evaluation.recorded import common_variance
+    from twin.evaluation.recorded import DEFAULT_VARIANCE, common_variance
     from twin.files.atomic import write_whole
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
@@ -136,6 +138,11 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError(f"--model {source} is {model.name}: the paper's suite rests on coleman-hodgdon")
     trained = given_files(args.policy, model, T)
     variance = args.sensor_variance
+    if variance is not None and not (variance > 0 and (recorded or args.write_estimates)):
+        raise ValueError(
+            f"--sensor-variance {variance:g}: must be positive, and is for --measurements recorded or "
+            "--write-estimates"
+        )
     if variance is None and (recorded or args.write_estimates):
         variance, told = common_variance(args.data)
         if not told:
@@ -157,7 +164,7 @@ def _paper(args: Evaluate) -> Summary:
         episodes=args.episodes,
         source=source,
         write_estimates=args.write_estimates,
-        recorded_variance=variance or 0.1,
+        recorded_variance=DEFAULT_VARIANCE if variance is None else variance,
     )
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables

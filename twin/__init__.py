@@ -14,6 +14,7 @@ twin.render(episode, "bend.png")
 """
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -94,5 +95,17 @@ else:
 __all__ = list(_HOME)
 
 
+_NEEDS = {
+    "twin.physics": "mujoco",
+    "twin.rendering.render": "mujoco",
+    "twin.dataset.write": "mujoco",
+    "twin.identification": "pymoo",
+}
+"""Package that a home cannot be loaded without."""
+
+
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__doc__", "__version__"])
+    """Return the names that can be loaded with what is installed: `help(twin)` loads all of them."""
+    absent = {home for home, package in _NEEDS.items() if importlib.util.find_spec(package) is None}
+    there = [name for name, home in _HOME.items() if home not in absent]
+    return sorted([*there, "__doc__", "__version__"])

@@ -57,11 +57,11 @@ def own_table(monkeypatch):
 
 def test_every_method_has_a_name_and_a_place_of_its_own():
     specs = method_specs()
-    assert len({spec.name for spec in specs}) == len({spec.rank for spec in specs}) == len(specs) == 27
+    assert len({spec.name for spec in specs}) == len({spec.rank for spec in specs}) == len(specs) >= 27
     assert proposed_method().name == "RAM"
     assert [spec.name for spec in specs if spec.is_limit] == ["Ensemble (limit)"]
     assert sorted(spec.paper_column for spec in specs if spec.paper_column is not None) == [0, 1, 2, 3]
-    assert set(trainable_specs()) == {"ram", "direct", "lstm", "gru", "kalman-net"}
+    assert set(trainable_specs()) >= {"ram", "direct", "lstm", "gru", "kalman-net"}
 
 
 def test_a_toy_estimator_is_found_in_help_tables_figures_and_suites(own_table, capsys, records, model):
@@ -97,7 +97,7 @@ def test_a_name_or_an_agent_is_given_once(own_table):
 def test_what_is_unknown_is_refused_with_the_valid_names():
     with pytest.raises(ValueError, match=r"unknown method 'AN'; valid: C-H, C-H \(monotone\), Bouc-Wen"):
         find_method("AN")
-    with pytest.raises(ValueError, match="unknown agent 'dqn'; valid: lstm, gru, kalman-net, direct, ram"):
+    with pytest.raises(ValueError, match=f"unknown agent 'dqn'; valid: {', '.join(trainable_specs())}"):
         find_trainable("dqn")
 
 
@@ -106,7 +106,8 @@ def test_a_method_waits_for_what_it_needs(model, records):
     assert not [spec.name for spec in method_specs() if spec.is_ready(nothing)]
     only_model = Knowledge(0.1, {ColemanHodgdon.name: model})
     ready = [spec.name for spec in method_specs() if spec.is_ready(only_model)]
-    assert ready == ["C-H", "AM", "KF", "UKF"]
+    assert {"C-H", "AM", "KF", "UKF"} <= set(ready)
+    assert not {"RAM", "AM-tuned", "Bouc-Wen", "Ensemble"} & set(ready)
     trained = dataclasses.replace(only_model, trained={"ram": Path("x")}, records=records)
     ready = [spec.name for spec in method_specs() if spec.is_ready(trained)]
     assert {"RAM", "RAM (oracle)", "AM-tuned", "Constant gain", "ESMF"} < set(ready)

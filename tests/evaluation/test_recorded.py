@@ -19,6 +19,7 @@ from twin.evaluation.method import Method, as_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.reading import evaluation_record
 from twin.evaluation.recorded import common_variance, recorded_variance, write_estimates
+from twin.export.names import named_files
 from twin.measured.folder import write_measured
 from twin.recording import episode_files, read_episode
 from twin.recording.estimate import estimate_topic
@@ -89,7 +90,7 @@ def test_a_protocol_that_cannot_be_is_refused(changes, said):
 def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):
     active_model = ActiveModel(model, 0.1)
     methods = [as_method("AM (toy, x)", active_model), Method("seer", lambda case: 1 / 0, oracle=True)]
-    written = write_estimates([folder], methods, 0.1, 0.3, tmp_path)
+    written = write_estimates(named_files([folder]), methods, 0.1, 0.3, tmp_path)
     assert [path.name for path in written] == [path.name for path in episode_files(folder)]
     episode = read_episode(episode_files(folder)[0])
     assert_equal(read_episode(written[0]), episode)

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 from recorded import make_episode
+from torch_network import TorchNetwork
 
 import scripts.train
 from rl.gru import GruNetwork, train_gru
-from rl.supervised import SequenceTraining, TorchNetwork
+from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.gru import Gru, load

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 from recorded import make_episode
+from torch_network import TorchNetwork
 
 import scripts.train
 from rl.kalman_net import (
@@ -17,7 +18,6 @@ from rl.kalman_net import (
     KalmanNetTraining,
     train_kalman_net,
 )
-from rl.supervised import TorchNetwork
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.kalman_net import KalmanNet, load

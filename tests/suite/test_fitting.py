@@ -6,13 +6,13 @@ import pytest
 
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
-from twin.estimation.registry import method_specs
+from twin.estimation.registry import method_specs, needed_fits
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
-from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, needed_fits, save_fits
+from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, save_fits
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scripts.evaluate import main
-from twin.estimation.registry import method_specs
+from twin.estimation.registry import method_specs, needed_fits
 from twin.hysteresis import load_model
 from twin.signals.excitation import SIGNALS
-from twin.suite.fitting import load_fits, needed_fits
+from twin.suite.fitting import load_fits
 
 METHODS = [
     "C-H",

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch_network import TorchNetwork
 
 from rl.recurrent_graph import export_recurrent
-from rl.supervised import TorchNetwork
 from twin.estimation.learned.recurrent import OnnxNetwork
 from twin.estimation.learned.trained_file import read_trained_file
 

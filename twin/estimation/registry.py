@@ -7,7 +7,7 @@ this package, or below it, that calls `register_method`. This module is light: i
 import dataclasses
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Literal
 
 from twin.errors import InputError
@@ -111,15 +111,22 @@ class MethodSpec:
         """Agent whose trained file it runs on; None for what is not learned."""
         return self.training.agent if self.training else self.trained_as
 
+    def missing(self, knowledge: "Knowledge") -> list[str]:
+        """Return what it needs and nobody knows, in words; its fits are found from the records."""
+        missing = [f"the model {model}" for model in self.models if model not in knowledge.models]
+        if (self.records or self.fits) and not knowledge.records:
+            missing.append("training records")
+        if self.wire_offset and knowledge.smallest_wire_offset is None:
+            missing.append("the ranges of a preset")
+        if self.ensembles and not knowledge.ensembles:
+            missing.append("ensembles of twins")
+        if self.agent is not None and self.agent not in knowledge.trained:
+            missing.append(f"a trained file of {self.agent}, or training records")
+        return missing
+
     def is_ready(self, knowledge: "Knowledge") -> bool:
-        """Return whether all that it needs is known; its fits are found from the records."""
-        return (
-            all(model in knowledge.models for model in self.models)
-            and (bool(knowledge.records) or not (self.records or self.fits))
-            and (bool(knowledge.ensembles) or not self.ensembles)
-            and (knowledge.smallest_wire_offset is not None or not self.wire_offset)
-            and (self.agent is None or self.agent in knowledge.trained)
-        )
+        """Return whether all that it needs is known."""
+        return not self.missing(knowledge)
 
 
 _SPECS: dict[str, MethodSpec] = {}
@@ -180,6 +187,11 @@ def find_trainable(agent: str) -> MethodSpec:
     if agent not in specs:
         raise InputError(f"unknown agent {agent!r}; valid: {', '.join(specs)}")
     return specs[agent]
+
+
+def needed_fits(specs: "Iterable[MethodSpec]") -> "list[TrainingFit]":
+    """Return the fits that methods need, each once."""
+    return list({fit.key: fit for spec in specs for fit in spec.fits}.values())
 
 
 def proposed_method() -> MethodSpec:

@@ -46,12 +46,14 @@ def evaluate(
         FileNotFoundError: a path does not exist or a folder holds no MCAP file.
         ValueError: there is no estimator, a file is damaged, or an option is out of range.
     """
-    if not estimators:
-        raise InputError("no estimator given: name at least one, as in {'AM': estimator}")
-    if measurements not in ("drawn", "recorded"):
-        raise InputError(f"measurements = {measurements!r}: must be drawn or recorded")
     given = [data] if isinstance(data, str | Path) else list(data)
     paths = [Path(path) for path in given]
+    if not estimators:
+        raise InputError("no estimator given: name at least one, as in {'my filter': estimator}")
+    if not paths:
+        raise InputError("no data given: name folders of MCAP files, or files")
+    if measurements not in ("drawn", "recorded"):
+        raise InputError(f"measurements = {measurements!r}: must be drawn or recorded")
     recorded = measurements == "recorded"
     if recorded:
         variance = common_variance(paths)[0] if variance is None else variance

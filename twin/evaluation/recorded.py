@@ -1,13 +1,12 @@
 """Recorded measurements: their noise as the file tells it, and estimates written beside them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from twin.episode import Episode
-from twin.errors import InputError
 from twin.evaluation.case import make_case
 from twin.evaluation.method import Method
 from twin.evaluation.protocol import Protocol
@@ -56,7 +55,7 @@ def common_variance(paths: Sequence[Path]) -> tuple[float, bool]:
 
 
 def write_estimates(
-    paths: Sequence[Path],
+    files: Mapping[str, Path],
     methods: Sequence[Method],
     sample_time: float,
     variance: float,
@@ -66,30 +65,28 @@ def write_estimates(
     """Write each record anew with what methods make of its recorded measurements, as `/estimate/METHOD`.
 
     Args:
-        paths: folders of MCAP files, or files.
+        files: MCAP files of records, by the names of the new ones without their ending.
         methods: oracles among them are left out.
         sample_time: T of the estimates [s]; the record keeps its own samples.
         variance: R that the methods are told [deg^2].
-        folder: where the files go, under the names of the records; it exists.
+        folder: where the new files go; it exists.
         initial_error_deg: how far the initial estimate is off [deg].
 
     Returns:
         The files.
 
     Raises:
-        ValueError: a file is damaged, two have one name, or the sample time does not fit.
+        ValueError: a file is damaged, or the sample time does not fit.
     """
     protocol = Protocol("paper", 1, sample_time, initial_error_deg, recorded_variance=variance)
     written: list[Path] = []
-    for file in (file for path in paths for file in episode_files(path)):
+    for name, file in files.items():
         episode = read_episode(file)
         record = evaluation_record(at_sample_time(episode, sample_time), 0)
         case = make_case([(0, record)], protocol)
         begin = len(at_sample_time(episode, sample_time).time) - len(record.pull_mm)
         time = episode.time[0] + sample_time * (begin + np.arange(len(record.pull_mm)))
-        target = folder / file.name
-        if target in written:
-            raise InputError(f"two records are called {file.name}: their estimates would be one file")
+        target = folder / f"{name}.mcap"
         with EpisodeWriter(target) as writer:
             writer.write(episode)
             for method in methods:

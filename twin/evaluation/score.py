@@ -143,7 +143,8 @@ def _read(name: str, value: Any) -> Any:
     elif name in ("paper_rmse_deg", "md_printed_deg2") and value is None:
         return None
     elif name in ("stroke_mm", "rmse_ci95_deg"):
-        if isinstance(value, list | tuple) and len(value) == 2 and all(map(_is_number, value)):
+        lengths = (0, 2) if name == "stroke_mm" else (2,)  # a row need not tell its stroke
+        if isinstance(value, list | tuple) and len(value) in lengths and all(map(_is_number, value)):
             return tuple(map(float, value))
     elif name == "seeds":
         if isinstance(value, int) and not isinstance(value, bool) and value > 0:

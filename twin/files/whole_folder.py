@@ -102,6 +102,8 @@ def _remove(path: Path) -> None:
 
 def _to_disk(folder: Path) -> None:
     """Flush the directory entries of a folder to disk; its files are on the disk already."""
+    if os.name == "nt":  # Windows opens no folder, and needs no such flush
+        return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

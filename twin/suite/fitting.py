@@ -1,7 +1,7 @@
 """Identified models and fits of the full benchmark: found on the training records, kept, found once."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.knowledge import TrainingFit
 from twin.estimation.open_loop import MONOTONE
-from twin.estimation.registry import MethodSpec
 from twin.files.atomic import write_whole
 from twin.hysteresis import (
     BoucWen,
@@ -64,11 +62,6 @@ def identify_models(
         if on_progress:
             on_progress(done, len(MODEL_NAMES))
     return models
-
-
-def needed_fits(specs: Iterable[MethodSpec]) -> list[TrainingFit]:
-    """Return the fits that methods need, each once."""
-    return list({fit.key: fit for spec in specs for fit in spec.fits}.values())
 
 
 def save_fits(path: Path, fits: Fits) -> None:

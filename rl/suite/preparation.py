@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from rl.options import TrainingOptions
-from rl.suite_settings import PAPER_SAMPLE_TIME, TRAINING_STROKE_MM, FullSuite, NewProgress, OnProgress
+from rl.suite.settings import PAPER_SAMPLE_TIME, TRAINING_STROKE_MM, FullSuite, NewProgress, OnProgress
 from rl.trainers import Trainer, find_trainer
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import trainable_specs
+from twin.estimation.registry import needed_fits, trainable_specs
 from twin.evaluation.reading import read_episodes, true_records, whole_pieces
 from twin.preset import Preset, Ranges
-from twin.suite.fitting import identify_models, load_fits, needed_fits, save_fits
+from twin.suite.fitting import identify_models, load_fits, save_fits
 from twin.suite.limit import make_ensembles
 from twin.suite.scenarios import SAMPLE_TIME
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import MethodSpec, find_trainable, method_specs
+from twin.estimation.registry import MethodSpec, find_trainable, method_specs, needed_fits
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, build_method
 from twin.evaluation.protocol import Protocol
@@ -19,9 +19,9 @@ from twin.evaluation.reading import evaluation_records, true_records
 from twin.evaluation.recorded import write_estimates
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
+from twin.export.names import named_files
 from twin.files.atomic import write_whole
 from twin.hysteresis import ColemanHodgdon
-from twin.suite.fitting import needed_fits
 
 OnProgress = Callable[[int, int], None]
 OnTraining = Callable[[int, int, float], None]
@@ -136,18 +136,36 @@ def run_paper_suite(
         seed=suite.protocol.seed,
         trained=dict(suite.trained),
     )
+    _refuse_what_cannot_run(suite, knowledge)
+    estimate_files = named_files(suite.data) if suite.write_estimates else {}
     if knowledge.records:
         knowledge = _train_missing(suite, knowledge, training_progress)
     ready = [spec for spec in suite.specs if spec.is_ready(knowledge)]
     fits = {fit.key: fit.find(knowledge) for fit in needed_fits(ready)}
     knowledge = dataclasses.replace(knowledge, fits=fits)
     methods = [build_method(spec, knowledge) for spec in ready]
-    if not methods:
-        raise InputError(f"nothing to compare: {_needs(suite, knowledge)}")
     scores, tracks = evaluate(test, methods, suite.protocol, progress)
     write_whole(suite.folder / "evaluation.json", _contents(suite, scores, len(test)))
     save_tracks(suite.folder / "tracks.npz", tracks)
-    return PaperResult(scores, tracks, [spec.name for spec in ready], len(test), _estimates(suite, methods))
+    return PaperResult(
+        scores, tracks, [spec.name for spec in ready], len(test), _estimates(suite, methods, estimate_files)
+    )
+
+
+def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
+    """Refuse named methods that lack something, before any work; a learned one is trained from records.
+
+    Raises:
+        ValueError: one lacks something.
+    """
+    if knowledge.records:
+        trained = dict.fromkeys((spec.agent for spec in suite.specs if spec.agent), Path())
+        knowledge = dataclasses.replace(knowledge, trained=trained | dict(knowledge.trained))
+    for spec in suite.specs if suite.methods else ():
+        if missing := spec.missing(knowledge):
+            raise InputError(
+                f"method {spec.name!r} needs {' and '.join(missing)}; the full suite makes all that it needs"
+            )
 
 
 def _train_missing(
@@ -169,14 +187,14 @@ def _train_missing(
     return dataclasses.replace(knowledge, trained=trained)
 
 
-def _estimates(suite: PaperSuite, methods: Sequence[Method]) -> list[Path]:
-    if not suite.write_estimates:
+def _estimates(suite: PaperSuite, methods: Sequence[Method], files: Mapping[str, Path]) -> list[Path]:
+    if not files:
         return []
     folder = suite.folder / "estimates"
     folder.mkdir(exist_ok=True)
     protocol = suite.protocol
     return write_estimates(
-        suite.data,
+        files,
         methods,
         protocol.sample_time_s,
         suite.recorded_variance,
@@ -199,8 +217,3 @@ def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
     }
     contents = {"protocol": protocol, "rows": to_rows(scores)}
     return json.dumps(contents, indent=2, allow_nan=False) + "\n"
-
-
-def _needs(suite: PaperSuite, knowledge: Knowledge) -> str:
-    names = ", ".join(spec.name for spec in suite.specs if not spec.is_ready(knowledge))
-    return f"{names} need training records, or a trained file"

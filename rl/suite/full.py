@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rl.suite_preparation import ensembles_along, learn, train_all, training_records
-from rl.suite_settings import FullSuite, NewProgress
+from rl.suite.preparation import ensembles_along, learn, train_all, training_records
+from rl.suite.settings import FullSuite, NewProgress
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.set_membership import SetMembershipFilter
