@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from twin.episode import Episode
+from twin.estimation.registry import method_specs
 from twin.files.assets import assets_folder
 from twin.physics import simulate
 from twin.preset.file import load_preset
@@ -37,9 +38,9 @@ def recorded(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> dict
     path: Path = tmp_path_factory.mktemp("layout") / "a.mcap"
     with EpisodeWriter(path) as writer:
         writer.write(episode)
-        for method in ("RAM", "AM"):  # as `evaluate` adds them
+        for spec in method_specs():  # as `evaluate` adds them
             for time in to_nanoseconds(episode.time):
-                writer.add_message(estimate_topic(method), estimate_message(1.0), time)
+                writer.add_message(estimate_topic(spec.name), estimate_message(1.0), time)
     result: dict[str, list] = {}
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])

@@ -189,7 +189,7 @@ def find_trainable(agent: str) -> MethodSpec:
     return specs[agent]
 
 
-def needed_fits(specs: "Iterable[MethodSpec]") -> "list[TrainingFit]":
+def needed_fits(specs: Iterable[MethodSpec]) -> "list[TrainingFit]":
     """Return the fits that methods need, each once."""
     return list({fit.key: fit for spec in specs for fit in spec.fits}.values())
 
