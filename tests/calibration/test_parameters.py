@@ -1,4 +1,4 @@
-"""Which parameters are fitted, and how presets become numbers of the search."""
+"""Fitted parameters: their choice, and the numbers of the search that presets become."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How well a calibration knows its parameters, and what the logs do not tell is said."""
+"""Uncertainty of calibrated parameters, and the words on what the logs do not tell."""
 
 import dataclasses
 

@@ -81,7 +81,7 @@ def at(values: Any, place: tuple[Any, ...]) -> Any:
 
 
 def faults_with(folder: Path, contents: Any) -> list[str]:
-    """What is wrong with a dataset whose `dataset.json` is replaced: lines of its refusal, or its faults."""
+    """Return the faults of a dataset whose `dataset.json` is replaced, or the lines of its refusal."""
     (folder / "dataset.json").write_text(json.dumps(contents))
     try:
         lines = verify(folder)[0]

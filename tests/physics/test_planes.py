@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_endoscope import PLAIN
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -10,21 +11,8 @@ from twin.preset.preset import Preset
 
 SAMPLE_TIME = 0.02  # [s]
 GRAVITY = 9.81  # [m / s^2]
-TWO_PLANES = Preset(
-    "two planes",
-    bending_planes=2,
-    vertebrae=6,
-    section_length=0.04,
-    section_mass=2e-4,
-    section_stiffness=0.05,
-    joint_friction=1e-3,
-    wire_stiffness=8e3,
-    pretension=3.0,
-    sheath_elements=3,
-    sheath_friction=0.3,
-    sheath_bend=3.0,
-    time_step=2.5e-3,
-    control_period=5e-3,
+TWO_PLANES = PLAIN.replace(
+    name="two planes", bending_planes=2, vertebrae=6, section_length=0.04, section_mass=2e-4
 )
 # A heavy section on wires so soft and slack that they hardly hold it.
 HANGING = Preset(

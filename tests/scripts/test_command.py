@@ -1,4 +1,4 @@
-"""What all verbs share: a missing extra is one line, a fault of the program is not hidden."""
+"""Behaviour that all verbs share: a missing extra is one line, a fault of the program is not hidden."""
 
 import dataclasses
 import sys

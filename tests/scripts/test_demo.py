@@ -18,7 +18,7 @@ LONGEST = 7200  # [s] of the real demo: a run that hangs ends, a slow machine is
 
 
 class Demo(NamedTuple):
-    """What a run left."""
+    """Results of one run of the demo."""
 
     out: Path
     summary: dict

@@ -35,7 +35,7 @@ MAIN = "from twin.__main__ import main\ntry: main()\nexcept SystemExit as end: a
 
 
 def imported(code: str, *words: str) -> tuple[str, set[str]]:
-    """What code prints with these words on the command line, and the top-level modules that it imported."""
+    """Return what code prints with these words on the command line, and the modules it imported."""
     program = SAID.format(words=list(words), code=code)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     printed, _, modules = done.stdout.rstrip().rpartition("\n")
