@@ -13,7 +13,7 @@ from rl.run import run_configuration
 from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.gru import GRU
+from twin.estimation.learned.gru import GRU, TRAINING
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import surprises
 from twin.estimation.task import TrainingTask, stack_records
@@ -75,8 +75,7 @@ def train_gru(
         ValueError: the folder holds a run of another configuration.
     """
     configuration = run_configuration(records, active_model, training)
-    assert GRU.training is not None
-    path = folder / GRU.training.file
+    path = folder / TRAINING.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
         rng = np.random.default_rng(training.seed)
@@ -103,7 +102,7 @@ def train_gru(
             scale**2,
             on_progress,
         )
-        return curve, lambda: export_recurrent(network, 1, str(GRU.agent), configuration, path)
+        return curve, lambda: export_recurrent(network, 1, TRAINING.agent, configuration, path)
 
     return train_once(path, configuration, training.seed, train)
 

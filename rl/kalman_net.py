@@ -18,7 +18,7 @@ from rl.run import run_configuration
 from rl.supervised import descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.kalman_net import KALMAN_NET, Corrected, advance, begin, check_affine
+from twin.estimation.learned.kalman_net import KALMAN_NET, TRAINING, Corrected, advance, begin, check_affine
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import affine_steps
 from twin.estimation.task import TrainingTask, stack_records
@@ -107,8 +107,7 @@ def train_kalman_net(
     """
     check_affine(active_model.model)
     configuration = run_configuration(records, active_model, training)
-    assert KALMAN_NET.training is not None
-    path = folder / KALMAN_NET.training.file
+    path = folder / TRAINING.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
         network = GainNetwork(training.hidden)
@@ -133,7 +132,7 @@ def train_kalman_net(
             {"seen": torch.zeros(2, FEATURES), "memory": torch.zeros(1, 2, network.hidden)},
             ["said", "remembered"],
             {"seen": [0], "memory": [1]},
-            {"agent": KALMAN_NET.agent, "hidden": network.hidden, **configuration},
+            {"agent": TRAINING.agent, "hidden": network.hidden, **configuration},
             path,
         )
 

@@ -14,7 +14,7 @@ from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.lstm import LSTM, STATES, increments
+from twin.estimation.learned.lstm import LSTM, STATES, TRAINING, increments
 from twin.estimation.task import TrainingTask, stack_records
 
 Array = NDArray[np.float64]
@@ -78,8 +78,7 @@ def train_lstm(
         ValueError: the folder holds a run of another configuration.
     """
     configuration = run_configuration(records, active_model, training)
-    assert LSTM.training is not None
-    path = folder / LSTM.training.file
+    path = folder / TRAINING.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
         rng = np.random.default_rng(training.seed)
@@ -105,7 +104,7 @@ def train_lstm(
             training.sequences * window,
             on_progress=on_progress,
         )
-        return curve, lambda: export_recurrent(network, STATES, str(LSTM.agent), configuration, path)
+        return curve, lambda: export_recurrent(network, STATES, TRAINING.agent, configuration, path)
 
     return train_once(path, configuration, training.seed, train)
 

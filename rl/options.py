@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 from twin.errors import InputError
-from twin.estimation.registry import find_trainable, proposed_method
+from twin.estimation.registry import find_training, proposed_method
 
 EPISODES = 2000
 """The paper's number of episodes."""
@@ -54,7 +54,7 @@ class TrainingOptions:
         """
         if not self.agent:
             object.__setattr__(self, "agent", proposed_method().agent)
-        find_trainable(self.agent)
+        find_training(self.agent)
         for name in _POSITIVE:
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} = {getattr(self, name)}: must be positive and finite")

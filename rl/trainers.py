@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.registry import MethodSpec, find_trainable
+from twin.estimation.registry import MethodSpec, find_training
 
 if TYPE_CHECKING:
     from rl.options import TrainingOptions
@@ -68,7 +68,7 @@ def find_trainer(agent: str) -> Trainer:
     Raises:
         ValueError: no method is trained under this name.
     """
-    find_trainable(agent)
+    find_training(agent)
     if agent not in _TRAINERS and not _SEARCHED:
         package = importlib.import_module("rl")
         for module in pkgutil.iter_modules(package.__path__, "rl."):

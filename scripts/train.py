@@ -10,17 +10,14 @@ import tyro
 
 from rl.options import TrainingOptions
 from scripts.command import Summary, TrainingProgress, output_folder, run_verb
-from twin.estimation.registry import find_trainable, trainable_specs
+from twin.estimation.registry import find_training, trainings
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 
 
 def agents_in_words(default: str = "") -> str:
     """Return the agents that there are, each with its purpose, for the help of the command line."""
-    listed = (
-        f"{agent}: {spec.training.purpose}" for agent, spec in trainable_specs().items() if spec.training
-    )
-    return "; ".join(listed)
+    return "; ".join(f"{agent}: {training.purpose}" for agent, training in trainings().items())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +69,7 @@ def train(args: Train) -> Summary:
     given = {name: getattr(args, name) for name in STRICT}
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
-    find_trainable(args.agent)
+    find_training(args.agent)
     names = [field.name for field in dataclasses.fields(TrainingOptions)]
     options = TrainingOptions(**{name: getattr(args, name) for name in names})
 

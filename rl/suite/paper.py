@@ -11,7 +11,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import MethodSpec, find_trainable, method_specs, needed_fits
+from twin.estimation.registry import MethodSpec, find_training, method_specs, needed_fits
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, build_method
 from twin.evaluation.protocol import Protocol
@@ -94,17 +94,16 @@ def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float
     files: dict[str, Path] = {}
     for path in paths:
         agent = read_trained_file(path).agent
-        spec = find_trainable(agent)
-        assert spec.training is not None
+        training = find_training(agent)
         if agent in files:
             raise InputError(f"{path}: a second policy of the agent {agent!r}")
-        estimator: Any = spec.training.load(path)
+        estimator: Any = training.load(path)
         trained_at = float(estimator.sample_time)
         if abs(trained_at - sample_time) > 1e-9:
             raise InputError(
                 f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
             )
-        if spec.training.same_filter:
+        if training.same_filter:
             beside = estimator.active_model
             here = ActiveModel(model, sample_time, measurement_variance=beside.measurement_variance)
             if beside != here:

@@ -13,7 +13,7 @@ from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import needed_fits, trainable_specs
+from twin.estimation.registry import needed_fits, trainings
 from twin.evaluation.reading import read_episodes, true_records, whole_pieces
 from twin.preset import Preset, Ranges
 from twin.suite.fitting import identify_models, load_fits, save_fits
@@ -62,9 +62,9 @@ def learn(
         save_fits(path, fits)
         knowledge = dataclasses.replace(knowledge, fits=fits)
     trained = {
-        agent: folder / agent / spec.training.file
-        for agent, spec in trainable_specs().items()
-        if spec.training and agent in agents_of(suite)
+        agent: folder / agent / training.file
+        for agent, training in trainings().items()
+        if agent in agents_of(suite)
     }
     return dataclasses.replace(knowledge, trained=trained)
 

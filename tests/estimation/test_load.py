@@ -14,12 +14,12 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.load import load_estimator, model_of
 from twin.estimation.online import OnlineEstimator
-from twin.estimation.registry import trainable_specs
+from twin.estimation.registry import trainings
 
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 
 
-@pytest.fixture(scope="module", params=sorted(trainable_specs()))
+@pytest.fixture(scope="module", params=sorted(trainings()))
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)

@@ -20,11 +20,11 @@ from twin.estimation.registry import (
     Style,
     Training,
     find_method,
-    find_trainable,
+    find_training,
     method_specs,
     proposed_method,
     register_method,
-    trainable_specs,
+    trainings,
 )
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
@@ -61,7 +61,7 @@ def test_every_method_has_a_name_and_a_place_of_its_own():
     assert proposed_method().name == "RAM"
     assert [spec.name for spec in specs if spec.is_limit] == ["Ensemble (limit)"]
     assert sorted(spec.paper_column for spec in specs if spec.paper_column is not None) == [0, 1, 2, 3]
-    assert set(trainable_specs()) >= {"ram", "direct", "lstm", "gru", "kalman-net"}
+    assert set(trainings()) >= {"ram", "direct", "lstm", "gru", "kalman-net"}
 
 
 def test_a_toy_estimator_is_found_in_help_tables_figures_and_suites(own_table, capsys, records, model):
@@ -97,8 +97,8 @@ def test_a_name_or_an_agent_is_given_once(own_table):
 def test_what_is_unknown_is_refused_with_the_valid_names():
     with pytest.raises(ValueError, match=r"unknown method 'AN'; valid: C-H, C-H \(monotone\), Bouc-Wen"):
         find_method("AN")
-    with pytest.raises(ValueError, match=f"unknown agent 'dqn'; valid: {', '.join(trainable_specs())}"):
-        find_trainable("dqn")
+    with pytest.raises(ValueError, match=f"unknown agent 'dqn'; valid: {', '.join(trainings())}"):
+        find_training("dqn")
 
 
 def test_a_method_waits_for_what_it_needs(model, records):
@@ -117,7 +117,7 @@ def test_a_method_waits_for_what_it_needs(model, records):
 def test_no_method_is_spelled_outside_its_own_file():
     """Names and agents as words of the code: a string that is one, or that a flag is made of."""
     specs = method_specs()
-    words = {spec.name for spec in specs} | set(trainable_specs())
+    words = {spec.name for spec in specs} | set(trainings())
     homes = {word: _home(word) for word in words}
     spelled = []
     for package in (twin, rl, scripts):

@@ -6,7 +6,7 @@ from typing import Any
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import find_trainable
+from twin.estimation.registry import find_training
 from twin.hysteresis import HysteresisModel, model_from_dict
 
 
@@ -26,11 +26,10 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
     path = Path(path)
     agent = read_trained_file(path).agent
     try:
-        spec = find_trainable(agent)
+        training = find_training(agent)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
-    assert spec.training is not None
-    return spec.training.load(path)
+    return training.load(path)
 
 
 def model_of(path: str | Path) -> HysteresisModel:

@@ -172,21 +172,21 @@ def find_method(name: str) -> MethodSpec:
     return spec
 
 
-def trainable_specs() -> dict[str, MethodSpec]:
-    """Return the methods that can be trained, by agent."""
-    return {spec.training.agent: spec for spec in method_specs() if spec.training}
+def trainings() -> dict[str, Training]:
+    """Return the trainings of the learned methods, by agent."""
+    return {spec.training.agent: spec.training for spec in method_specs() if spec.training}
 
 
-def find_trainable(agent: str) -> MethodSpec:
-    """Return the method that is trained under an agent.
+def find_training(agent: str) -> Training:
+    """Return the training of the method that is trained under an agent.
 
     Raises:
         ValueError: there is none.
     """
-    specs = trainable_specs()
-    if agent not in specs:
-        raise InputError(f"unknown agent {agent!r}; valid: {', '.join(specs)}")
-    return specs[agent]
+    known = trainings()
+    if agent not in known:
+        raise InputError(f"unknown agent {agent!r}; valid: {', '.join(known)}")
+    return known[agent]
 
 
 def needed_fits(specs: Iterable[MethodSpec]) -> "list[TrainingFit]":

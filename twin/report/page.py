@@ -20,7 +20,7 @@ from PIL import Image
 
 from twin.errors import InputError, MissingFileError
 from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.registry import proposed_method, trainable_specs
+from twin.estimation.registry import method_specs, proposed_method
 from twin.evaluation.paper import TABLES
 from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
@@ -45,7 +45,7 @@ _DRAWN = 2
 
 def _agents() -> dict[str, str]:
     """Names of the methods that can be trained, by the folder of their run."""
-    return {agent: spec.name for agent, spec in trainable_specs().items()}
+    return {spec.training.agent: spec.name for spec in method_specs() if spec.training}
 
 
 @functools.cache

@@ -126,16 +126,17 @@ def load(path: Path) -> Gru:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    return Gru(*read_network(path, "gru"))
+    return Gru(*read_network(path, TRAINING.agent))
 
 
+TRAINING = Training("gru", "gru.onnx", load, "GRU that knows the noise and the model")
 GRU = register_method(
     MethodSpec(
         name="GRU",
         rank=51,
         family="learned",
         told="R",
-        build=lambda known: load(known.trained["gru"]),
-        training=Training("gru", "gru.onnx", load, "GRU that knows the noise and the model"),
+        build=lambda known: load(known.trained[TRAINING.agent]),
+        training=TRAINING,
     )
 )

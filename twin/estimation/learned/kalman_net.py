@@ -186,17 +186,18 @@ def load(path: Path) -> KalmanNet:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    return KalmanNet(*read_network(path, "kalman-net"))
+    return KalmanNet(*read_network(path, TRAINING.agent))
 
 
+TRAINING = Training("kalman-net", "kalman_net.onnx", load, "active model with a learned gain")
 KALMAN_NET = register_method(
     MethodSpec(
         name="KalmanNet",
         rank=52,
         family="learned",
         told="R",
-        build=lambda known: load(known.trained["kalman-net"]),
-        training=Training("kalman-net", "kalman_net.onnx", load, "active model with a learned gain"),
+        build=lambda known: load(known.trained[TRAINING.agent]),
+        training=TRAINING,
         beside_paper=True,
     )
 )

@@ -109,18 +109,19 @@ def load(path: Path) -> LstmEstimator:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    network, _, sample_time = read_network(path, "lstm")
+    network, _, sample_time = read_network(path, TRAINING.agent)
     return LstmEstimator(network, sample_time)
 
 
+TRAINING = Training("lstm", "lstm.onnx", load, "LSTM, without a model")
 LSTM = register_method(
     MethodSpec(
         name="LSTM",
         rank=50,
         family="learned",
         told="nothing",
-        build=lambda known: load(known.trained["lstm"]),
-        training=Training("lstm", "lstm.onnx", load, "LSTM, without a model"),
+        build=lambda known: load(known.trained[TRAINING.agent]),
+        training=TRAINING,
         in_paper_suite=True,
         paper_column=2,
         paper_figures=(6, 7, 8, 9, 10),
