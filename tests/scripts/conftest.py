@@ -1,8 +1,11 @@
+import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import briefly
+import built_workbench
 import pytest
+from hostile_runs import Runner
 
 
 @pytest.fixture(scope="module")
@@ -11,6 +14,27 @@ def few_steps() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         briefly.tune_filters(patch)
         yield
+
+
+@pytest.fixture(scope="session")
+def runner(worker_count: int) -> Iterator[Runner]:
+    """Warm processes that fork for each run of a command."""
+    with Runner(worker_count) as runner:
+        yield runner
+
+
+@pytest.fixture(scope="session")
+def worker_count() -> int:
+    """As many as there are cores; one where tests run side by side."""
+    return 1 if "PYTEST_XDIST_WORKER" in os.environ else os.cpu_count() or 1
+
+
+@pytest.fixture(scope="session")
+def workbench(tmp_path_factory: pytest.TempPathFactory, runner: Runner) -> built_workbench.Workbench:
+    """Good input for every verb, built once for all processes of a run of the tests."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return built_workbench.shared(shared / "workbench", runner)
 
 
 @pytest.fixture

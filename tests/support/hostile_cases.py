@@ -1,0 +1,214 @@
+"""Cases by the thousand, each named by one line that runs it again: a command, and one thing that is hostile."""
+
+import os
+import re
+import shlex
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+import hostile_arguments
+import numpy as np
+import snapshot
+from built_workbench import Workbench, one_place
+from hostile_files import mutate, mutations_of
+from hostile_runs import Ended, Place, Runner, console, job
+from pickles import PICKLES
+from planted import PLANTS, is_of_the_command, plant
+from verdict import Expected, Verdict, judge, unread
+from workbench import BY_NAME, COMMANDS
+
+VARIABLE = "HOSTILE"
+"""Environment variable that names one case, to run it alone."""
+CONTROL = 60
+"""Each case of this number is run by the real console command instead of a fork."""
+
+
+class Case(NamedTuple):
+    """One run.
+
+    Attributes:
+        command: name in the table of commands.
+        family: file, plant or argument.
+        target: name of the file, or of the output beside which something is planted.
+        what: mutation or plant.
+        seed: of its random parts.
+    """
+
+    command: str
+    family: str
+    target: str
+    what: str
+    seed: int
+
+    def __str__(self) -> str:
+        return "|".join(map(str, self))
+
+
+def named_case() -> Case | None:
+    """The case that the environment names."""
+    text = os.environ.get(VARIABLE)
+    if not text:
+        return None
+    *parts, seed = text.split("|")
+    return Case(*parts, int(seed))
+
+
+def file_cases(bench: Workbench, count: int, quick: bool) -> Iterator[Case]:
+    """Damage to files that verbs read, and things planted beside what they write."""
+    names = [command.name for command in COMMANDS if command.quick or not quick]
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        name = names[seed % len(names)]
+        trace = bench.traces[name]
+        outputs = [output for output in trace.outputs if not output.startswith(".")]
+        if outputs and (not trace.reads or rng.random() < 0.25):
+            yield Case(name, "plant", chosen(rng, outputs), chosen(rng, PLANTS), seed)
+        elif trace.reads:
+            file = chosen(rng, trace.reads)
+            yield Case(name, "file", file, chosen(rng, mutations_of(trace.kinds[file])), seed)
+
+
+def pickle_cases(bench: Workbench, each: bool, quick: bool) -> Iterator[Case]:
+    """A pickle in every file that any verb reads; `each`: in all wrappings, by every command."""
+    seen = set()
+    for command in COMMANDS:
+        if quick and not command.quick:
+            continue
+        for file, kind in bench.traces[command.name].kinds.items():
+            if not each and (command.verb, file) in seen:
+                continue
+            seen.add((command.verb, file))
+            fitting = [name for name in PICKLES if name in mutations_of(kind)]
+            if not each:
+                fitting = [
+                    "pickle in every member"
+                    if kind == "zip"
+                    else "python in yaml"
+                    if kind == "yaml"
+                    else "pickle"
+                ]
+            for name in fitting:
+                yield Case(command.name, "file", file, name, 0)
+
+
+def argument_cases(count: int, quick: bool) -> Iterator[Case]:
+    names = [command.name for command in COMMANDS if command.quick or not quick]
+    for seed in range(count):
+        yield Case(names[seed % len(names)], "argument", "-", "drawn", seed)
+
+
+def chosen(rng: np.random.Generator, names) -> str:
+    return names[rng.integers(len(names))]
+
+
+def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Expected]:
+    """Make the surroundings hostile; the words of the command, and what it may do."""
+    command, trace = BY_NAME[case.command], bench.traces[case.command]
+    words, more, planted, names = shlex.split(command.line), (), None, ()
+    target = PurePosixPath(case.target)
+    if case.family == "file":
+        mutate(place.work / case.target, trace.kinds[case.target], case.what, place, case.seed)
+        names = (target.name, target.stem, *(part for part in target.parts[:-1]))
+    elif case.family == "plant":
+        name = plant(case.target, case.what, place)
+        planted = (name, is_of_the_command(case.what))
+        names = (PurePosixPath(name).name, *target.parts)
+    else:
+        words, told = hostile_arguments.drawn(command.line, case.seed)
+        more = hostile_arguments.may_write(words, command.line)
+        names = tuple(name for name in (told, *told.split()) if name) and (
+            told[:15],
+            repr(told[:15])[1:-1],
+            "argument",
+        )
+        names += tuple(word[:15] for word in words if word not in shlex.split(command.line) and word.strip())
+    return words, Expected(command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names)
+
+
+def run_case(case: Case, bench: Workbench, runner: Runner, by_console: bool = False) -> Verdict:
+    """Run a case in a copy of the workbench, and judge it."""
+    with one_place(bench.root) as place:
+        words, expected = prepared(case, bench, place)
+        before = snapshot.taken(place.around)
+        ended = run(words, place, runner, by_console, expected)
+        after = snapshot.taken(place.around)
+        verdict = judge(ended, expected, place, before, after)
+        if ended.code == 0 and not ended.stopped:
+            changed = snapshot.differences(before, after)
+            written = [
+                name for name in changed if after.get(name, ("",))[0] == "file" and name.startswith("work/")
+            ]
+            (read,) = runner.run(
+                job([], place, call="read_back:print_faults", arguments=[str(place.around), written])
+            )
+            verdict.faults += unread(read)
+        if verdict.faults:
+            verdict.outcome = "fault"
+        return verdict
+
+
+def run(words: list[str], place: Place, runner: Runner, by_console: bool, expected: Expected) -> Ended:
+    fails = expected.command.fails
+    if by_console and all("\0" not in word for word in words):
+        return console(words, place, no_children=fails)
+    return runner.run(job(words, place, no_children=fails))[0]
+
+
+@dataclass
+class Tally:
+    """Outcomes of many cases."""
+
+    verdicts: dict[Case, Verdict]
+
+    def table(self) -> str:
+        """Counts by verb and outcome."""
+        counts: dict[str, Counter[str]] = defaultdict(Counter)
+        for case, verdict in self.verdicts.items():
+            counts[BY_NAME[case.command].verb][verdict.outcome] += 1
+        rows = [
+            f"  {verb:<10} " + ", ".join(f"{name} {n}" for name, n in sorted(row.items()))
+            for verb, row in counts.items()
+        ]
+        return "\n".join([f"{len(self.verdicts)} hostile runs:", *rows])
+
+    def faults(self) -> dict[tuple[str, str], list[Case]]:
+        """Cases by verb and fault, names and numbers left out, so that one fault is told once."""
+        found = defaultdict(list)
+        for case, verdict in self.verdicts.items():
+            for fault in verdict.faults:
+                found[BY_NAME[case.command].verb, alike(fault)].append(case)
+        return found
+
+    def report(self) -> str:
+        lines = [self.table()]
+        for (verb, _), cases in sorted(self.faults().items(), key=lambda item: (item[0][0], -len(item[1]))):
+            case = cases[0]
+            fault = next(
+                fault for fault in self.verdicts[case].faults if (verb, alike(fault)) in self.faults()
+            )
+            for text in self.verdicts[case].faults:
+                if (verb, alike(text)) == (verb, _):
+                    fault = text
+            lines.append(f"{len(cases)} x {verb}: {fault}\n      {VARIABLE}={shlex.quote(str(case))}")
+        return "\n".join(lines)
+
+
+def alike(fault: str) -> str:
+    return re.sub(r"0x[0-9a-f]+|[\d.]+|'.*'|\".*\"", "#", fault)[:90]
+
+
+def run_all(cases: list[Case], bench: Workbench, runner: Runner) -> Tally:
+    """Run cases, some at a time."""
+    case = named_case()
+    if case is not None:
+        cases = [case]
+
+    def one(numbered: tuple[int, Case]) -> Verdict:
+        number, case = numbered
+        return run_case(case, bench, runner, by_console=number % CONTROL == CONTROL - 1)
+
+    verdicts = runner.each(one, list(enumerate(cases)))
+    return Tally(dict(zip(cases, verdicts, strict=True)))
