@@ -22,7 +22,7 @@ NUMBERS = (
     "0.5",
     "0x10",
     "1_0",
-    "١",
+    "\u0661",
 )
 WORDS = (
     "",
@@ -45,13 +45,13 @@ WORDS = (
 )
 PATHS = (
     ".", "..", "../outside", "../outside/precious.txt", "log.csv", "log.csv/inside", "data", "data/train",
-    "data/dataset.json", "data/train/dataset.json", "data/train/episode_0000.mcap", "small.yaml", "recipe.yaml",
-    "x" * 255, "x" * 300, "x/" * 200 + "x", "two\nlines.yaml", "a\x1b[31m.json", "<b>.html", "| `a` |", "no/such/folder",
-    "/proc/none", "/dev/full", "/dev/null", "/dev/zero", "/sys/none", "coleman_hodgdon.json", "runs/ram/policy.onnx",
-    "missing.yaml", "results", "--", "-", "~", "$HOME", "*", "CON", "a:b", "data/train/", "data//train",
+    "data/dataset.json", "data/train/dataset.json", "data/train/episode_0000.mcap", "small.yaml",
+    "recipe.yaml", "x" * 255, "x" * 300, "x/" * 200 + "x", "two\nlines.yaml", "a\x1b[31m.json", "<b>.html",
+    "| `a` |", "no/such/folder", "/proc/none", "/dev/full", "/dev/null", "/dev/zero", "/sys/none",
+    "coleman_hodgdon.json", "runs/ram/policy.onnx", "missing.yaml", "results", "--", "-", "~", "$HOME", "*",
+    "CON", "a:b", "data/train/", "data//train",
 )  # fmt: skip
 ENDINGS = (".json", ".yaml", ".png", ".mp4", ".html", "")
-SAFE_ROOTS = ("/proc/", "/dev/", "/sys/")
 SKIPPED = ("dask",)
 """Options that wait for another machine; their bad values are tried alone."""
 

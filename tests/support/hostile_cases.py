@@ -1,4 +1,4 @@
-"""Cases by the thousand, each named by one line that runs it again: a command, and one thing that is hostile."""
+"""Cases by the thousand, each named by one line: a command, and one thing that is hostile."""
 
 import os
 import re

@@ -110,7 +110,7 @@ def a_socket(path: Path, place: Place) -> None:
 
 
 def linked_to_its_copy(path: Path, place: Place, rng: Generator) -> None:
-    """The good file lies outside, and a link stands in its place: whoever writes through it damages it there."""
+    """The good file lies outside, and a link stands in its place: writing through it damages it."""
     outside = place.around / "outside" / path.name
     path.rename(outside)
     path.symlink_to(outside)
@@ -140,7 +140,7 @@ REPLACED: dict[str, Change] = {
     "a socket": instead(a_socket),
     "link to nothing": instead(lambda path, place: path.symlink_to("nowhere")),
     "link to itself": instead(lambda path, place: path.symlink_to(path.name)),
-    "link to another": instead(lambda path, place: path.symlink_to(place.around / "outside" / "precious.txt")),
+    "link to another": instead(lambda path, place: path.symlink_to(place.precious)),
     "link to a folder": instead(lambda path, place: path.symlink_to(place.around / "outside")),
     "link to zeros": instead(lambda path, place: path.symlink_to("/dev/zero")),
     "link to noise": instead(lambda path, place: path.symlink_to("/dev/urandom")),

@@ -35,6 +35,10 @@ def set_header(rng: Generator, data: bytes) -> bytes:
     return cells(rng, data, lambda rows, row, column: rows[0].__setitem__(column % len(rows[0]), value))
 
 
+def column_twice(rng: Generator, data: bytes) -> bytes:
+    return cells(rng, data, lambda rows, row, at: rows[0].__setitem__(at % len(rows[0]), rows[0][0]))
+
+
 def wide(rng: Generator, data: bytes) -> bytes:
     """Fifty thousand columns."""
     lines = data.splitlines()
@@ -52,16 +56,16 @@ def long(rng: Generator, data: bytes) -> bytes:
 
 
 CSV: dict[str, Edit] = {
-    "csv: one more field": lambda rng, data: cells(rng, data, lambda rows, row, column: rows[row].append("1")),
-    "csv: one field less": lambda rng, data: cells(rng, data, lambda rows, row, column: rows[row].pop(column)),
+    "csv: one more field": lambda rng, data: cells(rng, data, lambda rows, at, column: rows[at].append("1")),
+    "csv: one field less": lambda rng, data: cells(rng, data, lambda rows, at, column: rows[at].pop(column)),
     "csv: decimal commas": lambda rng, data: data.replace(b".", b","),
     "csv: semicolons": lambda rng, data: data.replace(b",", b";").replace(b".", b","),
     "csv: tabs": lambda rng, data: data.replace(b",", b"\t"),
-    "csv: number": set_cell((*NUMBERS[:11], "1e400", "-0", "1_000", "0x10", "1d5", " 3 ", "١")),
+    "csv: number": set_cell((*NUMBERS[:11], "1e400", "-0", "1_000", "0x10", "1d5", " 3 ", "\u0661")),
     "csv: text": set_cell(TEXTS),
     "csv: quote": set_cell(('"', '"1', '1"2', '"a""b"', "'1'", '"1\n2"')),
     "csv: header": set_header,
-    "csv: column twice": lambda rng, data: cells(rng, data, lambda rows, row, column: rows[0].__setitem__(column % len(rows[0]), rows[0][0])),
+    "csv: column twice": column_twice,
     "csv: no header": lambda rng, data: b"\n".join(data.splitlines()[1:]),
     "csv: header alone": lambda rng, data: data.splitlines()[0],
     "csv: byte order mark": lambda rng, data: b"\xef\xbb\xbf" + data,

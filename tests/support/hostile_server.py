@@ -38,7 +38,7 @@ LAZY = (
 MOST_BYTES = 3 * 2**30
 """Of a run: one that takes more is killed, or it would take the machine with it."""
 IDLE_SECONDS = 10
-"""A run of so many seconds that has used next to no processor waits for something that never comes."""
+"""A run that sleeps so long, without a child at work, waits for something that never comes."""
 GRACE_SECONDS = 5
 """Within which what a run has started ends after it."""
 
@@ -87,6 +87,7 @@ def main() -> None:
             time.sleep(0.004)
         answers.write(json.dumps([watched.answer for watched in begun]) + "\n")
         answers.flush()
+    os._exit(0)  # the interpreter would take seconds to tear everything down
 
 
 class Watched:
@@ -99,6 +100,7 @@ class Watched:
         self.stopped = ""
         self.kill = job.get("kill")
         self.looks = 0
+        self.awake = self.spent = 0.0
 
     def look(self) -> bool:
         """Whether it has ended; kill what takes too much, or what is to be killed now."""
@@ -130,14 +132,20 @@ class Watched:
         return wall >= self.kill["after"] and (not pattern or any(Path(self.job["cwd"]).glob(pattern)))
 
     def watch(self, wall: float) -> None:
+        """Stop what takes too much time or memory, or sleeps and waits for nothing."""
         try:
             process = psutil.Process(self.pid)
             spent, held = sum(process.cpu_times()[:4]), process.memory_info().rss
+            asleep = process.status() == psutil.STATUS_SLEEPING and not process.children()
         except psutil.NoSuchProcess:
             return
+        if not asleep or spent > self.spent + 0.02:
+            self.awake, self.spent = wall, spent
         if held > MOST_BYTES:
             self.stopped = f"took {held / 2**30:.1f} GiB"
-        elif wall > self.job["limit"] or (wall > IDLE_SECONDS and spent < 1):
+        elif wall - self.awake > IDLE_SECONDS:
+            self.stopped = f"waited for {IDLE_SECONDS} s for nothing"
+        elif wall > self.job["limit"] or spent > self.job["most_cpu"]:
             self.stopped = f"had not ended after {wall:.0f} s ({spent:.1f} s of the processor)"
         if self.stopped:
             self.send(signal.SIGUSR1)  # writes where it is
@@ -145,10 +153,8 @@ class Watched:
             self.send(signal.SIGKILL, group=True)
 
     def send(self, number: int, group: bool = False) -> None:
-        try:
+        with contextlib.suppress(ProcessLookupError):
             (os.killpg if group else os.kill)(self.pid, number)
-        except ProcessLookupError:
-            pass
 
     def orphans(self) -> list[str]:
         """Command lines of what it has started and not ended."""
@@ -222,7 +228,7 @@ def draw_coarsely() -> None:
 
 
 def leave(function: Any) -> None:
-    """Call a function and end as the interpreter would, but for taking apart what is shared with the server."""
+    """Call a function and end as the interpreter would, but for tearing down its modules."""
     try:
         code = function() or 0
     except SystemExit as end:

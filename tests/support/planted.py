@@ -32,7 +32,7 @@ def make_canary(path: Path, place: Place) -> None:
 
 
 THINGS: dict[str, Callable[[Path, Place], None]] = {
-    "link to a file": lambda path, place: path.symlink_to(place.around / "outside" / "precious.txt"),
+    "link to a file": lambda path, place: path.symlink_to(place.precious),
     "link to a folder": lambda path, place: path.symlink_to(place.around / "outside" / "folder"),
     "link to nothing": lambda path, place: path.symlink_to(place.around / "outside" / "new"),
     "link to itself": lambda path, place: path.symlink_to(path.name),

@@ -21,7 +21,7 @@ class Verdict:
     """Outcome of one case.
 
     Attributes:
-        outcome: success, refused, found (faults in a dataset, exit status 1), stopped (by a signal), or fault.
+        outcome: success, refused, found (faults in a dataset: status 1), stopped (by a signal), or fault.
         faults: sentences; none if all is well.
         said: last line on stderr.
     """

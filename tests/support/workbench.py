@@ -15,6 +15,7 @@ seeds: [3]
 randomize: true
 """
 LEARN = "--model coleman_hodgdon.json --episodes 16 --horizon 64 --environments 4 --minibatch 32 --seed 1"
+CALIBRATE = "calibrate measured --preset small.yaml --evaluations 20 --sample-time 0.1"
 RENDER = "render data/train --out"
 
 
@@ -52,7 +53,7 @@ TRAINED = ("config.yaml", "progress.csv", "checkpoints", "checkpoints/*", ".lock
 BUILT = (
     "generate recipe.yaml --out data/train",
     "generate recipe.yaml --seed 4 --out data/test",
-    "import log.csv --out measured --sheath-bend-deg 0 --seconds-per-cycle 1",
+    "import log.csv --out measured --sheath-bend-deg 0 --seconds-per-cycle 1 --pulley-radius-mm 1",
     "identify data/train --out coleman_hodgdon.json --population 12 --generations 4 --monotone",
     "identify data/train --model bouc-wen --out bouc_wen.json --population 12 --generations 2",
     f"train data/train --agent ram --out runs/ram {LEARN}",
@@ -89,14 +90,14 @@ COMMANDS = (
     Command("export recover", "export data/train --recover --format mcap --out made", ("made", "made/*")),
     Command(
         "calibrate",
-        "calibrate measured --preset small.yaml --free sheath_friction --evaluations 16 --sample-time 0.1 --out fitted.yaml",
+        f"{CALIBRATE} --free sheath_friction --out fitted.yaml",
         ("fitted*",),
         (".fitted*calibration*",),
         kill=True,
     ),
     Command(
         "calibrate again",
-        "calibrate measured --preset small.yaml --free section_stiffness --evaluations 16 --sample-time 0.1 --out taken.yaml",
+        f"{CALIBRATE} --free section_stiffness --out taken.yaml",
         ("taken*", ".taken*"),
         (".taken*calibration*",),
     ),

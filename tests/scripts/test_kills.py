@@ -1,0 +1,70 @@
+"""Any command killed at any moment, or on a disk that fills up: the same command then ends in the same bytes.
+
+`make endurance` kills three hundred times. One alone: HOSTILE_SEED=7 and this file.
+"""
+
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+
+import disturbed
+import pytest
+from built_workbench import one_place
+from repository import ENVIRONMENT
+from workbench import COMMANDS
+
+KILLED = [command for command in COMMANDS if command.kill]
+DISTURBANCES = {"kills": disturbed.faults_of_a_kill, "full disks": disturbed.faults_of_a_full_disk}
+
+
+def few_and_many(few: int, many: int) -> list:
+    return [few, pytest.param(many, marks=pytest.mark.endurance)]
+
+
+def disturb_all(kind: str, count: int, workbench, runner) -> None:
+    wholes: dict[str, disturbed.Undisturbed] = {}
+    counts, faults = Counter(), []
+    for seed in disturbed.repeat_count(count):
+        # The first kills are of those that end soon; an offset, so that each signal meets each command.
+        command = KILLED[(seed + seed // 3) % len(KILLED)]
+        if command.name not in wholes:
+            wholes[command.name] = disturbed.undisturbed(command, workbench, runner)
+        found = DISTURBANCES[kind](command, wholes[command.name], seed, workbench, runner)
+        counts[command.verb, "fault" if found else "fine"] += 1
+        faults += [f"HOSTILE_SEED={seed} {command.name}: {fault}" for fault in found]
+    unstable = {name: sorted(whole.unstable) for name, whole in wholes.items() if whole.unstable}
+    print(f"{count} {kind}: {dict(counts)}; not compared: {unstable}")
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize("count", few_and_many(6, 300))
+def test_killed_command_ends_in_the_same_bytes_when_it_runs_again(workbench, runner, count):
+    disturb_all("kills", count, workbench, runner)
+
+
+@pytest.mark.parametrize("count", few_and_many(3, 60))
+def test_full_disk_is_one_line_and_the_same_command_goes_on(workbench, runner, count):
+    disturb_all("full disks", count, workbench, runner)
+
+
+@pytest.mark.parametrize("count", few_and_many(2, 30))
+def test_interrupt_in_the_first_second_is_no_traceback(workbench, count):
+    """Of the real command: what is interrupted there is an import."""
+    for k in range(count):
+        with one_place(workbench.root) as place:
+            words = [sys.executable, "-m", "twin", "import", "log.csv", "--out", "made"]
+            running = subprocess.Popen(
+                words,
+                cwd=place.work,
+                env=ENVIRONMENT,
+                stderr=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                text=True,
+            )
+            time.sleep(0.3 + 1.5 * k / count)
+            running.send_signal(signal.SIGINT)
+            _, said = running.communicate(timeout=60)
+            assert "Traceback" not in said, f"after {0.3 + 1.5 * k / count:.2f} s: {said.splitlines()[-1]}"
+            assert running.returncode in (0, 130, -signal.SIGINT)
