@@ -14,7 +14,7 @@ import numpy as np
 import snapshot
 from built_workbench import Workbench, one_place
 from hostile_files import mutate, mutations_of
-from hostile_runs import Ended, Place, Runner, console, job
+from hostile_runs import MOST_CPU_SECONDS, Ended, Place, Runner, console, job
 from pickles import PICKLES
 from planted import PLANTS, is_of_the_command, plant
 from verdict import Expected, Verdict, judge, unread
@@ -24,6 +24,9 @@ VARIABLE = "HOSTILE"
 """Environment variable that names one case, to run it alone."""
 CONTROL = 60
 """Each case of this number is run by the real console command instead of a fork."""
+
+LIKELY = {"zip": ["pickle in data", "pickle in npz", "pickle in every member"], "yaml": ["python in yaml"]}
+"""Wrappings that a reader of a format is most likely to open; a plain pickle for all others."""
 
 
 class Case(NamedTuple):
@@ -68,7 +71,15 @@ def file_cases(bench: Workbench, count: int, quick: bool) -> Iterator[Case]:
             yield Case(name, "plant", chosen(rng, outputs), chosen(rng, PLANTS), seed)
         elif trace.reads:
             file = chosen(rng, trace.reads)
-            yield Case(name, "file", file, chosen(rng, mutations_of(trace.kinds[file])), seed)
+            mutations = mutations_of(trace.kinds[file])
+            if PurePosixPath(file).parent.as_posix() in own_folders(name):  # may lie on another disk
+                mutations.remove("folder is a link")
+            yield Case(name, "file", file, chosen(rng, mutations), seed)
+
+
+def own_folders(command: str) -> set[str]:
+    """Folders that a command writes into."""
+    return {PurePosixPath(pattern).parent.as_posix() for pattern in BY_NAME[command].outputs}
 
 
 def pickle_cases(bench: Workbench, each: bool, quick: bool) -> Iterator[Case]:
@@ -81,15 +92,11 @@ def pickle_cases(bench: Workbench, each: bool, quick: bool) -> Iterator[Case]:
             if not each and (command.verb, file) in seen:
                 continue
             seen.add((command.verb, file))
-            fitting = [name for name in PICKLES if name in mutations_of(kind)]
-            if not each:
-                fitting = [
-                    "pickle in every member"
-                    if kind == "zip"
-                    else "python in yaml"
-                    if kind == "yaml"
-                    else "pickle"
-                ]
+            fitting = (
+                [name for name in PICKLES if name in mutations_of(kind)]
+                if each
+                else LIKELY.get(kind, ["pickle"])
+            )
             for name in fitting:
                 yield Case(command.name, "file", file, name, 0)
 
@@ -114,18 +121,17 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
         names = (target.name, target.stem, *(part for part in target.parts[:-1]))
     elif case.family == "plant":
         name = plant(case.target, case.what, place)
-        planted = (name, is_of_the_command(case.what))
+        is_folder = any(other.startswith(f"{name}/") for other in trace.outputs)
+        planted = (name, is_of_the_command(case.what) and not is_folder)
         names = (PurePosixPath(name).name, *target.parts)
     else:
         words, told = hostile_arguments.drawn(command.line, case.seed)
         more = hostile_arguments.may_write(words, command.line)
-        names = tuple(name for name in (told, *told.split()) if name) and (
-            told[:15],
-            repr(told[:15])[1:-1],
-            "argument",
-        )
+        names = (told[:15], repr(told[:15])[1:-1], "argument")
         names += tuple(word[:15] for word in words if word not in shlex.split(command.line) and word.strip())
-    return words, Expected(command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names)
+    return words, Expected(
+        command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu
+    )
 
 
 def run_case(case: Case, bench: Workbench, runner: Runner, by_console: bool = False) -> Verdict:
@@ -154,7 +160,8 @@ def run(words: list[str], place: Place, runner: Runner, by_console: bool, expect
     fails = expected.command.fails
     if by_console and all("\0" not in word for word in words):
         return console(words, place, no_children=fails)
-    return runner.run(job(words, place, no_children=fails))[0]
+    most = max(MOST_CPU_SECONDS, 3 * expected.cpu)
+    return runner.run(job(words, place, no_children=fails, most_cpu=most))[0]
 
 
 @dataclass
@@ -183,16 +190,14 @@ class Tally:
         return found
 
     def report(self) -> str:
+        """The table, and each fault once with how often it was seen and a case that shows it."""
         lines = [self.table()]
-        for (verb, _), cases in sorted(self.faults().items(), key=lambda item: (item[0][0], -len(item[1]))):
+        for (verb, kind), cases in sorted(
+            self.faults().items(), key=lambda item: (item[0][0], -len(item[1]))
+        ):
             case = cases[0]
-            fault = next(
-                fault for fault in self.verdicts[case].faults if (verb, alike(fault)) in self.faults()
-            )
-            for text in self.verdicts[case].faults:
-                if (verb, alike(text)) == (verb, _):
-                    fault = text
-            lines.append(f"{len(cases)} x {verb}: {fault}\n      {VARIABLE}={shlex.quote(str(case))}")
+            text = next(fault for fault in self.verdicts[case].faults if alike(fault) == kind)
+            lines.append(f"{len(cases)} x {verb}: {text}\n      {VARIABLE}={shlex.quote(str(case))}")
         return "\n".join(lines)
 
 
@@ -208,7 +213,10 @@ def run_all(cases: list[Case], bench: Workbench, runner: Runner) -> Tally:
 
     def one(numbered: tuple[int, Case]) -> Verdict:
         number, case = numbered
-        return run_case(case, bench, runner, by_console=number % CONTROL == CONTROL - 1)
+        verdict = run_case(case, bench, runner, by_console=number % CONTROL == CONTROL - 1)
+        for fault in verdict.faults:  # at once: thousands take an hour
+            print(f"{VARIABLE}={shlex.quote(str(case))}: {fault}", flush=True)
+        return verdict
 
     verdicts = runner.each(one, list(enumerate(cases)))
     return Tally(dict(zip(cases, verdicts, strict=True)))

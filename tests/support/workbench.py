@@ -15,7 +15,7 @@ seeds: [3]
 randomize: true
 """
 LEARN = "--model coleman_hodgdon.json --episodes 16 --horizon 64 --environments 4 --minibatch 32 --seed 1"
-CALIBRATE = "calibrate measured --preset small.yaml --evaluations 20 --sample-time 0.1"
+CALIBRATE = "calibrate short --preset tiny.yaml --evaluations 20 --sample-time 0.1"
 RENDER = "render data/train --out"
 
 
@@ -54,6 +54,7 @@ BUILT = (
     "generate recipe.yaml --out data/train",
     "generate recipe.yaml --seed 4 --out data/test",
     "import log.csv --out measured --sheath-bend-deg 0 --seconds-per-cycle 1 --pulley-radius-mm 1",
+    "import short.csv --out short --sheath-bend-deg 0 --seconds-per-cycle 1 --pulley-radius-mm 1",
     "identify data/train --out coleman_hodgdon.json --population 12 --generations 4 --monotone",
     "identify data/train --model bouc-wen --out bouc_wen.json --population 12 --generations 2",
     f"train data/train --agent ram --out runs/ram {LEARN}",
@@ -175,5 +176,8 @@ def write_inputs(folder: Path) -> None:
     values["ranges"] = {"wire_stiffness": [7000.0, 9000.0]}
     (folder / "small.yaml").write_text(yaml.safe_dump(values))
     (folder / "command.csv").write_text("time_s,pull_mm\n0,0\n0.5,1\n1.5,-1\n2,0\n")
+    tiny = values | {"vertebrae": 2, "sheath_elements": 1, "time_step": 5e-3}  # a calibration simulates often
+    (folder / "tiny.yaml").write_text(yaml.safe_dump({key: tiny[key] for key in tiny if key != "ranges"}))
     csv_logs.write(folder, csv_logs.LOOP)
+    csv_logs.write(folder, {name: column[:32] for name, column in csv_logs.LOOP.items()}, "short.csv")
     (folder / "demo.json").write_text('{"seed": 1, "versions": {}, "wall_time_s": {}, "commands": []}\n')
