@@ -1,6 +1,7 @@
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import briefly
 import built_workbench
@@ -31,10 +32,13 @@ def worker_count() -> int:
 
 @pytest.fixture(scope="session")
 def workbench(tmp_path_factory: pytest.TempPathFactory, runner: Runner) -> built_workbench.Workbench:
-    """Good input for every verb, built once for all processes of a run of the tests."""
+    """Good input for every verb, built once for all processes of a run of the tests.
+
+    HOSTILE_WORKBENCH names a folder that keeps it from run to run.
+    """
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    return built_workbench.shared(shared / "workbench", runner)
+    return built_workbench.shared(Path(os.environ.get("HOSTILE_WORKBENCH", shared / "workbench")), runner)
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ def test_hostile_files_end_in_good_output_or_one_line(workbench, runner, count):
 
 @pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.endurance)])
 def test_a_pickle_in_any_file_that_a_verb_reads_is_never_loaded(workbench, runner, each):
-    cases = [*hostile_cases.pickle_cases(workbench, each, quick=not each)]
+    cases = [*hostile_cases.pickle_cases(workbench, each)]
     tally = hostile_cases.run_all(cases, workbench, runner)
     print(tally.table())
     assert not tally.faults(), tally.report()

@@ -31,7 +31,7 @@ class Command:
         may_find: it may also end with exit status 1, having listed faults.
         fails: it is stopped after its checks, as it is too long for a try; it never succeeds.
         kill: it is among those that are killed at any moment.
-        quick: it is among those of the normal run.
+        slow: it takes seconds.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Command:
     may_find: bool = False
     fails: bool = False
     kill: bool = False
-    quick: bool = True
+    slow: bool = False
 
     @property
     def verb(self) -> str:
@@ -95,12 +95,14 @@ COMMANDS = (
         ("fitted*",),
         (".fitted*calibration*",),
         kill=True,
+        slow=True,
     ),
     Command(
         "calibrate again",
         f"{CALIBRATE} --free section_stiffness --out taken.yaml",
         ("taken*", ".taken*"),
         (".taken*calibration*",),
+        slow=True,
     ),
     Command(
         "identify",
@@ -137,6 +139,7 @@ COMMANDS = (
         "--methods C-H AM RAM LSTM --suite paper-only --seeds 1 --write-estimates --out made",
         ("made", "made/*"),
         kill=True,
+        slow=True,
     ),
     Command(
         "evaluate and train",
@@ -144,16 +147,17 @@ COMMANDS = (
         "--episodes 16 --suite paper-only --seeds 1 --out results",
         ("results/*",),
         ("results/ram", *(f"results/ram/{name}" for name in (*TRAINED, "policy.onnx"))),
-        quick=False,
+        slow=True,
     ),
-    Command("render png", f"{RENDER} made.png", ("made.png",)),
+    Command("render png", f"{RENDER} made.png", ("made.png",), slow=True),
     Command("render mp4", f"{RENDER} made.mp4 --size 160 120 --fps 5", ("made.mp4",), kill=True),
-    Command("report", "report . --out made.html", ("made.html",), kill=True),
+    Command("report", "report . --out made.html", ("made.html",), kill=True, slow=True),
     Command(
         "benchmark",
         "benchmark --preset small.yaml --amplitude 1 --only return_point --out made.json",
         ("made.json", "made.md"),
         may_find=True,
+        slow=True,
     ),
     Command(
         "demo",
