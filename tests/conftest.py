@@ -18,7 +18,14 @@ settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.load_profile("repeatable")
 
 SAMPLE_TIME = 0.1
-LONGEST = ("test_full_suite.py", "test_verbs.py", "test_training.py", "test_interrupted.py")
+LONGEST = (
+    "test_hostile_files.py",
+    "test_hostile_arguments.py",
+    "test_full_suite.py",
+    "test_verbs.py",
+    "test_training.py",
+    "test_interrupted.py",
+)
 """Files that begin first, so that no worker waits long for another's last one."""
 
 

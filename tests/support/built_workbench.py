@@ -65,7 +65,8 @@ def shared(folder: Path, runner: Runner) -> Workbench:
         if not told.exists():
             shutil.rmtree(root, ignore_errors=True)
             build(root, runner)
-            traces = {command.name: asdict(traced(command, root, runner)) for command in COMMANDS}
+            found = runner.each(lambda command: traced(command, root, runner), [*COMMANDS])
+            traces = {command.name: asdict(trace) for command, trace in zip(COMMANDS, found, strict=True)}
             told.write_text(json.dumps(traces, indent=1))
     loaded = json.loads(told.read_text())
     return Workbench(root, {name: Trace(**values) for name, values in loaded.items()})

@@ -132,7 +132,8 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
     else:
         words, told = hostile_arguments.drawn(command.line, case.seed)
         more = hostile_arguments.may_write(words, command.line)
-        names = (told[:15], repr(told[:15])[1:-1], "argument")
+        out = hostile_arguments.out_of(words) or told
+        names = (told[:15], repr(told[:15])[1:-1], "argument", PurePosixPath(out).name[:15] or told)
         names += tuple(word[:15] for word in words if word not in shlex.split(command.line) and word.strip())
     return words, Expected(
         command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu

@@ -11,6 +11,7 @@ import functools
 import importlib
 import io
 import json
+import logging
 import os
 import pkgutil
 import signal
@@ -64,8 +65,10 @@ def export_once() -> None:
     ONNXRegistry.from_torchlib = staticmethod(
         functools.cache(ONNXRegistry.from_torchlib)
     )  # for each run a copy of its own
+    logging.disable(logging.WARNING)
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(action="ignore"):
         torch.onnx.export(network, (torch.zeros(1, 1),), dynamo=True)
+    logging.disable(logging.NOTSET)
 
 
 def main() -> None:

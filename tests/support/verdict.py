@@ -145,7 +145,7 @@ def of_the_line(ended: Ended, expected: Expected) -> list[str]:
     strange = [other for other in others if not FOR_A_PERSON.match(other)]
     if strange and not expected.command.fails:
         faults.append(f"{len(strange)} more lines than one: {strange[0][:100]}")
-    if expected.names and not any(name in line for name in expected.names):
+    if expected.names and not any(" ".join(name.split()) in line for name in expected.names if name.split()):
         faults.append(f"names none of {', '.join(expected.names)[:80]}: {line[:160]}")
     if len(line.partition(": ")[2]) < 8:
         faults.append(f"says nothing: {line!r}")
@@ -163,7 +163,8 @@ def may_differ(name: str, how: str, failed: bool, expected: Expected) -> bool:
         return False
     if failed:
         # An empty folder is made to prove that it can be written, before any long work.
-        return snapshot.matches(name, command.kept) or (how == "new folder" and may_write(name, expected))
+        kept = snapshot.matches(name, command.kept) or is_kept_elsewhere(name, expected)
+        return kept or (how == "new folder" and may_write(name, expected))
     if how.startswith("new"):
         return may_write(name, expected) and not is_temporary(name)
     if snapshot.matches(name, command.outputs) and not expected.more:
@@ -176,6 +177,13 @@ def may_differ(name: str, how: str, failed: bool, expected: Expected) -> bool:
 def may_write(name: str, expected: Expected) -> bool:
     below = any(name.startswith(f"{pattern}/") for pattern in expected.command.outputs)
     return below or snapshot.matches(name, (*expected.command.outputs, *expected.more))
+
+
+def is_kept_elsewhere(name: str, expected: Expected) -> bool:
+    """Whether it may stay for the next run, under an output that the case has named."""
+    last = PurePosixPath(name).name
+    kept = tuple(PurePosixPath(pattern).name for pattern in expected.command.kept)
+    return snapshot.matches(name, expected.more) and snapshot.matches(last, kept)
 
 
 def is_output_of(name: str, expected: Expected) -> bool:
