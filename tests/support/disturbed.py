@@ -46,7 +46,7 @@ def undisturbed(command: Command, bench: Workbench, runner: Runner) -> Undisturb
             before = used(place.around)
             ended = again(command, place, runner)
             assert ended.code == 0, f"endotwin {command.line}\n{ended.err}{ended.stopped}"
-            found.append(snapshot.contents_below(place.work))
+            found.append(snapshot.contents(place.work))
             walls.append(ended.wall)
             sizes.append(used(place.around) - before)
     assert found[0].keys() == found[1].keys()
@@ -94,18 +94,13 @@ def of_the_killed(
         faults.append(ended.stopped)
     after = snapshot.taken(place.around)
     for name, how in snapshot.differences(before, after).items():
-        short = name.removeprefix("work/")
-        now = after.get(name)
-        done = now is not None and whole.contents.get(short) in (now.content or now.kind, None)
-        kept = snapshot.matches(short, command.kept) or now is None or now.kind == "folder"
-        if how.startswith("new") and number == signal.SIGKILL and (is_temporary(name) or "tmp/" in name):
-            continue
-        if number == signal.SIGTERM and ended.code == -number and is_temporary(name):
-            continue  # ended by the system, as if killed
-        if not (
-            name.startswith("work/")
-            and (kept or short in whole.unstable or (done and short in whole.contents))
-        ):
+        short, now = name.removeprefix("work/"), after.get(name)
+        done = now is not None and whole.contents.get(short) == (now.content or now.kind)
+        kept = snapshot.matches(short, command.kept) or (now is not None and now.kind == "folder")
+        # What gets no time to tidy up may leave temporary files: the next run removes them.
+        at_once = number == signal.SIGKILL or ended.code == -number
+        temporary = at_once and how.startswith("new") and (is_temporary(name) or name.startswith("tmp/"))
+        if not (done or kept or temporary or short in whole.unstable):
             faults.append(f"{how} by the killed run: {name}")
     return faults
 
@@ -116,7 +111,7 @@ def of_the_next(ended: Ended, whole: Undisturbed, place: Place) -> list[str]:
         return [] if len(ended.said[0]) <= 300 else ["a line that is too long"]
     if ended.code != 0:
         return [f"run again, it ends with {ended.code}: {ended.stopped} {ended.said[-1:]}"]
-    now = snapshot.contents_below(place.work)
+    now = snapshot.contents(place.work)
     faults = []
     for name in sorted({*now, *whole.contents} - whole.unstable):
         if now.get(name) != whole.contents.get(name):

@@ -80,10 +80,6 @@ def matches(name: str, patterns: tuple[str, ...]) -> bool:
     return any(pattern.count("/") == depth and fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def contents_below(folder: Path, patterns: tuple[str, ...] = ("*",)) -> dict[str, str]:
-    """Hashes of files, and targets of links, whose first part matches; by name."""
-    return {
-        name: found.content or found.kind
-        for name, found in taken(folder).items()
-        if any(fnmatchcase(name.split("/")[0], pattern.split("/")[0]) for pattern in patterns)
-    }
+def contents(folder: Path) -> dict[str, str]:
+    """Hashes of files, and targets of links, by name; for anything else its kind."""
+    return {name: found.content or found.kind for name, found in taken(folder).items()}
