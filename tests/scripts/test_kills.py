@@ -1,6 +1,7 @@
 """Any command killed at any moment, or on a disk that fills up: the same command then ends in the same bytes.
 
-`make endurance` kills three hundred times. One alone: HOSTILE_SEED=7 and this file.
+`make endurance` kills three hundred times. One alone: HOSTILE_SEED=7 and this file, with `-k 300 -m endurance`
+if it was one of those.
 """
 
 import re
@@ -37,7 +38,7 @@ def disturb_all(kind: str, count: int, workbench, runner) -> None:
             wholes[command.name] = disturbed.undisturbed(command, workbench, runner)
         found = DISTURBANCES[kind](command, wholes[command.name], seed, workbench, runner)
         counts[command.verb, "fault" if found else "fine"] += 1
-        faults += [f"HOSTILE_SEED={seed} {command.name}: {fault}" for fault in found]
+        faults += [f"HOSTILE_SEED={seed} of {count}, {command.name}: {fault}" for fault in found]
     unstable = {name: sorted(whole.unstable) for name, whole in wholes.items() if whole.unstable}
     print(f"{count} {kind}: {dict(counts)}; not compared: {unstable}")
     assert not faults, "\n".join(faults)

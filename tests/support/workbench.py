@@ -145,7 +145,7 @@ COMMANDS = (
         "evaluate and train",
         "evaluate data/test --train data/train --policy runs/lstm/lstm.onnx --methods C-H RAM "
         "--episodes 16 --suite paper-only --seeds 1 --out results",
-        ("results/*",),
+        ("results/*", "results/ram/*", "results/ram/checkpoints/*"),
         ("results/ram", *(f"results/ram/{name}" for name in (*TRAINED, "policy.onnx"))),
         slow=True,
     ),
