@@ -1,6 +1,6 @@
 """Any command killed at any moment, or on a disk that fills up: the same command then ends in the same bytes.
 
-`make endurance` kills three hundred times. One of those alone: HOSTILE_SEED=7, this file, `-k 300 -m endurance`.
+`make endurance` kills three hundred times. One of those alone: HOSTILE_SEED=7, `-k 300 -m endurance`.
 """
 
 import re

@@ -34,7 +34,6 @@ class Trace:
         reads: files of the workbench that it opens.
         lacks: names that it tries to open and that are not there.
         outputs: files and folders that it writes.
-        links: of these, links.
         kinds: formats of the files that it reads.
         cpu: seconds of the processor.
         wall: seconds by the clock.
