@@ -19,7 +19,7 @@ def cells(rng: Generator, data: bytes, change: Callable[[list[list[str]], int, i
     rows = [line.split(",") for line in data.decode(errors="replace").splitlines()]
     row = int(rng.integers(1, len(rows))) if len(rows) > 1 else 0
     change(rows, row, int(rng.integers(len(rows[row]))))
-    return ("\n".join(",".join(values) for values in rows) + "\n").encode()
+    return ("\n".join(",".join(values) for values in rows) + "\n").encode(errors="replace")
 
 
 def set_cell(values: tuple) -> Edit:
