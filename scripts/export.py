@@ -54,7 +54,7 @@ def export(args: Export) -> Summary:
     with whole as folder:
         progress = Progress("export", "ep")
         tally = export_records(files, folder, plan, on_progress=progress, on_damage=_warn)
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in whole.path.rglob("*") if path.is_file())
     values = {"out": str(args.out), "format": args.format, "files": len(files), "bytes": size}
     written = f"{tally.episodes} episodes, {tally.seconds:g} s, as {args.format} ({size / 1e6:.1f} MB)"
     return Summary(f"{args.out}: {written}{tally.damage}", values | dataclasses.asdict(tally))

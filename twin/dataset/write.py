@@ -13,7 +13,7 @@ from twin.dataset.recipe import Recipe, to_yaml
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.errors import InputError
-from twin.files.atomic import remove_partial_files, write_whole
+from twin.files.atomic import write_whole
 from twin.files.dataset_json import (
     NAME,
     SimulatedDataset,
@@ -98,8 +98,6 @@ def write_dataset(
             write_contents(folder, contents)
         except (OSError, BrokenExecutor) as error:
             raise _how_to_go_on(error, folder, recipe) from error
-        finally:
-            remove_partial_files(folder)  # of workers that were killed, now or in a former run
     damage = tuple(one.damage for one in made if one.damage)
     return Written(contents, sum(one.kept for one in made), damage)
 

@@ -52,7 +52,7 @@ class EpisodeWriter:
         self._complete = False
 
     def __enter__(self) -> "EpisodeWriter":
-        """Open the file under its temporary name, `.NAME.XXXXXXXX.partial`.
+        """Open the file, which has no name yet.
 
         Raises:
             FileNotFoundError: the folder does not exist.

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import imageio.v2 as imageio
 import jinja2
 import numpy as np
 import yaml
@@ -29,6 +28,7 @@ from twin.files.atomic import write_whole
 from twin.files.dataset_json import NAME, MeasuredDataset, parse_contents, to_json_values
 from twin.hysteresis import HysteresisModel, load_model
 from twin.recording import read_dataset
+from twin.rendering.video import read_frames
 from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
 from twin.report.findings import findings
 from twin.report.paper_figures import paper_figures
@@ -191,9 +191,7 @@ def _film(path: Path) -> Shown:
     caption = "The record replayed, and its loop as it is drawn."
     if path.stat().st_size < LARGEST_VIDEO:
         return Shown(_address("video/mp4", path.read_bytes()), caption, is_film=True)
-    film: Any = imageio.get_reader(path)
-    with contextlib.closing(film):
-        frames = [film.get_data(index) for index in np.linspace(0, film.count_frames() - 1, 6).astype(int)]
+    frames = read_frames(path, 6)
     small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
     strip = io.BytesIO()
     Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
