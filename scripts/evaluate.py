@@ -10,12 +10,23 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
+from scripts.progress import Progress, TrainingProgress
+from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
+_RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy"}
+_FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
+PAPER_FILES = _RESULTS | dict.fromkeys(["tables.md", "rmse.png", *_FIGURES], MADE_BY)
+FULL_FILES = _RESULTS | dict.fromkeys(
+    ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", *_FIGURES], MADE_BY
+)
+"""Files that a suite may write, and the sign of each."""
 PAPER_SAMPLE_TIME = 0.1
 
 
@@ -106,7 +117,7 @@ def _full(args: Evaluate) -> Summary:
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
     )
-    output_folder(args.out)
+    output_folder(args.out, FULL_FILES)
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
     line = f"{result.path}: {len(methods)} methods, {result.records} records, {args.seeds} noise seeds"
@@ -146,15 +157,14 @@ def _paper(args: Evaluate) -> Summary:
     if variance is None and (recorded or args.write_estimates):
         variance, told = common_variance(args.data)
         if not told:
-            print(
+            complain(
                 f"endotwin evaluate: not every record tells the noise of its sensor: R = {variance:g} deg^2 "
-                "(--sensor-variance sets it)",
-                file=sys.stderr,
+                "(--sensor-variance sets it)"
             )
     if recorded:
         protocol = dataclasses.replace(protocol, seeds=1, recorded_variance=variance)
     suite = PaperSuite(
-        folder=output_folder(args.out),
+        folder=output_folder(args.out, PAPER_FILES),
         data=args.data,
         model=model,
         protocol=protocol,
@@ -169,16 +179,16 @@ def _paper(args: Evaluate) -> Summary:
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables
     shown = table(result.scores, "plain")
-    write_whole(args.out / "tables.md", table(result.scores, "markdown"))
+    write_whole(args.out / "tables.md", f"{table(result.scores, 'markdown')}\n<!-- {MADE_BY} -->\n")
     write_whole(args.out / "rmse.png", to_png_bytes(rmse_figure(result.scores)))
     for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
         write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
-    print(shown, file=sys.stderr if args.json else sys.stdout)
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
     line = f"{args.out}/evaluation.json: {len(result.methods)} methods, {result.records} records, {draws}"
     if result.estimates:
         line += f"; estimates in {args.out}/estimates"
-    return Summary(line, {"out": str(args.out / "evaluation.json"), "methods": result.methods})
+    values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
+    return Summary(line, values, table=shown)
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel, str]":

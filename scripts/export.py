@@ -8,7 +8,10 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
+from scripts.progress import Progress
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +66,8 @@ def export(args: Export) -> Summary:
 def _warn(line: str) -> None:
     from tqdm import tqdm
 
-    tqdm.write(f"endotwin export: {line}", file=sys.stderr)  # above the bar
+    with tqdm.external_write_mode(file=sys.stderr):  # above the bar
+        complain(f"endotwin export: {line}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

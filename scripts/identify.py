@@ -9,7 +9,9 @@ from typing import Any
 
 import tyro
 
-from scripts.command import Progress, Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_file
+from scripts.progress import Progress
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +51,8 @@ def identify(args: Identify) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     check_options(args.model, monotone=args.monotone, thresholds_mm=args.thresholds_mm)
     episodes = read_episodes(args.data, args.sample_time)
-    out = output_file(args.out or Path(args.model.replace("-", "_") + ".json"), (".json",))
+    out = args.out or Path(args.model.replace("-", "_") + ".json")
+    output_file(out, (".json",), '"rmse_deg"', inputs=args.data)
     progress = Progress("identify", "gen")
     model, rmse = fit(
         [piece for episode in episodes for piece in whole_pieces(episode)],

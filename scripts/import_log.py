@@ -8,7 +8,9 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +97,7 @@ def import_log(args: Import) -> Summary:
 
 
 def _warn(line: str) -> None:
-    print(f"endotwin import: warning: {line}", file=sys.stderr)
+    complain(f"endotwin import: warning: {line}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from scripts.command import Summary, run_verb
+from scripts.ending import complain
 from twin.errors import require_extra
 
 
@@ -45,7 +46,7 @@ def match_paper(args: MatchPaper) -> Summary:
 
 def _show(iteration: int, model: Iterable[float], rmse: float) -> None:
     a, b, c = model
-    print(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg", file=sys.stderr)
+    complain(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

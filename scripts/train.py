@@ -9,7 +9,9 @@ from typing import Annotated, Literal
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, TrainingProgress, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_folder
+from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}

@@ -1,4 +1,4 @@
-"""Marks of what EndoTwin wrote: a command replaces a file that carries the mark of its kind, and no other."""
+"""Signs of what EndoTwin wrote: a command replaces a file that bears the sign of its kind, and no other."""
 
 from pathlib import Path
 
@@ -6,18 +6,13 @@ from twin.errors import InputError
 from twin.files.atomic import refuse_no_file
 
 MADE_BY = "made by endotwin"
-"""Mark in the comments or metadata of whatever a command writes; JSON has it under `made_by`."""
+"""Sign in pictures, films, pages and tables. JSON files are known by their keys."""
 
-_END = 65536  # bytes at either end of a file in which its mark is sought
-
-
-def made_by(what: str) -> str:
-    """Return the mark of a kind of file, such as that of a model or of an evaluation."""
-    return f"{MADE_BY} {what}"
+_END = 65536  # bytes at either end of a file in which its sign is sought
 
 
-def refuse_foreign(path: Path, mark: str = MADE_BY) -> None:
-    """Refuse to replace a file that does not carry a mark: it is the user's, or of another command.
+def refuse_foreign(path: Path, sign: str = MADE_BY) -> None:
+    """Refuse to replace a file that does not bear a sign: it is the user's, or of another command.
 
     A file without any content is nobody's.
 
@@ -28,11 +23,10 @@ def refuse_foreign(path: Path, mark: str = MADE_BY) -> None:
     refuse_no_file(path)
     if not path.exists():
         return
+    size = path.stat().st_size
     with path.open("rb") as file:
         ends = file.read(_END)
-        size = path.stat().st_size
-        if size > 2 * _END:
-            file.seek(-_END, 2)
+        file.seek(max(size - _END, 0))
         ends += file.read(_END)
-    if size and mark.encode() not in ends:
-        raise InputError(f"{path} is there, but not as `{mark}`: choose another name, or move it away")
+    if size and sign.encode() not in ends:
+        raise InputError(f"{path} is there and no such command made it: move it, or choose another name")
