@@ -204,7 +204,7 @@ SIGNAL_NAMES = "sine, decaying-sine, triangle, multi-sine, random-steps"
             "ranges: pretension is set, or bent by sheath_bends_deg: choose one",
         ),
         ("{command_csv: parts/command.csv, seconds: 3}", "command_csv and seconds: choose one"),
-        ("a: b: c", "not a YAML file: mapping values are not allowed"),
+        ("a: b: c", "not a YAML file: line 1: mapping values are not allowed"),
     ],
 )
 def test_wrong_recipe_is_refused_in_one_line_with_what_may_be(text, message):

@@ -11,7 +11,7 @@ from twin.dataset.card import CARD, FIGURE
 from twin.dataset.files import file_name, make_files
 from twin.dataset.origin import wrong_origin
 from twin.dataset.recipe import EpisodeKey, of_each_episode
-from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
+from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
 from twin.dataset.versions import VERSIONS
 from twin.dataset.write import describe
 from twin.episode import Episode
@@ -162,8 +162,8 @@ def replay(path: Path) -> Replay:
     if "recipe.yaml" not in episode.attachments or not {"seed", "episode"} <= set(facts):
         raise InputError(f"{path} carries no recipe: only what `endotwin generate` made can be replayed")
     try:
-        recipe = resolve(parse_recipe(episode.attachments["recipe.yaml"].decode()), path.parent)
-    except (ValueError, FileNotFoundError) as error:
+        recipe = resolve_alone(parse_recipe(episode.attachments["recipe.yaml"]))
+    except ValueError as error:
         raise InputError(f"{path}: the recipe that it carries cannot be read: {error}") from error
     key = EpisodeKey(facts["seed"], facts["episode"])
     if not all(type(number) is int and number >= 0 for number in (key.seed, key.number)):
