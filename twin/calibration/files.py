@@ -15,6 +15,8 @@ from twin.calibration.uncertainty import likely_ranges, uncertainty
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import write_whole
+from twin.files.names import in_comment
+from twin.files.shown import cut
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
@@ -118,9 +120,8 @@ def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
     """
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
     rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
-    head = (
-        f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset/preset.py.\n"
-    )
+    named_logs = cut(in_comment(", ".join(logs)), 400)
+    head = f"# Calibrated by `endotwin calibrate` on {named_logs}. SI units; see twin/preset/preset.py.\n"
     return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
 
 

@@ -16,6 +16,7 @@ from twin.episode import Episode
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.files.dataset_json import SimulatedDataset, SimulatedFile
+from twin.files.names import in_code
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
@@ -53,7 +54,7 @@ def write_card(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> Path
         episodes=contents.episodes,
         seconds_each=f"{recipe.seconds:g}",
         total=_duration(contents.seconds),
-        preset=recipe.preset.name,
+        preset=in_code(recipe.preset.name),
         endotwin=contents.endotwin,
         mujoco=contents.mujoco,
         figure=FIGURE,
@@ -151,7 +152,7 @@ def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
         lines.append(f"each episode's endoscope, drawn (SI units): {', '.join(drawn)}")
     changed = _changed(recipe)
     if changed:
-        lines.append(f"other than the preset `{recipe.preset.name}` (SI units): {changed}")
+        lines.append(f"other than the preset {in_code(recipe.preset.name)} (SI units): {changed}")
     lines.append(f"sensor: {_sensor(recipe)}")
     if recipe.camera is not None:
         camera = recipe.camera

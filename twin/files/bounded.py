@@ -38,8 +38,12 @@ def read_limited(path: str | Path, most_bytes: int) -> bytes:
     return content
 
 
-def open_regular(path: str | Path) -> int:
+def open_regular(path: str | Path, wanted: str = "a file") -> int:
     """Open a regular file for reading; returns its descriptor, which the caller closes.
+
+    Args:
+        path: of the file; a link is followed.
+        wanted: what it should be, for messages.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -60,6 +64,6 @@ def open_regular(path: str | Path) -> int:
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)
-        what = "a folder, not a file" if stat.S_ISDIR(mode) else "no regular file"
+        what = f"a folder, not {wanted}" if stat.S_ISDIR(mode) else "no regular file"
         raise InputError(f"{named(path)} is {what}")
     return descriptor

@@ -11,6 +11,9 @@ from pydantic import BaseModel, ValidationError
 from twin.errors import InputError
 from twin.files.shown import cut, shown
 
+_TRIED = ("float", "int", "str", "bool", "constrained-float", "constrained-int", "constrained-str")
+"""Parts of a place that are of no file: they tell which of several kinds was tried."""
+
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -46,7 +49,7 @@ def rule_of(message: str) -> str:
 
 def key_name(path: Sequence[int | str]) -> str:
     """Return a key's place in a file, as in `files[1].statistics.bend_deg.mean`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path[:12])
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path[:12] if part not in _TRIED)
     return cut("".join(parts).removeprefix("."), 80)
 
 

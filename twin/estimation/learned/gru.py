@@ -126,7 +126,7 @@ def load(path: Path) -> Gru:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    return Gru(*read_network(path, TRAINING.agent))
+    return Gru(*read_network(path, TRAINING.agent, states=1, seen=(3, 2, 2), said=(3, 2)))
 
 
 TRAINING = Training("gru", "gru.onnx", load, "GRU that knows the noise and the model")

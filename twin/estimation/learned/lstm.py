@@ -109,7 +109,7 @@ def load(path: Path) -> LstmEstimator:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    network, _, sample_time = read_network(path, TRAINING.agent)
+    network, _, sample_time = read_network(path, TRAINING.agent, states=STATES, seen=(3, 2, 2), said=(3, 2))
     return LstmEstimator(network, sample_time)
 
 
