@@ -18,20 +18,19 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
 from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.registry import method_specs, proposed_method
+from twin.estimation.registry import proposed_method
 from twin.evaluation.paper import TABLES
 from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.files.bounded import MEBIBYTE, read_limited
-from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
 from twin.files.json_text import read_json
 from twin.files.shown import cut
-from twin.files.yaml_text import read_yaml
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.recording import read_dataset
 from twin.rendering.video import read_frames
+from twin.report.facts import MOST_TEXT, agent_names, run_facts
 from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
 from twin.report.findings import findings
 from twin.report.paper_figures import paper_figures
@@ -44,21 +43,13 @@ LARGEST_VIDEO = 8 * 2**20
 
 LARGEST_PICTURE = 16 * MEBIBYTE
 LARGEST_FILM = 512 * MEBIBYTE
-MOST_TEXT = MEBIBYTE
-"""Sizes that are read of pictures, films, and files of settings and curves [bytes]."""
-MOST_FACTS = 200
-"""Facts that the page lists of one file."""
+"""Sizes that are read of pictures and films [bytes]."""
 
 _PNG, _MP4 = b"\x89PNG\r\n\x1a\n", b"ftyp"
-"""How the two kinds of file begin; MP4 after the length of its first part."""
+"""First bytes of the two kinds of file; those of MP4 follow the length of its first part."""
 
 _DRAWN = 2
 """Loops that are drawn over each other: more cannot be told apart."""
-
-
-def _agents() -> dict[str, str]:
-    """Names of the methods that can be trained, by the folder of their run."""
-    return {spec.training.agent: spec.name for spec in method_specs() if spec.training}
 
 
 @functools.cache
@@ -84,7 +75,7 @@ def _commands() -> dict[str, str]:
 
 
 class DemoFile(BaseModel):
-    """What `demo.json` says, as far as the page needs it.
+    """Contents of `demo.json`, as far as the page needs them.
 
     Attributes:
         commands: that made the run.
@@ -162,7 +153,7 @@ def _contents(folder: Path) -> dict[str, Any]:
     return {
         "results": evaluation,
         "model": model,
-        "facts": _facts(folder),
+        "facts": run_facts(folder),
         "bending": [_part(folder, "bend.png", _poses), _part(folder, "bend.mp4", _film)],
         "loops": [_part(folder, f"data/{name}", lambda path: _loop(path, fit)) for name in ("train", "test")],
         "tracking": _part(folder, "results/tracks.npz", _tracking),
@@ -258,7 +249,7 @@ def _tracking(path: Path) -> list[Shown]:
 
 def _training(path: Path) -> Shown:
     curves = {}
-    for folder, agent in _agents().items():
+    for folder, agent in agent_names().items():
         progress = path / folder / "progress.csv"
         if progress.is_file():
             curves[agent] = _progress(progress)
@@ -282,68 +273,6 @@ def _progress(path: Path) -> dict[str, Any]:
     if not lines or not np.isfinite(curve["samples"]).all():
         raise InputError(f"{path.parent.name}/{path.name} has no lines of numbers")
     return curve
-
-
-def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Facts of the run, as (title, [(name, value)]), from every file that states some."""
-    sources: dict[str, tuple[str, Callable[[Path], Any]]] = {
-        "Run": ("demo.json", lambda path: read_json(path, MOST_TEXT)),
-        "Training records": ("data/train/dataset.json", _recipe),
-        "Test records": ("data/test/dataset.json", _recipe),
-        "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", lambda path: read_json(path, MOST_TEXT)),
-        "Evaluation protocol": ("results/evaluation.json", lambda path: read_scores(path)[1]),
-    }
-    sources |= {
-        agent: (f"runs/{name}/config.yaml", lambda path: read_yaml(path, MOST_TEXT))
-        for name, agent in _agents().items()
-    }
-    facts = []
-    for title, (name, read) in sources.items():
-        try:
-            entries = _flat(read(folder / name))
-        except (OSError, ValueError, TypeError, AttributeError):
-            continue  # a damaged file is reported by the part that needs it
-        if entries:
-            facts.append((title, entries[:MOST_FACTS]))
-    return facts
-
-
-def _recipe(path: Path) -> dict[str, Any]:
-    """Return what a dataset was made from; of a measured one, what it holds; or what is wrong with it."""
-    try:
-        contents = read_contents(path.parent)
-    except MissingFileError:
-        return {}
-    except ValueError as error:
-        return {NAME: f"cannot be shown: {str(error).replace(str(path), 'it')}"}
-    if isinstance(contents, MeasuredDataset):
-        return {"source": contents.source, "files": len(contents.files), "seconds": contents.seconds}
-    return to_json_values(contents.recipe)
-
-
-def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Names and values of nested mappings; a list of mappings, such as that of the files, by its length."""
-    entries = []
-    for key, value in values.items():
-        name = f"{prefix}{key}".replace("_", " ")
-        if isinstance(value, dict):
-            entries += _flat(value, f"{name}, ")
-        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-            entries.append((name, f"{len(value)}"))
-        elif isinstance(value, list) and value and all(isinstance(item, list) for item in value):
-            pairs = (", ".join(_text(part) for part in item) for item in value)
-            entries.append((name, ", ".join(f"[{pair}]" for pair in pairs)))
-        elif isinstance(value, list):
-            entries.append((name, ", ".join(_text(item) for item in value)))
-        else:
-            entries.append((name, _text(value)))
-    return entries
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool) or value is None:
-        return {True: "yes", False: "no", None: "none"}[value]
-    return f"{value:.6g}" if isinstance(value, float) else cut(value, 300)
 
 
 def _drawn(figure: Figure, caption: str) -> Shown:

@@ -26,7 +26,7 @@ LARGEST_HIDDEN = 1024
 
 
 class TrainedDescription(BaseModel):
-    """What a trained file says of itself, as far as it is read; the rest is the configuration of the run.
+    """Description in a trained file, as far as it is read; the rest is the configuration of the run.
 
     Attributes:
         agent: word that it was trained under.
