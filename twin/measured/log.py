@@ -17,6 +17,7 @@ from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
 from twin.measured.command import SECONDS_PER_CYCLE
 from twin.measured.csv_columns import CsvColumns, average_repeats, hold, read_columns
+from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
 
@@ -27,11 +28,8 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played
 GAP = 20.0
 """Time step, relative to the median one, from which on it counts as a gap."""
 
-# Plausible limits: a value beyond them is in another unit than stated.
-_LARGEST_BEND_DEG = 720.0
+# Plausible limits beside the shared ones: a value beyond them is in another unit than stated.
 _LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
-_LARGEST_PULL_MM = 200.0
-_LARGEST_TIME = 9.2e9  # [s] 292 years: nanoseconds since 1970 end there too
 _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 
@@ -192,7 +190,7 @@ def _in_time_order(
     table = table.timed(name, on_warning)
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
-    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check `time_unit`")
+    _refuse_implausible(table, name, seconds, "s", (-LARGEST_TIME_S, LARGEST_TIME_S), "check `time_unit`")
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if not phase:
         table = table.in_order(name, on_warning)
@@ -209,7 +207,7 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
         pull = values * lengths[unit]
         millimetres = pull * 1e3
     advice = "check `command_unit`" + (" and `pulley_radius`" if unit in ANGLE_UNITS else "")
-    limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
+    limits = (-LARGEST_PULL_MM, LARGEST_PULL_MM)
     _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -225,7 +223,7 @@ def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     values = table.column(name, may_miss=True)
     unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
-    limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
+    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
     with np.errstate(over="ignore"):
         degrees = np.degrees(bend)
     _refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
