@@ -1,5 +1,6 @@
 """One live stream: the same bits as whole records, and finite whatever comes."""
 
+import dataclasses
 import math
 from fractions import Fraction
 
@@ -241,3 +242,23 @@ def test_repeated_and_reversed_stamps_change_nothing(data):
 def test_stream_without_a_sample_time_or_an_initial_estimate_is_refused(sample_time, initial):
     with pytest.raises(ValueError, match="must be"):
         OnlineEstimator(PLAIN, sample_time, initial)
+
+
+@dataclasses.dataclass(frozen=True)
+class HidesNan(ActiveModel):
+    """An active model that loses its covariance, and not its angle, at measurements of 61 deg."""
+
+    def step(self, state, pull_mm, previous_pull_mm, measurement_deg):
+        stepped = super().step(state, pull_mm, previous_pull_mm, measurement_deg)
+        lost = stepped._replace(covariance=np.full_like(stepped.covariance, np.nan))
+        return lost if measurement_deg[0] == 61 else stepped
+
+
+def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
+    stream = begun(HidesNan(MODEL, T))
+    for k in range(1, 4):
+        assert stream.push(k * T, 3.0, 61.0) == (61.0 if k == 3 else 60.0)
+        assert Health.REFUSED in stream.health
+        assert is_sound(stream._state)
+    assert (stream.refused, stream.restarts) == (3, 1)
+    assert Health.RESTARTED in stream.health
