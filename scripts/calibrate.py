@@ -52,12 +52,15 @@ def run_calibration(args: Calibrate) -> Summary:
     require_extra("sim")
     from twin.calibration import calibrate, free_parameters
     from twin.calibration.files import log_summary, read_loops, write_fit
+    from twin.calibration.search import STATE, check_effort
     from twin.files.ours import MADE_BY
+    from twin.files.state_file import remove_state
     from twin.preset.file import load_preset
     from twin.preset.preset import parse_changes
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
+    check_effort(args.evaluations, args.seed)
     beside = {f"{args.out.stem}_fit.png": MADE_BY, f"{args.out.stem}_fit.json": '"standard_deviation"'}
     inputs = [*args.data, *args.predict, Path(args.preset)]
     out = output_file(args.out, (".yaml", ".yml"), "`endotwin calibrate`", beside=beside, inputs=inputs)
@@ -82,7 +85,7 @@ def run_calibration(args: Calibrate) -> Summary:
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
     values = write_fit(out, fit, free, loops, held_out, args.seed)
-    state_file.unlink(missing_ok=True)
+    remove_state(state_file, STATE)
     for warning in values["warnings"]:
         complain(f"warning: {warning}")
     errors = ", ".join(map(log_summary, values["logs"]))
