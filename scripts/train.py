@@ -31,7 +31,7 @@ class Train:
     model: Path
     """coleman_hodgdon.json of the reference model."""
     out: Path
-    """Run folder: policy.onnx or the network's file, config.yaml, progress.csv, checkpoints of a policy."""
+    """Run folder: policy.onnx or the network's file, config.yaml, progress.csv."""
     agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
     """Learned method."""
     protocol: Literal["strict", "free"] = "strict"
