@@ -26,7 +26,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def whole(problem):
-    return calibrate(*problem, seed=3, evaluations=40)
+    return calibrate(*problem, seed=3, evaluations=24)
 
 
 def interrupt(problem, state, generations, seed=3):
@@ -41,7 +41,7 @@ def interrupt(problem, state, generations, seed=3):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        calibrate(*problem, seed=seed, evaluations=40, state_file=state, on_progress=stop)
+        calibrate(*problem, seed=seed, evaluations=24, state_file=state, on_progress=stop)
     return seen
 
 
@@ -53,21 +53,21 @@ def same(first, second):
     assert first.residual.tobytes() == second.residual.tobytes()
 
 
-@pytest.mark.parametrize("generations", [(1,), (3,), (2, 2, 2), (7,), (8,)])
+@pytest.mark.parametrize("generations", [(1,), (1, 1), (3,), (4,)])
 def test_interrupted_calibration_ends_as_an_undisturbed_one(problem, whole, tmp_path, generations):
     state = tmp_path / "state"
     told = [interrupt(problem, state, count) for count in generations]
     seen = []
     resumed = calibrate(
-        *problem, seed=3, evaluations=40, state_file=state, on_progress=lambda *news: seen.append(news)
+        *problem, seed=3, evaluations=24, state_file=state, on_progress=lambda *news: seen.append(news)
     )
     same(resumed, whole)
     assert seen[0][0] > told[-1][-1][0]  # nothing is simulated again
 
 
 def test_state_of_another_calibration_is_not_taken_up(problem, whole, tmp_path):
-    interrupt(problem, tmp_path / "state", 3, seed=4)
-    same(calibrate(*problem, seed=3, evaluations=40, state_file=tmp_path / "state"), whole)
+    interrupt(problem, tmp_path / "state", 2, seed=4)
+    same(calibrate(*problem, seed=3, evaluations=24, state_file=tmp_path / "state"), whole)
 
 
 @pytest.mark.parametrize("planted", [planted_pickle, lambda witness: b"my notes"])
@@ -76,7 +76,7 @@ def test_foreign_state_is_neither_run_nor_overwritten(problem, tmp_path, planted
     state.write_bytes(planted(witness))
     before = state.read_bytes()
     with pytest.raises(ValueError, match="is no calibration state of EndoTwin: move it away"):
-        calibrate(*problem, seed=3, evaluations=40, state_file=state)
+        calibrate(*problem, seed=3, evaluations=24, state_file=state)
     assert state.read_bytes() == before
     assert not witness.exists()
 
@@ -88,7 +88,7 @@ def test_damaged_state_is_refused(problem, tmp_path):
     for damaged in (content[:-1], content[:200], content[:-3] + b"\xff" + content[-2:]):
         state.write_bytes(damaged)
         with pytest.raises(ValueError, match="is damaged: remove it, and the run begins anew"):
-            calibrate(*problem, seed=3, evaluations=40, state_file=state)
+            calibrate(*problem, seed=3, evaluations=24, state_file=state)
 
 
 @pytest.mark.parametrize(
@@ -103,4 +103,4 @@ def test_effort_that_cannot_be_is_refused(problem, evaluations, seed, rule):
 def test_one_parameter_is_searched_over_its_whole_range():
     logs = loops(0.0)
     free = free_parameters(start_of(sheath_bend=0.0), logs, ("sheath_friction",))
-    assert calibrate(free, logs, seed=0, evaluations=60).cost >= 0  # cma limits its step, and failed there
+    assert calibrate(free, logs, seed=0, evaluations=24).cost >= 0  # cma limits its step, and failed there
