@@ -55,8 +55,10 @@ def import_log(args: Import) -> Summary:
     """Write the log as an episode."""
     import numpy as np
 
-    from twin.measured.folder import check_name, write_measured
-    from twin.measured.log import LogFormat, read_measured_log
+    from twin.files.names import check_name
+    from twin.measured.folder import write_measured
+    from twin.measured.log import read_measured_log
+    from twin.measured.log_format import LogFormat
 
     name = args.file.stem if args.name is None else args.name
     check_name(name)
