@@ -18,7 +18,7 @@ _NAMES_SHOWN = 120  # [characters]
 
 
 @dataclasses.dataclass(frozen=True)
-class Column:
+class CsvColumn:
     """One column.
 
     Attributes:
@@ -31,9 +31,9 @@ class Column:
     odd: NDArray[np.uint16]
     texts: tuple[tuple[str, bool], ...]
 
-    def only(self, rows: NDArray[np.bool_]) -> "Column":
+    def only(self, rows: NDArray[np.bool_]) -> "CsvColumn":
         """Return the rows selected by a mask (N,)."""
-        return Column(self.values[rows], self.odd[rows], self.texts)
+        return CsvColumn(self.values[rows], self.odd[rows], self.texts)
 
     def wrong(self, may_miss: bool) -> NDArray[np.bool_]:
         """Return the mask (N,) of the texts that may not stand there."""
@@ -58,7 +58,7 @@ class CsvColumns:
     path: Path
     names: tuple[str, ...]
     lines: NDArray[np.int64]
-    columns: Mapping[str, Column]
+    columns: Mapping[str, CsvColumn]
     sha256: str
 
     def column(self, name: str, *, may_miss: bool = False) -> Array:

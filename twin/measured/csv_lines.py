@@ -51,7 +51,7 @@ class CsvLines:
 
     @property
     def bytes_read(self) -> int:
-        """How many bytes of the file have been read, some of them ahead."""
+        """Number of bytes that have been read, some of them ahead of the lines."""
         return self._bytes.count
 
     @property

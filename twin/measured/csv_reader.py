@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.measured.csv_columns import Column, CsvColumns, shown_name
+from twin.measured.csv_columns import CsvColumn, CsvColumns, shown_name
 from twin.measured.csv_lines import CsvLines, open_lines
 from twin.measured.numbers import is_missing, to_numbers
 
@@ -123,7 +123,7 @@ class _Growing:
             raise InputError(f"{self.path} holds no lines of data")
         self._flush()
         columns = {
-            name: Column(
+            name: CsvColumn(
                 np.concatenate(self._values.pop(name)),
                 np.concatenate(self._odd.pop(name)),
                 tuple(self._texts[name]),
