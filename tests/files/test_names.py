@@ -5,7 +5,9 @@ import pytest
 from twin.files.names import check_name
 
 
-@pytest.mark.parametrize("name", ["log", "Log 2, left (new)", "Gerät-7", "a.b", "日本", "x" * 200])
+@pytest.mark.parametrize(
+    "name", ["log", "Log 2, left (new)", "Gerät-7", "a.b", "log 12:30:01", "日本", "x" * 200]
+)
 def test_a_plain_name_is_taken(name):
     check_name(name)
 

@@ -5,8 +5,8 @@ from twin.errors import InputError
 LONGEST_NAME = 200
 """Largest length of a name, without its ending, in bytes of UTF-8: file systems take 255 with endings."""
 
-_RESERVED = '<>:"/\\|?*'
-"""Characters that a file system or a page would read as more than a letter."""
+_RESERVED = '<>"|?*'
+"""Characters that a page or a shell reads as more than a letter. Loggers put times with colons into names."""
 
 
 def check_name(name: str, parameter: str = "name") -> None:
