@@ -97,10 +97,11 @@ def _full(args: Evaluate) -> Summary:
         raise ValueError(
             "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
         )
-    if args.episodes < 1 or args.workers < 0:
-        raise ValueError(f"--episodes {args.episodes}, --workers {args.workers}: at least 1 and 0")
     from rl.suite.full import run_full_suite
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
+    from twin.files.bounds import MOST_WORKERS, check_between
+
+    check_between("workers", args.workers, 0, MOST_WORKERS)
 
     suite = FullSuite(
         folder=args.out,
@@ -130,10 +131,12 @@ def _paper(args: Evaluate) -> Summary:
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
     from rl.suite.paper import PaperSuite, given_files, run_paper_suite
+    from rl.suite.settings import MOST_TRAINING_EPISODES
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, common_variance
     from twin.files.atomic import write_whole
+    from twin.files.bounds import LARGEST_VARIANCE_DEG2, check_between
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
     from twin.report.paper_figures import paper_figures
@@ -141,6 +144,7 @@ def _paper(args: Evaluate) -> Summary:
 
     for name in args.methods:
         find_method(name)
+    check_between("episodes", args.episodes, 1, MOST_TRAINING_EPISODES)
     recorded = args.measurements == "recorded"
     T = args.sample_time[0] if args.sample_time else PAPER_SAMPLE_TIME
     protocol = Protocol(args.suite, args.seeds, T, args.initial_error_deg, args.seed)
@@ -149,10 +153,11 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError(f"--model {source} is {model.name}: the paper's suite rests on coleman-hodgdon")
     trained = given_files(args.policy, model, T)
     variance = args.sensor_variance
-    if variance is not None and not (variance > 0 and (recorded or args.write_estimates)):
+    usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
+    if not usable or not (variance is None or recorded or args.write_estimates):
         raise ValueError(
-            f"--sensor-variance {variance:g}: must be positive, and is for --measurements recorded or "
-            "--write-estimates"
+            f"--sensor-variance {variance:g}: must be positive, at most {LARGEST_VARIANCE_DEG2:g}, and is "
+            "for --measurements recorded or --write-estimates"
         )
     if variance is None and (recorded or args.write_estimates):
         variance, told = common_variance(args.data)

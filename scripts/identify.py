@@ -43,13 +43,21 @@ def identify(args: Identify) -> Summary:
     """Write the model's file, `coleman_hodgdon.json` or its like."""
     from twin.evaluation.reading import read_episodes, whole_pieces
     from twin.files.atomic import write_whole
+    from twin.files.bounds import SAMPLE_TIMES, check_between
     from twin.hysteresis import IdentifiedModel
     from twin.identification import OPTIMIZERS, check_options
     from twin.identification import identify as fit
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
-    check_options(args.model, monotone=args.monotone, thresholds_mm=args.thresholds_mm)
+    check_options(
+        args.model,
+        monotone=args.monotone,
+        thresholds_mm=args.thresholds_mm,
+        population=args.population,
+        generations=args.generations,
+    )
+    check_between("sample_time", args.sample_time, *SAMPLE_TIMES, "s")
     episodes = read_episodes(args.data, args.sample_time)
     out = args.out or Path(args.model.replace("-", "_") + ".json")
     output_file(out, (".json",), '"rmse_deg"', inputs=args.data)

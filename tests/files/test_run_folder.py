@@ -49,17 +49,6 @@ def test_file_of_no_run_is_not_overwritten(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_left_over_of_a_kill_goes_and_what_is_named_alike_stays(tmp_path):
-    with open_run(tmp_path, MINE, ("net.onnx",)):
-        pass
-    kept = [".net.onnx.partial", ".other.0123abcd.partial", ".net.onnx.0123abcd.partial.txt"]
-    for name in (".net.onnx.0123abcd.partial", ".progress.csv.0123abcd.partial", *kept):
-        (tmp_path / name).write_text("x")
-    with open_run(tmp_path, MINE, ("net.onnx",)):
-        pass
-    assert {path.name for path in tmp_path.iterdir()} == {"config.yaml", *kept}
-
-
 def test_one_run_at_a_time(tmp_path):
     with (
         open_run(tmp_path, MINE, ()),

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from twin.episode import LARGEST_GRID
 from twin.errors import InputError
+from twin.files.bounds import LONGEST_SECONDS
 from twin.files.shown import shown
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges
@@ -22,6 +22,10 @@ from twin.signals.excitation import SIGNALS, command
 Interval = tuple[float, float]
 MOST_EPISODES = 10_000
 """Largest number of episodes of one seed: their files are numbered with four digits."""
+MOST_SAMPLES = 1_000_000
+"""Largest number of samples of one episode, which a worker holds whole: about 750 MB."""
+MOST_SAMPLES_IN_ALL = 1_000_000_000
+"""Largest number of samples of a dataset."""
 
 MOST_IN_ALL = 20_000
 """Largest number of episodes of all seeds: what `dataset.json` says of more is not read."""
@@ -145,8 +149,16 @@ class Recipe:
                 f"variance of the sensor {self.sensor_variance_deg2:g} deg^2: must be finite and not negative"
             )
         check_sample_time(self.preset, self.sample_time_s)
-        if self.seconds / self.sample_time_s > LARGEST_GRID:
-            raise InputError(f"{self.seconds:g} s: an episode has at most {LARGEST_GRID} samples")
+        if not self.seconds <= LONGEST_SECONDS:
+            raise InputError(f"{self.seconds:g} s: an episode lasts at most {LONGEST_SECONDS:g} s")
+        samples = self.seconds / self.sample_time_s
+        if samples > MOST_SAMPLES:
+            raise InputError(f"{self.seconds:g} s: an episode has at most {MOST_SAMPLES} samples")
+        if samples * self.episodes * len(self.seeds) > MOST_SAMPLES_IN_ALL:
+            raise InputError(
+                f"{self.seconds:g} s of {self.episodes} episodes of {len(self.seeds)} seeds: a dataset has "
+                f"at most {MOST_SAMPLES_IN_ALL} samples"
+            )
         if self.given_pull_m is not None:
             if len(self.given_pull_m) > MOST_GIVEN:
                 raise InputError(

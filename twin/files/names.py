@@ -1,4 +1,4 @@
-"""Names that files give to presets and records: one rule for them, and how other formats hold them."""
+"""Names of presets, records and their files: one rule for them, and how other formats hold them."""
 
 import re
 
@@ -7,6 +7,11 @@ from twin.files.shown import shown
 
 LONGEST_NAME = 120
 """Characters of a name: longer ones do not fit into the names of files."""
+
+_MOST_BYTES = 200  # of a file's name in UTF-8, without its ending: file systems take 255 with endings
+_RESERVED = (
+    '<>"|?*'  # read as more than a letter by a page or a shell; loggers put times with colons into names
+)
 
 
 def wrong_name(name: object) -> str:
@@ -28,6 +33,30 @@ def check_name(what: str, name: object) -> None:
     """
     if rule := wrong_name(name):
         raise InputError(f"{what} = {shown(name)}: {rule}")
+
+
+def check_file_name(name: str, parameter: str = "name") -> None:
+    """Refuse a name that is no plain name of a file, without folder and ending.
+
+    Args:
+        name: what the user chose.
+        parameter: where, for the message.
+
+    Raises:
+        ValueError: it is empty, hidden, a path, too long, or has characters that cannot be printed or that
+            some file system reserves.
+    """
+    rule = wrong_name(name)
+    if not name or name.startswith(".") or "/" in name or "\\" in name:
+        rule = "must be the name of a file, without folder and ending"
+    elif name != name.strip():
+        rule = "must be without blanks around"
+    elif any(character in _RESERVED for character in name):
+        rule = f"must be without any of {' '.join(_RESERVED)}"
+    elif not rule and len(name.encode()) > _MOST_BYTES:
+        rule = f"must have at most {_MOST_BYTES} bytes"
+    if rule:
+        raise InputError(f"{parameter} = {shown(name)}: {rule}")
 
 
 def in_code(text: str) -> str:

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import re
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -35,7 +34,6 @@ def open_run(folder: Path, configuration: dict[str, Any], files: Sequence[str]) 
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
         claim_folder(folder, configuration, (CURVE_FILE, *files))
-        _remove_left_over(folder, (CONFIGURATION_FILE, CURVE_FILE, *files))
         yield
 
 
@@ -72,11 +70,3 @@ def _contents(path: Path) -> bytes:
         raise InputError(f"{path} is no file: choose another `folder`")
     with path.open("rb") as file:
         return file.read(_MOST_BYTES)
-
-
-def _remove_left_over(folder: Path, files: Sequence[str]) -> None:
-    """Remove the temporary files of these names that a killed process has left: the folder is claimed."""
-    names = "|".join(map(re.escape, files))
-    for path in folder.iterdir():
-        if re.fullmatch(rf"\.(?:{names})\.[0-9a-f]{{8}}\.partial", path.name) and not path.is_dir():
-            path.unlink(missing_ok=True)
