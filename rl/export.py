@@ -10,6 +10,7 @@ from typing import Any
 import onnx
 import torch
 
+from twin.errors import InputError
 from twin.estimation.learned.trained_file import METADATA_KEY
 from twin.files.atomic import write_whole
 
@@ -31,22 +32,31 @@ def export_module(
         free: by input, the axes along which any size may come.
         description: plain values; `agent` says which method the file is of.
         path: the file.
+
+    Raises:
+        ValueError: torch cannot export the module, or what it exports is not valid.
+        OSError: the disk is full or fails.
     """
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages not used here
     axes = {name: {axis: torch.export.Dim.DYNAMIC for axis in free.get(name, ())} for name in inputs}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # between torch and its exporter
-        program = torch.onnx.export(
-            module.eval(),
-            tuple(inputs.values()),
-            input_names=list(inputs),
-            output_names=list(outputs),
-            dynamic_shapes=tuple(axes.values()),
-            dynamo=True,
-            external_data=False,
-            verbose=False,
-        )
-    assert program is not None
-    graph = program.model_proto
-    onnx.helper.set_model_props(graph, {METADATA_KEY: json.dumps(dict(description))})
+        try:
+            program = torch.onnx.export(
+                module.eval(),
+                tuple(inputs.values()),
+                input_names=list(inputs),
+                output_names=list(outputs),
+                dynamic_shapes=tuple(axes.values()),
+                dynamo=True,
+                external_data=False,
+                verbose=False,
+            )
+            assert program is not None
+            graph = program.model_proto
+            onnx.helper.set_model_props(graph, {METADATA_KEY: json.dumps(dict(description))})
+            onnx.checker.check_model(graph)
+        except (RuntimeError, onnx.checker.ValidationError) as error:
+            first = str(error).strip().partition("\n")[0]
+            raise InputError(f"{path}: torch could not export it: {first:.150}") from error
     write_whole(path, graph.SerializeToString())

@@ -18,14 +18,21 @@ from rl.run import run_configuration
 from rl.supervised import descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.kalman_net import KALMAN_NET, TRAINING, Corrected, advance, begin, check_affine
+from twin.estimation.learned.kalman_net import (
+    FEATURES,
+    KALMAN_NET,
+    TRAINING,
+    Corrected,
+    advance,
+    begin,
+    check_affine,
+)
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import affine_steps
 from twin.estimation.task import TrainingTask, stack_records
 
 Array = NDArray[np.float64]
 ERROR_GAIN_LIMIT = 2.0  # largest gain of f [1 / s]
-FEATURES = 5
 FIRST_GAIN = (0.3, 0.1)  # of theta and, in parts of its limit, of f: where training begins
 
 

@@ -1,7 +1,6 @@
 """Options of a training: the paper's Table I and its protocol, checked before any work."""
 
 import dataclasses
-import math
 
 from twin.errors import InputError
 from twin.estimation.registry import find_training, proposed_method
@@ -55,20 +54,17 @@ class TrainingOptions:
         if not self.agent:
             object.__setattr__(self, "agent", proposed_method().agent)
         find_training(self.agent)
-        for name in _POSITIVE:
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"{name} = {getattr(self, name)}: must be positive and finite")
-        if not 0 <= self.initial_error_deg < math.inf:
-            raise InputError(f"initial_error_deg = {self.initial_error_deg}: must be finite, not negative")
-        if self.minibatch < 2:
-            raise InputError(f"minibatch = {self.minibatch}: must be at least 2")
+        for name, (low, high) in LIMITS.items():
+            value = getattr(self, name)
+            if isinstance(low, int) and not (isinstance(value, int) and not isinstance(value, bool)):
+                raise InputError(f"{name} = {value!s:.40}: must be a whole number")
+            if not low <= value <= high:
+                raise InputError(f"{name} = {value!s:.40}: must be at least {low:g} and at most {high:g}")
         import numpy as np  # here: the help of a command needs none of it
 
         from twin.signals.noise import draw_noise
 
         draw_noise(self.noise, self.noise_level, (1,), np.random.default_rng(0))
-        if not 0 < self.discount <= 1:
-            raise InputError(f"discount = {self.discount}: must be above 0 and at most 1")
         if self.horizon % self.environments or self.horizon % self.minibatch:
             raise InputError(
                 f"horizon = {self.horizon}: must be a multiple of environments = {self.environments} "
@@ -76,16 +72,38 @@ class TrainingOptions:
             )
 
 
-_POSITIVE = (
-    "episodes",
-    "learning_rate",
-    "horizon",
-    "minibatch",
-    "clip",
-    "environments",
-    "noise_level",
-    "reward_scale",
-)
+LIMITS: dict[str, tuple[int, int] | tuple[float, float]] = {
+    "episodes": (1, 1_000_000),
+    "horizon": (1, 2**20),
+    "minibatch": (2, 2**20),
+    "environments": (1, 4096),
+    "seed": (0, 2**32 - 1),
+    "learning_rate": (1e-12, 1.0),
+    "discount": (1e-6, 1.0),
+    "clip": (1e-6, 1e3),
+    "reward_scale": (1e-12, 1e6),
+    "noise_level": (1e-12, 1e6),
+    "initial_error_deg": (0.0, 360.0),
+}
+"""Least and greatest value of each number: what is beyond would not end, or not fit into memory."""
+_MOST_MEASUREMENTS = 200_000_000  # that are drawn at once, eight bytes each
+
+
+def check_memory(options: TrainingOptions, samples: int) -> None:
+    """Refuse more measurements at once than fit into memory.
+
+    Args:
+        options: of the training.
+        samples: of one record.
+
+    Raises:
+        ValueError: they do not fit.
+    """
+    if options.environments * samples > _MOST_MEASUREMENTS:
+        most = _MOST_MEASUREMENTS // samples
+        raise InputError(
+            f"environments = {options.environments}: must be at most {most} for records of {samples} samples"
+        )
 
 
 def share_of(iterations: int, options: TrainingOptions) -> int:

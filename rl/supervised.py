@@ -16,8 +16,9 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from rl.options import TrainingOptions, share_of
+from twin.errors import DivergedError
 from twin.files.atomic import write_whole
-from twin.files.run_folder import claim_folder
+from twin.files.run_folder import CURVE_FILE, open_run
 
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int, float], None]
@@ -80,17 +81,16 @@ def train_once(
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    claim_folder(path.parent, configuration)
-    if not path.is_file():
-        torch.set_num_threads(1)  # the networks are small
-        torch.manual_seed(seed)
-        curve, export = train()
-        rows = [("samples", "mean_reward"), *((samples, f"{reward:.6g}") for samples, reward in curve)]
-        text = io.StringIO()
-        csv.writer(text).writerows(rows)
-        write_whole(path.parent / "progress.csv", text.getvalue())
-        export()  # the last: where the file is, the run is finished
+    with open_run(path.parent, configuration, (path.name,)):
+        if not path.is_file():
+            torch.set_num_threads(1)  # the networks are small
+            torch.manual_seed(seed)
+            curve, export = train()
+            rows = [("samples", "mean_reward"), *((samples, f"{reward:.6g}") for samples, reward in curve)]
+            text = io.StringIO()
+            csv.writer(text).writerows(rows)
+            write_whole(path.parent / CURVE_FILE, text.getvalue())
+            export()  # the last: where the file is, the run is finished
     return path
 
 
@@ -116,12 +116,17 @@ def descend(
 
     Returns:
         Minus mean square error [deg^2] after so many samples, step by step.
+
+    Raises:
+        FloatingPointError: the loss is no number.
     """
     optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, iterations)
     curve = []
     for iteration in range(1, iterations + 1):
         value = loss()
+        if not torch.isfinite(value):
+            raise DivergedError(f"the training has diverged: the loss of step {iteration} is no number")
         optimiser.zero_grad()
         value.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_LIMIT)

@@ -1,9 +1,9 @@
 """Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, into one run folder."""
 
-import contextlib
 import csv
 import io
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,32 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 
-from rl.environment import AGENTS, BatchEnvironment
-from rl.options import TrainingOptions
+from rl.checkpoint import (
+    CHECKPOINT,
+    CHECKPOINT_FILE,
+    Curve,
+    ReplayedEnvironment,
+    check_finite,
+    load_checkpoint,
+    reseed,
+    save_checkpoint,
+)
+from rl.environment import AGENTS
+from rl.options import TrainingOptions, check_memory
 from rl.policy import export_policy
 from rl.run import run_configuration
 from rl.trainers import OnProgress, Trainer, register_trainer
+from twin import __version__
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
 from twin.files.atomic import write_whole
-from twin.files.run_folder import claim_folder
+from twin.files.run_folder import CURVE_FILE, open_run
+from twin.files.state_file import remove_state, state_key
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
@@ -36,10 +49,10 @@ def train_policy(
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Train a policy and write `policy.onnx`, `config.yaml`, `progress.csv` and checkpoints into a folder.
+    """Train a policy and write `policy.onnx`, `config.yaml` and `progress.csv` into a folder.
 
-    A training that was stopped goes on from its newest whole checkpoint; one that is finished is left as it
-    is. (A resumed training draws other random numbers than an undisturbed one.)
+    A training that was stopped goes on from its checkpoint, and ends with the bytes of an undisturbed one;
+    one that is finished is left as it is.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
@@ -52,31 +65,54 @@ def train_policy(
         Path of the policy.
 
     Raises:
-        ValueError: the folder holds a run of another configuration.
+        ValueError: the folder holds a run of another configuration, or the checkpoint is foreign or damaged.
+        FloatingPointError: the training has diverged.
     """
     torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
-    folder.mkdir(parents=True, exist_ok=True)
-    configuration = run_configuration(records, active_model, training)
-    policy_path = folder / POLICY_FILE
-    claim_folder(folder, configuration)
-    if policy_path.is_file():
-        return policy_path
-
     pull, bend = stack_records(records)
-    task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
-    agent = AGENTS[training.agent](active_model)
-    total = training.episodes * (pull.shape[1] - 1)
-    environment = BatchEnvironment(task, agent, training.environments, training.seed, training.reward_scale)
-    ppo = _newest_checkpoint(folder, environment, training.seed) or _new_ppo(environment, training)
-    callback = _Progress(folder, total, on_progress)
-    if ppo.num_timesteps < total:
-        ppo.learn(total - ppo.num_timesteps, callback=callback, reset_num_timesteps=False)
-    export_policy(ppo, training.agent, configuration, policy_path)
+    check_memory(training, pull.shape[1])
+    configuration = run_configuration(records, active_model, training)
+    policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
+    with open_run(folder, configuration, (POLICY_FILE, CHECKPOINT_FILE)):
+        if not policy_path.is_file():
+            task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
+            environment = ReplayedEnvironment(
+                task,
+                AGENTS[training.agent](active_model),
+                training.environments,
+                training.seed,
+                training.reward_scale,
+            )
+            ppo = _new_ppo(environment, training)
+            key = state_key(__version__, torch.__version__, configuration, pull, bend)
+            run = _Run(folder, key, training, environment, on_progress)
+            run.curve = load_checkpoint(checkpoint, key, ppo, environment)
+            _learn(ppo, run)
+            run.write_curve()
+            export_policy(ppo, training.agent, configuration, policy_path)
+            if on_progress:
+                on_progress(run.total, run.total, run.latest)
+        remove_state(checkpoint, CHECKPOINT)
     return policy_path
 
 
-def _new_ppo(environment: BatchEnvironment, training: TrainingOptions) -> PPO:
-    return PPO(
+def _learn(ppo: PPO, run: "_Run") -> None:
+    """Train to the end.
+
+    Raises:
+        FloatingPointError: the training has diverged.
+    """
+    try:
+        if ppo.num_timesteps < run.total:
+            ppo.learn(run.total - ppo.num_timesteps, callback=run, reset_num_timesteps=False)
+    except ValueError:
+        check_finite(ppo)  # distributions refuse what is no number
+        raise
+    check_finite(ppo)
+
+
+def _new_ppo(environment: ReplayedEnvironment, training: TrainingOptions) -> PPO:
+    ppo = PPO(
         "MlpPolicy",
         environment,
         learning_rate=training.learning_rate,
@@ -87,70 +123,62 @@ def _new_ppo(environment: BatchEnvironment, training: TrainingOptions) -> PPO:
         seed=training.seed,
         device="cpu",
     )
+    ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder outside of the run
+    return ppo
 
 
-def _newest_checkpoint(folder: Path, environment: BatchEnvironment, seed: int) -> PPO | None:
-    """Load the newest checkpoint that is whole; one that was damaged is passed over."""
-    for path in sorted(folder.glob("checkpoints/*.zip"), reverse=True):
-        with contextlib.suppress(Exception):  # whatever a damaged archive raises
-            ppo = PPO.load(path, env=environment, device="cpu")
-            # The stream of the first run has been learned from already.
-            environment.rng = np.random.default_rng([seed, ppo.num_timesteps])
-            return ppo
-    return None
+class _Run(BaseCallback):
+    """Keeps the return of finished episodes and, every so many updates, a checkpoint."""
 
-
-class _Progress(BaseCallback):
-    """Appends the return of finished episodes to `progress.csv` and keeps checkpoints."""
-
-    def __init__(self, folder: Path, total: int, on_progress: Callable[[int, int, float], None] | None):
+    def __init__(
+        self,
+        folder: Path,
+        key: str,
+        training: TrainingOptions,
+        environment: ReplayedEnvironment,
+        on_progress: OnProgress | None,
+    ):
         super().__init__()
         self.folder = folder
-        self.total = total
+        self.key = key
+        self.training = training
+        self.environment = environment
         self.on_progress = on_progress
-        self.latest = float("nan")
+        self.total = training.episodes * (environment.task.pull_mm.shape[1] - 1)
+        updates = math.ceil(self.total / training.horizon)
+        self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
+        self.curve: Curve = []
 
-    def _on_training_start(self) -> None:
-        self.next_checkpoint = self.num_timesteps + self.total // CHECKPOINTS
-        path = self.folder / "progress.csv"
-        kept = []
-        if path.is_file():  # of a stopped run: rows after its last checkpoint will be made again
-            with path.open() as file:
-                kept = [row for row in csv.reader(file) if row and row[0].isdigit()]
-            kept = [row for row in kept if int(row[0]) <= self.num_timesteps]
-        self.file = path.open("w", newline="")
-        self.writer = csv.writer(self.file)
-        self.writer.writerows([["samples", "mean_reward"], *kept])
+    @property
+    def latest(self) -> float:
+        """Mean reward per sample of the last episodes [deg^2]."""
+        return self.curve[-1][1] if self.curve else float("nan")
+
+    def write_curve(self) -> None:
+        """Write `progress.csv`."""
+        text = io.StringIO()
+        rows = [(samples, f"{reward:.6g}") for samples, reward in self.curve]
+        csv.writer(text).writerows([("samples", "mean_reward"), *rows])
+        write_whole(self.folder / CURVE_FILE, text.getvalue())
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps % self.between == 0:
+            if self.num_timesteps:
+                path = self.folder / CHECKPOINT_FILE
+                save_checkpoint(path, self.key, self.model, self.environment, self.curve)  # type: ignore[arg-type]
+            # Here, and so in each training alike, whether it was stopped or not.
+            reseed(self.training.seed, self.num_timesteps)
 
     def _on_step(self) -> bool:
         rewards = [
             info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info
         ]
         if rewards:
-            self.latest = float(np.mean(rewards))
-            self.writer.writerow([self.num_timesteps, f"{self.latest:.6g}"])
-            self.file.flush()
+            self.curve.append((self.num_timesteps, float(np.mean(rewards))))
+            self.write_curve()
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
         return True
-
-    def _on_rollout_end(self) -> None:
-        # The policy of this moment has made the rollout but has not learned from it yet.
-        if self.num_timesteps >= self.next_checkpoint:
-            self._save()
-            self.next_checkpoint += self.total // CHECKPOINTS
-
-    def _save(self) -> None:
-        checkpoints = self.folder / "checkpoints"
-        checkpoints.mkdir(exist_ok=True)
-        buffer = io.BytesIO()
-        self.model.save(buffer)
-        write_whole(checkpoints / f"{self.num_timesteps:010d}.zip", buffer.getvalue())
-
-    def _on_training_end(self) -> None:
-        self.file.close()
-        if self.on_progress:
-            self.on_progress(self.total, self.total, self.latest)
 
 
 for _method in (RAM, DIRECT):

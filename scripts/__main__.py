@@ -4,7 +4,8 @@ import difflib
 import importlib
 import sys
 
-from scripts.command import MISTAKE, MODULES
+from scripts.command import MODULES
+from scripts.ending import MISTAKE, complain, prepare_streams, say, stop_at_once
 from twin import __version__
 
 VERBS = {
@@ -24,18 +25,22 @@ VERBS = {
 
 def main() -> int:
     """Run the verb that the command line names; returns the exit code."""
+    with stop_at_once():
+        prepare_streams()
+        return _run()
+
+
+def _run() -> int:
     words = sys.argv[1:]
     if not words or words[0] in ("-h", "--help"):
-        print(_help())
-        return 0
+        return 0 if say(_help()) else MISTAKE
     if words[0] in ("-V", "--version"):
-        print(f"endotwin {__version__}")
-        return 0
+        return 0 if say(f"endotwin {__version__}") else MISTAKE
     verb, *rest = words
     if verb not in VERBS:
         close = difflib.get_close_matches(verb, VERBS, n=1)
         guess = f" (did you mean {close[0]!r}?)" if close else ""
-        print(f"endotwin: unknown verb {verb!r}{guess}; valid: {', '.join(VERBS)}", file=sys.stderr)
+        complain(f"endotwin: unknown verb {verb!r:.40}{guess}; valid: {', '.join(VERBS)}")
         return MISTAKE
     return int(importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest))
 

@@ -6,7 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from scripts.command import Progress, Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_file
+from scripts.progress import Progress
 from twin.errors import require_extra
 
 
@@ -43,6 +46,7 @@ def benchmark(args: Benchmark) -> Summary:
     require_extra("sim")
     from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
     from twin.files.atomic import write_whole
+    from twin.files.ours import MADE_BY
 
     names = args.only or tuple(MEASUREMENTS)
     size = Size(
@@ -55,11 +59,12 @@ def benchmark(args: Benchmark) -> Summary:
         many_episodes=args.many_episodes,
     )
     check_measurements(size, names)
-    out = output_file(args.out, (".json",))
+    table = args.out.with_suffix(".md")
+    out = output_file(args.out, (".json",), '"peer_value"', beside={table.name: MADE_BY})
     results = measure(size, names, _begin)
     contents = {name: result.to_dict() for name, result in results.items()}
     write_whole(out, json.dumps(contents, indent=2) + "\n")
-    write_whole(out.with_suffix(".md"), results_table(args.preset, results))
+    write_whole(table, f"{results_table(args.preset, results)}\n<!-- {MADE_BY} -->\n")
     missed = [name for name, result in results.items() if not result.holds]
     line = f"{out}: {len(results) - len(missed)} of {len(results)} bars hold"
     if missed:
@@ -69,7 +74,7 @@ def benchmark(args: Benchmark) -> Summary:
 
 
 def _begin(name: str) -> Progress:
-    print(f"benchmark: {name}", file=sys.stderr)
+    complain(f"benchmark: {name}")
     return Progress(name)
 
 

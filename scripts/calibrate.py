@@ -7,7 +7,10 @@ from pathlib import Path
 
 import tyro
 
-from scripts.command import Progress, Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_file
+from scripts.progress import Progress
 from twin.errors import require_extra
 
 
@@ -49,12 +52,18 @@ def run_calibration(args: Calibrate) -> Summary:
     require_extra("sim")
     from twin.calibration import calibrate, free_parameters
     from twin.calibration.files import log_summary, read_loops, write_fit
+    from twin.calibration.search import STATE, check_effort
+    from twin.files.ours import MADE_BY
+    from twin.files.state_file import remove_state
     from twin.preset.file import load_preset
     from twin.preset.preset import parse_changes
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
-    out = output_file(args.out, (".yaml", ".yml"))
+    check_effort(args.evaluations, args.seed)
+    beside = {f"{args.out.stem}_fit.png": MADE_BY, f"{args.out.stem}_fit.json": '"standard_deviation"'}
+    inputs = [*args.data, *args.predict, Path(args.preset)]
+    out = output_file(args.out, (".yaml", ".yml"), "`endotwin calibrate`", beside=beside, inputs=inputs)
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)
     loops, held_out, base = read_loops(
         args.data,
@@ -76,9 +85,9 @@ def run_calibration(args: Calibrate) -> Summary:
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
     values = write_fit(out, fit, free, loops, held_out, args.seed)
-    state_file.unlink(missing_ok=True)
+    remove_state(state_file, STATE)
     for warning in values["warnings"]:
-        print(f"warning: {warning}", file=sys.stderr)
+        complain(f"warning: {warning}")
     errors = ", ".join(map(log_summary, values["logs"]))
     return Summary(f"{out}: {errors}", {"out": str(out), **values})
 

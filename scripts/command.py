@@ -1,4 +1,4 @@
-"""Common parts of all verbs: parsing, one line for a mistake, one line of summary, progress on stderr.
+"""Common run of all verbs: the command line is parsed, the verb works, its summary is printed.
 
 Nothing heavy is imported here or at the top of a verb's file: `--help` answers at once. A verb imports what
 it needs when it runs.
@@ -10,22 +10,27 @@ import io
 import itertools
 import json
 import logging
-import os
 import re
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
-from twin.errors import MissingExtraError, missing_extra
-
-if TYPE_CHECKING:
-    from tqdm import tqdm
+from scripts.ending import (
+    MISTAKE,
+    complain,
+    described,
+    exit_status,
+    flush_stdout,
+    one_line,
+    prepare_streams,
+    say,
+    stop_by_signals,
+)
+from scripts.outputs import keep_folders, remove_empty_folders
+from scripts.progress import Progress
+from twin.errors import InputError
 
 Arguments = TypeVar("Arguments")
-MISTAKE = 2
 MODULES = {"import": "import_log"}
 """Module of each verb that cannot name one: `import` is a word of Python."""
 SPOKEN = {
@@ -49,6 +54,8 @@ class Summary:
     """The same for a program: printed as one JSON object by `--json`."""
     code: int = 0
     """Exit code of the command."""
+    table: str = ""
+    """Table for a person, printed before the sentence."""
 
 
 def run_verb(
@@ -65,33 +72,32 @@ def run_verb(
     word = next((word for word, name in MODULES.items() if name == module), module)
     name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
     logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
+    prepare_streams()
     parsed = _parse(arguments, name, argv)
     if parsed is None:
         return MISTAKE
     try:
-        seed = getattr(parsed, "seed", None)
-        if seed is not None and seed < 0:
-            raise ValueError(f"--seed {seed}: must not be negative")
-        summary = verb(parsed)
-    except ImportError as error:
-        missing = error if isinstance(error, MissingExtraError) else missing_extra(error)
-        if missing is None:
-            raise
-        Progress.close_all()
-        print(f"{name}: {missing}", file=sys.stderr)
-        return MISTAKE
-    except (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor) as error:
+        with stop_by_signals():
+            seed = getattr(parsed, "seed", None)
+            if seed is not None and seed < 0:
+                raise InputError(f"--seed {seed}: must not be negative")
+            summary = verb(parsed)
+    except (Exception, KeyboardInterrupt) as error:
         Progress.close_all()  # the line about the mistake is the last
-        print(f"{name}: {with_flags(_one_line(error), parsed)}", file=sys.stderr)
+        remove_empty_folders()
+        complain(f"{name}: {with_flags(described(error), parsed)}")
+        return exit_status(error)
+    keep_folders()
+    return _tell(name, summary, as_json=getattr(parsed, "json", False))
+
+
+def _tell(name: str, summary: Summary, *, as_json: bool) -> int:
+    """Print a summary; returns the exit code."""
+    if summary.table:
+        say(summary.table, sys.stderr if as_json else sys.stdout)
+    if not say(json.dumps(summary.values) if as_json else summary.line):
+        complain(f"{name}: the summary cannot be written to standard output; what was made is whole")
         return MISTAKE
-    except KeyboardInterrupt as stop:
-        Progress.close_all()
-        print(f"{name}: stopped{stop}", file=sys.stderr)
-        return 130
-    if getattr(parsed, "json", False):
-        print(json.dumps(summary.values))
-    else:
-        print(summary.line)
     return summary.code
 
 
@@ -100,14 +106,17 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     import tyro  # here, so that what needs no command line does not wait for it
 
     if "" in (sys.argv[1:] if argv is None else argv):
-        print(f"{name}: an argument is empty: is a variable not set?", file=sys.stderr)
+        complain(f"{name}: an argument is empty: is a variable not set?")
         return None
     printed = io.StringIO()
     try:
         with contextlib.redirect_stderr(printed):
             return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
+    except BrokenPipeError:  # who asked for help has gone
+        raise SystemExit(0) from None
     except SystemExit as end:
         if not end.code:
+            flush_stdout()
             raise
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     said = itertools.dropwhile(_is_rule, inside)  # the box has lines of dashes where there is no Unicode
@@ -117,88 +126,12 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     )
     if wrong:
         message = "{0} {2}: must be {1}".format(*wrong.groups())
-    print(f"{name}: {message} (`{name} --help` lists the options)", file=sys.stderr)
+    complain(f"{name}: {one_line(message, 200)} (`{name} --help` lists the options)")
     return None
 
 
 def _is_rule(line: str) -> bool:
     return bool(line) and not line.strip("─-")
-
-
-def output_folder(path: Path) -> Path:
-    """Make a folder and prove that it can be written, before any long work.
-
-    Raises:
-        ValueError: it cannot be made or written.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-    except OSError as error:
-        raise ValueError(f"cannot write to the folder {path}: {os.strerror(error.errno or 0)}") from error
-    return path
-
-
-def output_file(path: Path, suffixes: Sequence[str] = ()) -> Path:
-    """Make the folder of a file and prove that it can be written.
-
-    Raises:
-        ValueError: the folder cannot be written, the path is a folder, or its suffix is none of `suffixes`.
-    """
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise ValueError(f"--out {path}: must end in {' or '.join(suffixes)}")
-    if path.is_dir():
-        raise ValueError(f"--out {path} is a folder: name a file")
-    output_folder(path.parent)
-    return path
-
-
-class Progress:
-    """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
-
-    _shown: ClassVar[list["tqdm[Any]"]] = []
-
-    def __init__(self, what: str, unit: str = ""):
-        self.bar: tqdm[Any] | None = None
-        self.what = what
-        self.unit = unit
-
-    def __call__(self, done: int, total: int, note: str = "") -> None:
-        """Show that `done` of `total` are done."""
-        if self.bar is None:
-            from tqdm import tqdm
-
-            self.bar = tqdm(
-                total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True
-            )
-            self._shown.append(self.bar)
-        if note:
-            self.bar.set_postfix_str(note, refresh=False)
-        self.bar.update(done - self.bar.n)
-        if done >= total:
-            self.bar.close()
-
-    @classmethod
-    def close_all(cls) -> None:
-        """Leave every bar as it stands, each on a line of its own."""
-        while cls._shown:
-            cls._shown.pop().close()
-
-
-class TrainingProgress(Progress):
-    """A bar that is told the mean reward too, and shows it as the error that it is."""
-
-    def __call__(self, done: int, total: int, reward: float | str = "") -> None:
-        """Show that `done` of `total` are done, at a mean reward per sample [deg^2]."""
-        note = reward if isinstance(reward, str) else f"mean square error {-reward:.3f} deg^2"
-        super().__call__(done, total, note)
-
-
-def _one_line(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.filename and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def with_flags(line: str, arguments: Any = None) -> str:

@@ -1,21 +1,32 @@
 """`endotwin demo`: the whole pipeline, end to end, by the commands that a user would type."""
 
+import ctypes
 import dataclasses
 import json
+import os
 import platform
 import shlex
-import shutil
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from scripts.command import Summary, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import say
+from scripts.outputs import output_folder
+from twin import __version__
+from twin.errors import InputError
+from twin.files.atomic import write_whole
 
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
 MARK = "demo.json"
+_PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
+MOST = 1_000_000
+"""Of anything that is counted, and of seconds."""
 PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp4", "report.html")
 
 
@@ -24,7 +35,7 @@ class Demo:
     """Dataset, identification, training, evaluation, pictures and report, each a command that is printed."""
 
     out: Path = Path("out/demo")
-    """Run folder; what an earlier demo left in it is removed."""
+    """Run folder; a demo of the same settings that was stopped in it goes on, another one's stays."""
     episodes: int = 2000
     """Episodes of PPO, the paper's number; a network takes as large a share of its own steps."""
     records: int = 5
@@ -44,9 +55,10 @@ def demo(args: Demo) -> Summary:
     from twin.estimation.registry import method_specs
 
     for name in ("episodes", "records", "seconds", "seeds"):
-        if not getattr(args, name) > 0:
-            raise ValueError(f"--{name} {getattr(args, name)}: must be positive")
-    folder = _fresh_folder(args.out)
+        if not 0 < getattr(args, name) <= MOST:
+            raise InputError(f"--{name} {getattr(args, name)}: must be positive, at most {MOST}")
+    settings = {name: getattr(args, name) for name in ("episodes", "records", "seconds", "seeds", "seed")}
+    folder = _claimed_folder(args.out, settings | {"endotwin": __version__})
     out = shlex.quote(str(folder))  # as it stands in the commands
     data, model, runs = f"{out}/data", f"{out}/coleman_hodgdon.json", f"{out}/runs"
     generate = f"generate --preset ureteroscope --episodes {args.records} --seconds {args.seconds:g}"
@@ -76,18 +88,19 @@ def demo(args: Demo) -> Summary:
     start = time.monotonic()
     for number, (stage, commands) in enumerate(stages.items(), start=1):
         begin = time.monotonic()
-        print(f"\n[{number}/{len(stages)}] {stage}", file=sys.stderr)
+        say(f"\n[{number}/{len(stages)}] {stage}", sys.stderr)
         _run_side_by_side(commands)
         walls[stage] = round(time.monotonic() - begin, 1)
 
     commands = [f"endotwin {command}" for group in stages.values() for command in group]
     facts = {
+        "settings": settings | {"endotwin": __version__},
         "seed": args.seed,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "wall_time_s": {**walls, "all": round(time.monotonic() - start, 1)},
         "commands": commands,
     }
-    (folder / MARK).write_text(json.dumps(facts, indent=2) + "\n")
+    write_whole(folder / MARK, json.dumps(facts, indent=2) + "\n")
     _run_side_by_side([f"report {out} --out {out}/report.html"])
     took = time.monotonic() - start
     return Summary(
@@ -96,20 +109,29 @@ def demo(args: Demo) -> Summary:
     )
 
 
-def _fresh_folder(path: Path) -> Path:
-    """Make the run folder, empty of what an earlier demo left in it.
+def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
+    """Make the run folder, or take up the one of a demo with the same settings.
 
     Raises:
-        ValueError: it holds files of these names that no demo made.
+        ValueError: it holds a demo of other settings, or files of these names that no demo made.
     """
-    folder = output_folder(path)
-    held = [folder / part for part in PARTS if (folder / part).exists()]
-    if held and not (folder / MARK).is_file():
-        raise ValueError(f"--out {folder} holds {held[0].name}, which no demo made: choose another folder")
-    for part in held:
-        shutil.rmtree(part) if part.is_dir() else part.unlink()
-    (folder / MARK).write_text("{}\n")
+    folder, mark = output_folder(path), path / MARK
+    held = [folder / part for part in PARTS if os.path.lexists(folder / part)]
+    if not mark.is_file() or mark.is_symlink():
+        if held or os.path.lexists(mark):
+            there = held[0].name if held else MARK
+            raise InputError(f"--out {folder} holds {there}, which no demo made: choose another folder")
+        write_whole(mark, json.dumps({"settings": settings}, indent=2) + "\n")
+    elif _settings_of(mark) != settings:
+        raise InputError(f"--out {folder} holds another demo: choose another folder, or remove it")
     return folder
+
+
+def _settings_of(mark: Path) -> Any:
+    try:
+        return json.loads(mark.read_text())["settings"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{mark} is not what a demo wrote: choose another folder, or remove it") from error
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:
@@ -118,16 +140,30 @@ def _run_side_by_side(commands: Sequence[str]) -> None:
     Raises:
         ValueError: one of them failed.
     """
-    running = []
-    for command in commands:
-        print(f"$ endotwin {command}", file=sys.stderr)
-        # `-P`: not a folder called `twin` where the user happens to stand.
-        words = [sys.executable, "-P", "-m", "twin", *shlex.split(command)]
-        running.append(subprocess.Popen(words, stdout=sys.stderr))
-    codes = [process.wait() for process in running]
+    running: list[subprocess.Popen[bytes]] = []
+    try:
+        for command in commands:
+            say(f"$ endotwin {command}", sys.stderr)
+            # `-P`: not a folder called `twin` where the user happens to stand.
+            words = [sys.executable, "-P", "-m", "twin", *shlex.split(command)]
+            running.append(subprocess.Popen(words, stdout=sys.stderr, preexec_fn=_end_with_the_parent()))
+        codes = [process.wait() for process in running]
+    finally:
+        for process in running:
+            process.terminate()  # if this one is stopped; they clean up behind themselves
+        for process in running:
+            process.wait()
     for command, code in zip(commands, codes, strict=True):
         if code:
-            raise ValueError(f"`endotwin {command}` ended with exit code {code}")
+            raise InputError(f"`endotwin {command}` ended with exit code {code}")
+
+
+def _end_with_the_parent() -> Callable[[], None] | None:
+    """Return what lets a child process end when this one is killed; None where the system cannot."""
+    if sys.platform != "linux":
+        return None
+    system = ctypes.CDLL(None)
+    return lambda: system.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

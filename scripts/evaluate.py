@@ -10,12 +10,23 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Progress, Summary, TrainingProgress, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
+from scripts.progress import Progress, TrainingProgress
+from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
+_RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy"}
+_FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
+PAPER_FILES = _RESULTS | dict.fromkeys(["tables.md", "rmse.png", *_FIGURES], MADE_BY)
+FULL_FILES = _RESULTS | dict.fromkeys(
+    ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", *_FIGURES], MADE_BY
+)
+"""Files that a suite may write, and the sign of each."""
 PAPER_SAMPLE_TIME = 0.1
 
 
@@ -86,10 +97,11 @@ def _full(args: Evaluate) -> Summary:
         raise ValueError(
             "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
         )
-    if args.episodes < 1 or args.workers < 0:
-        raise ValueError(f"--episodes {args.episodes}, --workers {args.workers}: at least 1 and 0")
     from rl.suite.full import run_full_suite
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
+    from twin.files.bounds import MOST_WORKERS, check_between
+
+    check_between("workers", args.workers, 0, MOST_WORKERS)
 
     suite = FullSuite(
         folder=args.out,
@@ -106,7 +118,7 @@ def _full(args: Evaluate) -> Summary:
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
     )
-    output_folder(args.out)
+    output_folder(args.out, FULL_FILES)
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
     line = f"{result.path}: {len(methods)} methods, {result.records} records, {args.seeds} noise seeds"
@@ -119,10 +131,12 @@ def _paper(args: Evaluate) -> Summary:
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
     from rl.suite.paper import PaperSuite, given_files, run_paper_suite
+    from rl.suite.settings import MOST_TRAINING_EPISODES
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, common_variance
     from twin.files.atomic import write_whole
+    from twin.files.bounds import LARGEST_VARIANCE_DEG2, check_between
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
     from twin.report.paper_figures import paper_figures
@@ -130,6 +144,7 @@ def _paper(args: Evaluate) -> Summary:
 
     for name in args.methods:
         find_method(name)
+    check_between("episodes", args.episodes, 1, MOST_TRAINING_EPISODES)
     recorded = args.measurements == "recorded"
     T = args.sample_time[0] if args.sample_time else PAPER_SAMPLE_TIME
     protocol = Protocol(args.suite, args.seeds, T, args.initial_error_deg, args.seed)
@@ -138,23 +153,23 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError(f"--model {source} is {model.name}: the paper's suite rests on coleman-hodgdon")
     trained = given_files(args.policy, model, T)
     variance = args.sensor_variance
-    if variance is not None and not (variance > 0 and (recorded or args.write_estimates)):
+    usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
+    if not usable or not (variance is None or recorded or args.write_estimates):
         raise ValueError(
-            f"--sensor-variance {variance:g}: must be positive, and is for --measurements recorded or "
-            "--write-estimates"
+            f"--sensor-variance {variance:g}: must be positive, at most {LARGEST_VARIANCE_DEG2:g}, and is "
+            "for --measurements recorded or --write-estimates"
         )
     if variance is None and (recorded or args.write_estimates):
         variance, told = common_variance(args.data)
         if not told:
-            print(
+            complain(
                 f"endotwin evaluate: not every record tells the noise of its sensor: R = {variance:g} deg^2 "
-                "(--sensor-variance sets it)",
-                file=sys.stderr,
+                "(--sensor-variance sets it)"
             )
     if recorded:
         protocol = dataclasses.replace(protocol, seeds=1, recorded_variance=variance)
     suite = PaperSuite(
-        folder=output_folder(args.out),
+        folder=output_folder(args.out, PAPER_FILES),
         data=args.data,
         model=model,
         protocol=protocol,
@@ -169,16 +184,16 @@ def _paper(args: Evaluate) -> Summary:
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables
     shown = table(result.scores, "plain")
-    write_whole(args.out / "tables.md", table(result.scores, "markdown"))
+    write_whole(args.out / "tables.md", f"{table(result.scores, 'markdown')}\n<!-- {MADE_BY} -->\n")
     write_whole(args.out / "rmse.png", to_png_bytes(rmse_figure(result.scores)))
     for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
         write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
-    print(shown, file=sys.stderr if args.json else sys.stdout)
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
     line = f"{args.out}/evaluation.json: {len(result.methods)} methods, {result.records} records, {draws}"
     if result.estimates:
         line += f"; estimates in {args.out}/estimates"
-    return Summary(line, {"out": str(args.out / "evaluation.json"), "methods": result.methods})
+    values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
+    return Summary(line, values, table=shown)
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel, str]":

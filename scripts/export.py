@@ -8,7 +8,10 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Progress, Summary, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
+from scripts.progress import Progress
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +57,7 @@ def export(args: Export) -> Summary:
     with whole as folder:
         progress = Progress("export", "ep")
         tally = export_records(files, folder, plan, on_progress=progress, on_damage=_warn)
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in whole.path.rglob("*") if path.is_file())
     values = {"out": str(args.out), "format": args.format, "files": len(files), "bytes": size}
     written = f"{tally.episodes} episodes, {tally.seconds:g} s, as {args.format} ({size / 1e6:.1f} MB)"
     return Summary(f"{args.out}: {written}{tally.damage}", values | dataclasses.asdict(tally))
@@ -63,7 +66,8 @@ def export(args: Export) -> Summary:
 def _warn(line: str) -> None:
     from tqdm import tqdm
 
-    tqdm.write(f"endotwin export: {line}", file=sys.stderr)  # above the bar
+    with tqdm.external_write_mode(file=sys.stderr):  # above the bar
+        complain(f"endotwin export: {line}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

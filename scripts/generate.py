@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scripts.command import Progress, Summary, output_folder, run_verb, with_flags
+from scripts.command import Summary, run_verb, with_flags
+from scripts.ending import complain
+from scripts.outputs import output_folder
+from scripts.progress import Progress
 from twin.errors import require_extra
 
 if TYPE_CHECKING:
@@ -94,7 +97,7 @@ def _write(args: Generate, out: Path) -> Summary:
     if args.workers < 0:
         raise ValueError(f"--workers {args.workers}: must not be negative")
     values, folder = (read_recipe_file(args.recipe), args.recipe.parent) if args.recipe else ({}, Path())
-    recipe = resolve(change_recipe(values, _changes(args)), folder)
+    recipe = resolve(change_recipe(values, _changes(args)), folder, args.recipe)
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         output_folder(out)
         csv, progress = args.format == "csv", Progress("generate", "ep")
@@ -103,7 +106,7 @@ def _write(args: Generate, out: Path) -> Summary:
         except KeyboardInterrupt:
             raise KeyboardInterrupt(": whole episodes stay, the same command goes on from there") from None
     if warning := unmet_conditions(recipe):
-        print(f"endotwin generate: {warning}", file=sys.stderr)
+        complain(f"endotwin generate: {warning}")
     return _summary(out, recipe.preset.name, written)
 
 
@@ -139,7 +142,7 @@ def _changes(args: Generate) -> dict[str, Any]:
 
 def _summary(folder: Path, preset: str, written: "Written") -> Summary:
     for damage in written.damage:
-        print(f"made anew: {damage}", file=sys.stderr)
+        complain(f"made anew: {damage}")
     contents = {name: written.contents[name] for name in ("episodes", "seconds", "bytes")}
     line = f"{folder}: {_counted(contents['episodes'], 'episode')}, {contents['seconds']:g} s of {preset}"
     if written.kept:
@@ -153,7 +156,7 @@ def _verify(folder: Path) -> Summary:
 
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:
-        print(with_flags(fault), file=sys.stderr)
+        complain(with_flags(fault))
     line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
     if faults:
         line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')}"

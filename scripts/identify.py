@@ -9,7 +9,9 @@ from typing import Any
 
 import tyro
 
-from scripts.command import Progress, Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_file
+from scripts.progress import Progress
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,15 +43,24 @@ def identify(args: Identify) -> Summary:
     """Write the model's file, `coleman_hodgdon.json` or its like."""
     from twin.evaluation.reading import read_episodes, whole_pieces
     from twin.files.atomic import write_whole
+    from twin.files.bounds import SAMPLE_TIMES, check_between
     from twin.hysteresis import IdentifiedModel
     from twin.identification import OPTIMIZERS, check_options
     from twin.identification import identify as fit
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
-    check_options(args.model, monotone=args.monotone, thresholds_mm=args.thresholds_mm)
+    check_options(
+        args.model,
+        monotone=args.monotone,
+        thresholds_mm=args.thresholds_mm,
+        population=args.population,
+        generations=args.generations,
+    )
+    check_between("sample_time", args.sample_time, *SAMPLE_TIMES, "s")
     episodes = read_episodes(args.data, args.sample_time)
-    out = output_file(args.out or Path(args.model.replace("-", "_") + ".json"), (".json",))
+    out = args.out or Path(args.model.replace("-", "_") + ".json")
+    output_file(out, (".json",), '"rmse_deg"', inputs=args.data)
     progress = Progress("identify", "gen")
     model, rmse = fit(
         [piece for episode in episodes for piece in whole_pieces(episode)],

@@ -8,7 +8,9 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.ending import complain
+from scripts.outputs import output_folder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,11 +57,13 @@ def import_log(args: Import) -> Summary:
     """Write the log as an episode."""
     import numpy as np
 
-    from twin.measured.folder import check_name, write_measured
-    from twin.measured.log import LogFormat, read_measured_log
+    from twin.files.names import check_file_name
+    from twin.measured.folder import write_measured
+    from twin.measured.log import read_measured_log
+    from twin.measured.log_format import LogFormat
 
     name = args.file.stem if args.name is None else args.name
-    check_name(name)
+    check_file_name(name)
     form = LogFormat(
         command_column=args.command_column,
         command_unit=args.command_unit,
@@ -95,7 +99,7 @@ def import_log(args: Import) -> Summary:
 
 
 def _warn(line: str) -> None:
-    print(f"endotwin import: warning: {line}", file=sys.stderr)
+    complain(f"endotwin import: warning: {line}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -5,7 +5,12 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from scripts.command import Summary, run_verb
+from scripts.ending import complain
 from twin.errors import require_extra
+
+MOST_EPISODES = 1000
+LARGEST_TARGET = 1e4
+LARGEST_PULL_MM = 200.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,8 +38,16 @@ def match_paper(args: MatchPaper) -> Summary:
     require_extra("sim")
     from twin.calibration.matching import MATCHED, match, training_commands
     from twin.calibration.parameters import FreeParameters
+    from twin.files.bounds import LONGEST_SECONDS, check_between
     from twin.preset.file import load_preset
 
+    check_between("episodes", args.episodes, 1, MOST_EPISODES)
+    check_between("seconds", args.seconds, 1, LONGEST_SECONDS, "s")
+    for name, value in zip("abc", args.target, strict=True):
+        if not 0 < value <= LARGEST_TARGET:
+            raise ValueError(f"--target: {name} = {value:g}: must be positive, at most {LARGEST_TARGET:g}")
+    for end in args.stroke:
+        check_between("stroke", end, -LARGEST_PULL_MM, LARGEST_PULL_MM, "mm")
     stroke = (args.stroke[0] * 1e-3, args.stroke[1] * 1e-3)
     commands = training_commands(stroke, args.episodes, args.seconds, args.seed)
     free = FreeParameters(load_preset(args.preset), MATCHED)
@@ -45,7 +58,7 @@ def match_paper(args: MatchPaper) -> Summary:
 
 def _show(iteration: int, model: Iterable[float], rmse: float) -> None:
     a, b, c = model
-    print(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg", file=sys.stderr)
+    complain(f"{iteration}: a = {a:.4f}, b = {b:.3f}, c = {c:.3f}, RMSE {rmse:.3f} deg")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

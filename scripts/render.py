@@ -7,7 +7,9 @@ from pathlib import Path
 
 import tyro
 
-from scripts.command import Progress, Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_file
+from scripts.progress import Progress
 from twin.errors import require_extra
 
 
@@ -39,7 +41,7 @@ def render(args: Render) -> Summary:
     from twin.recording import read_dataset
     from twin.rendering.render import render as draw
 
-    out = output_file(args.out, (".png", ".mp4"))
+    out = output_file(args.out, (".png", ".mp4"), inputs=[args.data])
     episodes = read_dataset(args.data)
     if not 0 <= args.episode < len(episodes):
         raise ValueError(f"--episode {args.episode}: {args.data} holds 0 to {len(episodes) - 1}")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import tyro
 
-from scripts.command import Summary, output_file, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_file
 
 
 @dataclasses.dataclass(frozen=True)

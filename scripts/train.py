@@ -9,7 +9,9 @@ from typing import Annotated, Literal
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, TrainingProgress, output_folder, run_verb
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_folder
+from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
@@ -29,7 +31,7 @@ class Train:
     model: Path
     """coleman_hodgdon.json of the reference model."""
     out: Path
-    """Run folder: policy.onnx or the network's file, config.yaml, progress.csv, checkpoints of a policy."""
+    """Run folder: policy.onnx or the network's file, config.yaml, progress.csv."""
     agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
     """Learned method."""
     protocol: Literal["strict", "free"] = "strict"

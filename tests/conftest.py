@@ -9,8 +9,11 @@ import pytest
 from hypothesis import settings
 from models import COLEMAN_HODGDON
 from small_dataset import make
+from small_disks import small_disk
 
 from twin.hysteresis import ColemanHodgdon
+
+__all__ = ["small_disk"]
 
 # The same examples every time, whatever the machine; `--hypothesis-profile=thorough` draws ten times as many.
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=50)

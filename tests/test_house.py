@@ -17,6 +17,19 @@ KNOWN_ONLY_IN = {
     "gymnasium": ("rl/",),
 }
 """Libraries and the packages that may import them."""
+RUNS_FILES = {
+    "pickle",
+    "cPickle",
+    "_pickle",
+    "cloudpickle",
+    "dill",
+    "shelve",
+    "marshal",
+    "joblib",
+    "jsonpickle",
+}
+"""Modules that run code out of the files that they read."""
+UNSAFE_YAML = {"yaml.Loader", "yaml.CLoader", "yaml.FullLoader", "yaml.CFullLoader", "yaml.full_load"}
 
 
 def imports(tree: ast.Module) -> set[str]:
@@ -52,6 +65,57 @@ def test_a_library_is_known_in_its_package_alone(library):
     for name, tree in source_files("twin", "rl", "scripts"):
         if library in {module.partition(".")[0] for module in imports(tree)}:
             assert name.startswith(KNOWN_ONLY_IN[library]), name
+
+
+def unsafe(tree: ast.Module) -> list[str]:
+    """What of a file could run code out of a file that is read."""
+    found = [module for module in imports(tree) if module.partition(".")[0] in RUNS_FILES]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name | ast.Attribute):
+            name = ast.unparse(node)
+            if name in {"eval", "exec", "builtins.eval", "builtins.exec", "torch.jit.load"}:
+                found.append(name)
+            if isinstance(node, ast.Attribute) and name.split(".")[0] in RUNS_FILES:
+                found.append(name)
+            if name.startswith("yaml.") and ("unsafe" in name.lower() or name in UNSAFE_YAML):
+                found.append(name)
+        if not isinstance(node, ast.Call):
+            continue
+        called, keywords = ast.unparse(node.func), {k.arg: ast.unparse(k.value) for k in node.keywords}
+        if called == "PPO.load" or keywords.get("allow_pickle", "False") != "False":
+            found.append(ast.unparse(node))
+        if (called == "torch.load") != (keywords.get("weights_only", "") == "True"):
+            found.append(ast.unparse(node))
+        if called in ("yaml.load", "yaml.load_all") and "Loader" not in keywords and len(node.args) < 2:
+            found.append(ast.unparse(node))
+    return found
+
+
+def test_nothing_that_is_read_from_a_file_is_run():
+    for name, tree in source_files("twin", "rl", "scripts"):
+        assert not unsafe(tree), name
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import pickle",
+        "from dill import loads",
+        "import joblib as j",
+        "eval('1')",
+        "run = exec",
+        "np.load(path, allow_pickle=True)",
+        "torch.load(path)",
+        "torch.load(path, weights_only=False)",
+        "PPO.load(path)",
+        "yaml.load(text)",
+        "yaml.load(text, Loader=yaml.UnsafeLoader)",
+        "yaml.load(text, yaml.Loader)",
+        "yaml.unsafe_load(text)",
+    ],
+)
+def test_what_would_run_a_file_is_found(text):
+    assert unsafe(ast.parse(text))
 
 
 def test_estimation_and_physics_know_nothing_of_each_other():

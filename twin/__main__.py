@@ -5,12 +5,21 @@ is installed for everybody; here it gets the name that its files call one anothe
 """
 
 import importlib.util
+import signal
 import sys
 from pathlib import Path
 
 
 def main() -> int:
     """Run the verb that the command line names; returns the exit code."""
+    try:
+        return _run()
+    except KeyboardInterrupt:  # before the command line could see to it
+        print("endotwin: stopped", file=sys.stderr)
+        return 128 + signal.SIGINT
+
+
+def _run() -> int:
     inside = Path(__file__).resolve().parent / "scripts"
     folder = inside if inside.is_dir() else inside.parents[1] / "scripts"
     # By its path: `import scripts` might find another folder of that name, as where the user stands.

@@ -34,7 +34,7 @@ EXTRA_OF = {
     "onnx": "rl",
     "onnxscript": "rl",
     "matplotlib": "viz",
-    "imageio": "viz",
+    "av": "viz",
     "PIL": "viz",
     "jinja2": "viz",
     "distributed": "cluster",

@@ -25,6 +25,7 @@ from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
 from twin.files.atomic import write_whole
+from twin.files.ours import MADE_BY
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.report.summary import benchmark_figures, benchmark_tables
@@ -154,7 +155,7 @@ def _write(
     contents = {"protocol": protocol, "rows": to_rows(scores), "bounds": limits, "intervals": sets}
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    write_whole(folder / "benchmark.md", benchmark_tables(scores, limits, sets))
+    write_whole(folder / "benchmark.md", f"{benchmark_tables(scores, limits, sets)}\n<!-- {MADE_BY} -->\n")
     for name, picture in benchmark_figures(scores, tracks).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)

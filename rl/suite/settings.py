@@ -8,6 +8,7 @@ from rl.options import TrainingOptions
 from twin.errors import InputError
 from twin.estimation.registry import MethodSpec, method_specs
 from twin.evaluation.protocol import Protocol
+from twin.files.bounds import LONGEST_SECONDS, MOST_WORKERS, check_between
 from twin.suite.scenarios import SAMPLE_TIME
 
 OnProgress = Callable[[int, int], None]
@@ -17,6 +18,10 @@ NewProgress = Callable[[str, str], OnProgress]
 SAMPLE_TIMES = (0.1, 0.02)
 PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
 TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's
+MOST_MEMBERS = 10_000
+"""Largest number of twins in an ensemble."""
+MOST_TRAINING_EPISODES = 10_000_000
+"""Largest number of episodes of a training, five thousand times the paper's."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,10 +70,10 @@ class FullSuite:
                 raise InputError(f"sample_time = {T:g} s: must be a multiple of {SAMPLE_TIME:g} s")
         if self.members < 8:
             raise InputError(f"members = {self.members}: an ensemble needs at least 8")
-        if self.seconds < 5:
-            raise InputError(f"seconds = {self.seconds:g}: must be at least 5")
-        if self.episodes < 1 or self.workers < 1:
-            raise InputError(f"episodes = {self.episodes}, workers = {self.workers}: at least 1 each")
+        check_between("members", self.members, 8, MOST_MEMBERS)
+        check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
+        check_between("episodes", self.episodes, 1, MOST_TRAINING_EPISODES)
+        check_between("workers", self.workers, 1, MOST_WORKERS)
         if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
             raise InputError(
                 f"training set {self.train} is test data too: what is trained there proves nothing"

@@ -48,6 +48,9 @@ def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
         ({"lateral_pull": np.linspace(0, 1e-3, count)}, "wires c and d are pulled too"),
         ({"measured_bend": -episode.measured_bend}, "import it with `reverse_angle`"),
         ({"wire_tension": np.full((count, 2, 1), 5.0)}, "the tensions do not change"),
+        ({"wire_tension": np.full((count, 2, 1), 1e200)}, r"tension of 1e\+200 N: must be within 1e\+06"),
+        ({"measured_bend": episode.measured_bend * 1e9}, "angle of .* rad: must be within 100"),
+        ({"measured_bend": np.full(count, 0.3)}, "the angle does not change"),
     ):
         with pytest.raises(ValueError, match=f"odd: .*{rule}"):
             measured_loop(dataclasses.replace(episode, **changes), "odd", SAMPLE_TIME)
@@ -55,6 +58,9 @@ def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
         measured_loop(episode, "odd", SAMPLE_TIME, fraction=0.01)
     with pytest.raises(ValueError, match="sample time 0 s: must be positive"):
         measured_loop(episode, "odd", 0.0)
+    for sample_time, pace in ((1e-300, 1.0), (1e-9, 1.0), (0.05, 1e-12)):
+        with pytest.raises(ValueError, match=r"odd: .* s in samples of .* s are more than 1000000"):
+            measured_loop(episode, "odd", sample_time, pace=pace)
 
 
 def test_missing_samples_are_not_fitted():

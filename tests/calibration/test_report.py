@@ -1,9 +1,17 @@
 """The report of a calibration compares with each log, and scores apart what was only predicted."""
 
-import numpy as np
+import dataclasses
+import json
+import math
 
-from twin.calibration import uncertainty
+import numpy as np
+import pytest
+
+from twin.calibration import files, report, uncertainty
+from twin.calibration.files import log_summary, write_fit
 from twin.calibration.report import fit_figure, fit_report
+from twin.errors import InputError
+from twin.preset.file import load_preset
 
 
 def test_report_compares_with_each_log_and_draws_it(fitted):
@@ -28,3 +36,55 @@ def test_log_that_is_only_predicted_is_scored_apart(fitted):
     assert unseen["coleman_hodgdon_rmse_deg"] is None
     assert unseen["held_out_rmse_deg"] < 0.05
     assert unseen["tension_a_rmse_percent_of_range"] < 1
+
+
+def none_of_it(*args, **options):
+    raise InputError("a rule of identification")
+
+
+@pytest.mark.parametrize("trouble", ["slack wire", "diverges", "no model", "blind", "odd names", "many logs"])
+def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monkeypatch, trouble):
+    free, logs, fit, _ = fitted
+    if trouble == "slack wire":
+        logs = [dataclasses.replace(log, tension=log.tension * [1, 0]) for log in logs]
+    if trouble == "diverges":
+        simulated = report.predict
+        monkeypatch.setattr(report, "predict", lambda *args: [[None, *simulated(*args)[0][1:]]])
+    if trouble == "no model":
+        monkeypatch.setattr(report, "identify", none_of_it)
+    if trouble == "blind":
+        fit = dataclasses.replace(fit, jacobian=np.where([True, False, False], fit.jacobian, 0.0))
+        fit.jacobian[:, 2] = math.nan
+    if trouble == "odd names":
+        logs = [dataclasses.replace(log, name=r"$\frac$ {{<b>") for log in logs]
+    if trouble == "many logs":
+        monkeypatch.setattr(report, "MOST_DRAWN", 1)
+    values = write_fit(tmp_path / "p.yaml", fit, free, logs, [], 0)
+    assert load_preset(tmp_path / "p.yaml").section_stiffness == pytest.approx(fit.preset.section_stiffness)
+    assert json.loads((tmp_path / "p_fit.json").read_text()) == values
+    assert (tmp_path / "p_fit.png").is_file()
+    assert all(log_summary(log) for log in values["logs"])
+    if trouble == "slack wire":
+        assert values["logs"][0]["tension_b_rmse_percent_of_range"] is None
+        assert values["logs"][0]["tension_b_rmse_n"] > 0
+    if trouble == "diverges":
+        assert any("diverges along 0 rad" in warning for warning in values["warnings"])
+    if trouble == "blind":
+        assert sum("the logs do not depend on it" in warning for warning in values["warnings"]) == 2
+
+
+def test_report_that_cannot_be_drawn_leaves_the_preset(fitted, tmp_path, monkeypatch):
+    free, logs, fit, _ = fitted
+    monkeypatch.setattr(files, "fit_figure", none_of_it)
+    with pytest.raises(InputError):
+        write_fit(tmp_path / "p.yaml", fit, free, logs, [], 0)
+    assert {path.name for path in tmp_path.iterdir()} == {"p.yaml", "p_fit.json"}
+
+
+def test_name_of_a_log_stays_on_its_line(fitted, tmp_path):
+    from calibrating import recorded
+
+    episode = dataclasses.replace(recorded(), metadata={"name": "a\nvertebrae: 9\u2028\x07" + "b" * 500})
+    name = files._name(tmp_path, episode)
+    assert name.startswith("a?vertebrae: 9??b")
+    assert len(name) == 100

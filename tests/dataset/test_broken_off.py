@@ -35,11 +35,12 @@ def test_extension_that_is_interrupted_leaves_the_dataset_as_it_was(dataset_copy
     assert (dataset_copy / "dataset.json").read_bytes() == (whole_dataset / "dataset.json").read_bytes()
 
 
-def test_what_a_killed_run_left_half_written_is_removed(dataset_copy, whole_dataset):
-    for name in (".episode_0001.mcap.0123abcd.partial", ".README.md.ffffffff.partial"):
-        (dataset_copy / name).write_bytes(b"half")
+def test_hidden_files_of_the_user_stay(dataset_copy, whole_dataset):
+    names = {".episode_0001.mcap.0123abcd.partial", ".README.md.ffffffff.partial"}
+    for name in names:
+        (dataset_copy / name).write_bytes(b"theirs")
     make(dataset_copy, csv=True)
-    assert contents(dataset_copy) == contents(whole_dataset)
+    assert contents(dataset_copy) == contents(whole_dataset) | dict.fromkeys(names, b"theirs")
 
 
 def test_failure_says_what_is_whole_and_the_same_call_goes_on(whole_dataset, tmp_path, monkeypatch):

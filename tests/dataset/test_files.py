@@ -42,11 +42,3 @@ def test_worker_of_another_version_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a worker has endotwin .*, here is endotwin 9: they must agree"):
         make_files(RECIPE, RECIPE.keys, tmp_path, {}, False, {"endotwin": "9"})
     assert list(tmp_path.iterdir()) == []
-
-
-def test_folder_that_is_being_exported_beside_the_episodes_is_left_alone(folder):
-    exported = folder / ".lerobot.partial"
-    exported.mkdir()
-    (folder / ".episode_0001.mcap.01234567.partial").write_bytes(b"half")
-    assert make(folder, csv=True).kept == 3
-    assert [path.name for path in folder.glob(".*")] == [exported.name]

@@ -126,9 +126,10 @@ def test_file_that_carries_no_recipe_is_refused(tmp_path):
     [
         (b"preset: [", "the recipe that it carries cannot be read: not a YAML file"),
         (b"\xff", "the recipe that it carries cannot be read"),
+        (b"command_csv: /dev/zero", "the recipe that it carries cannot be read: it names files"),
         (b"colour: red", "the recipe that it carries cannot be read: unknown key 'colour'"),
-        (b"preset: nothing.yaml", "the recipe that it carries cannot be read: no preset file"),
-        (b"seconds: 1", "the recipe that it carries is of another version of EndoTwin"),
+        (b"preset: nothing.yaml", "the recipe that it carries cannot be read: it names files"),
+        (b"preset: {name: a}\nseconds: 1", "the recipe that it carries is of another version of EndoTwin"),
     ],
 )
 def test_recipe_that_cannot_be_followed_is_said_in_one_line(tmp_path, recipe, message):

@@ -144,7 +144,6 @@ def test_nothing_is_simulated_where_nothing_is_missing(dataset_copy, monkeypatch
 
 def test_tables_are_added_to_a_dataset_without(whole_dataset, tmp_path):
     make(tmp_path)
-    (tmp_path / "episode_0001.csv").write_text("somebody's")
     before = identities(tmp_path)
     assert make(tmp_path, csv=True).kept == 3
     assert identities(tmp_path) == before

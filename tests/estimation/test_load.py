@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import onnx
 import pytest
+from faulty_stream import run_faulty
 
 from rl.options import TrainingOptions
 from rl.trainers import find_trainer
@@ -36,6 +37,12 @@ def test_it_filters_and_a_stream_gives_what_the_record_gives(trained, records):
     np.testing.assert_array_equal(stream, batch)
     np.testing.assert_allclose(estimator.estimate(pull, measurement, bend[0] + 5)[0], batch, atol=1e-3)
     assert estimator.sample_time == 0.1
+
+
+def test_it_survives_a_faulty_stream_and_is_back_within_5_s(trained):
+    estimator = load_estimator(trained).with_sensor(Sensor(0.1))
+    _, off = run_faulty(estimator, estimator.sample_time, 3000, seed=1)
+    assert max(off.values()) < 3, off
 
 
 def test_the_file_tells_the_model_and_how_it_was_trained(trained, model):

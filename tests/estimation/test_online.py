@@ -1,6 +1,8 @@
 """One live stream: the same bits as whole records, and finite whatever comes."""
 
+import dataclasses
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel
 from twin.estimation.bias import BiasedActiveModel
 from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.health import Health
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.robust import RobustActiveModel
+from twin.estimation.soundness import is_sound
 
 T = 0.1
 MODEL = COLEMAN_HODGDON
@@ -77,7 +81,7 @@ def test_gap_is_filled_as_a_whole_record_without_these_measurements(estimator):
 
 @pytest.mark.parametrize(
     ("gap_samples", "filled"),
-    [(0.1, 0), (1.0, 0), (1.4, 0), (1.6, 1), (2.0, 1), (3.4, 2), (3.6, 3), (1e9, 100)],
+    [(0.1, 0), (1.0, 0), (1.4, 0), (1.6, 1), (2.0, 1), (3.4, 2), (3.6, 3), (8e5, 100)],
 )
 def test_gap_is_filled_with_as_many_predictions_as_fit_and_at_most_ten_seconds(gap_samples, filled):
     stream = begun()
@@ -87,7 +91,7 @@ def test_gap_is_filled_with_as_many_predictions_as_fit_and_at_most_ten_seconds(g
 
 def test_tendon_goes_its_whole_way_in_a_gap_of_any_length():
     stream = begun()
-    stream.push(1e6, 4.0, math.nan)
+    stream.push(8e4, 4.0, math.nan)
     line = np.linspace(3.0, 4.0, 102)
     assert stream.bend_deg == PLAIN.estimate(line, np.full(102, np.nan), 60.0)[0, -1]
 
@@ -116,11 +120,97 @@ def test_stream_begins_with_the_first_pull():
     assert stream.held_pulls == 1
 
 
-def test_step_that_leads_to_no_finite_angle_is_not_taken():
+@pytest.mark.parametrize("far", [1.7e308, -200.1, 150.0, -3.0])
+def test_implausible_pull_is_held_and_flagged(far):
     stream, other = begun(), begun()
-    assert stream.push(T, 1.7e308, 60.0) == 60.0
-    assert stream.refused == 1
-    assert stream.push(2 * T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
+    assert stream.push(T, far, 61.0) == other.push(T, 3.0, 61.0)
+    assert (stream.health, stream.implausible_pulls, stream.held_pulls) == (Health.IMPLAUSIBLE_PULL, 1, 0)
+
+
+@pytest.mark.parametrize("far", [1e300, -1e20, 720.1])
+def test_implausible_measurement_is_missing_and_flagged(far):
+    stream, other = begun(), begun()
+    assert stream.push(T, 3.0, far) == other.push(T, 3.0, math.nan)
+    assert (stream.health, stream.implausible_measurements) == (Health.IMPLAUSIBLE_MEASUREMENT, 1)
+    assert stream.push(2 * T, 3.0, 719.0) == other.push(2 * T, 3.0, math.nan)
+    assert (stream.health, stream.outliers) == (Health.OUTLIER, 1)
+    stream.push(3 * T, 3.0, 60.0)
+    assert stream.health == Health.GOOD
+
+
+def test_measurements_that_agree_are_believed_after_half_a_second():
+    stream = begun()
+    live = [stream.push(k * T, 3.0, 400.0 + k % 2) for k in range(1, 6)]
+    np.testing.assert_allclose(live, [60.0, 60.0, 60.0, 60.0, 400.5], atol=0.6)
+    assert stream.health == Health.OUTLIER | Health.RESTARTED
+    assert (stream.outliers, stream.restarts) == (5, 1)
+
+
+def test_command_that_has_jumped_is_believed_after_half_a_second():
+    stream = begun()
+    for k in range(1, 6):
+        stream.push(k * T, 50.0, math.nan)
+    assert stream.health == Health.IMPLAUSIBLE_PULL | Health.NO_MEASUREMENT
+    assert stream.bend_deg == pytest.approx(50 * 22.38, rel=0.05)
+    stream.push(6 * T, 50.0, math.nan)
+    assert stream.health == Health.NO_MEASUREMENT
+
+
+@pytest.mark.parametrize("stamp", [1e12, 9.3e9, 1e9, 1e6, -1e6, -1e12])
+def test_one_wrong_stamp_costs_one_sample(stamp):
+    stream, other = begun(), begun()
+    stream.push(stamp, 3.0, 61.0)
+    assert stream.ignored == 1
+    assert stream.health in (Health.NO_TIME, Health.CLOCK_JUMP, Health.LATE)
+    assert stream.push(T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
+
+
+@pytest.mark.parametrize("begin", [-5e9, -7.0, -0.5, 3600.0, 1e6, 9e9])
+def test_clock_that_stays_elsewhere_is_believed_within_a_second(begin):
+    stream = begun()
+    for k in range(1, 30):
+        stream.push(begin + k * T, 3.0, 60.0)
+    assert stream.health == Health.GOOD
+    assert stream.ignored <= 10
+    assert stream.steps >= 19
+
+
+def test_sensor_that_is_broken_for_ever_leaves_a_prediction():
+    stream, other = begun(), begun()
+    for k in range(1, 300):
+        stream.push(k * T, PULL[k], 1e300)
+        other.push(k * T, PULL[k], math.nan)
+    assert stream.bend_deg == other.bend_deg
+
+
+@pytest.mark.parametrize("wrong", [None, "3.0", b"3", [3.0], {}, 1j, np.ones(1), object(), "x" * 10_000])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_what_is_no_number_is_refused_in_one_line_and_changes_nothing(wrong, place):
+    stream, other = begun(), begun()
+    sample = [T, 3.1, 62.0]
+    sample[place] = wrong
+    with pytest.raises(ValueError, match="must be a number") as error:
+        stream.push(*sample)
+    assert len(str(error.value)) < 300
+    assert "\n" not in str(error.value)
+    assert (stream.pushed, stream.health) == (other.pushed, other.health)
+    assert stream.push(T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.array, Fraction])
+def test_numbers_of_any_type_are_numbers(kind):
+    stream, other = begun(), begun()
+    assert stream.push(kind(0.125), kind(3.125), kind(62.0)) == other.push(0.125, 3.125, 62.0)
+    assert stream.push(10**400, kind(3.125), kind(62.0)) == other.bend_deg
+    assert stream.health == Health.NO_TIME
+
+
+def test_no_sample_time_makes_a_gap_without_end():
+    for sample_time in (5e-324, 1e-12, 1e300):
+        stream = OnlineEstimator(PLAIN, sample_time, 60.0)
+        for time_s in (0.0, 1e-12, 1e4):
+            stream.push(time_s, 3.0, 60.0)
+        assert stream.filled <= 2 * 2000
 
 
 @each_estimator
@@ -130,7 +220,8 @@ def test_estimate_is_finite_whatever_comes(estimator, stream):
     live = OnlineEstimator(estimator, T, 60.0)
     for sample in stream:
         assert math.isfinite(live.push(*sample))
-    assert live.ignored + live.steps <= len(stream)
+    assert live.pushed == len(stream) == live.ignored + live.waiting + live.first + live.steps
+    assert is_sound(live._state)
 
 
 @settings(max_examples=30)
@@ -146,8 +237,28 @@ def test_repeated_and_reversed_stamps_change_nothing(data):
 
 
 @pytest.mark.parametrize(
-    ("sample_time", "initial"), [(0.0, 1.0), (math.nan, 1.0), (math.inf, 1.0), (T, math.nan)]
+    ("sample_time", "initial"), [(0.0, 1.0), (math.nan, 1.0), (math.inf, 1.0), (T, math.nan), (T, 1e300)]
 )
 def test_stream_without_a_sample_time_or_an_initial_estimate_is_refused(sample_time, initial):
     with pytest.raises(ValueError, match="must be"):
         OnlineEstimator(PLAIN, sample_time, initial)
+
+
+@dataclasses.dataclass(frozen=True)
+class HidesNan(ActiveModel):
+    """An active model that loses its covariance, and not its angle, at measurements of 61 deg."""
+
+    def step(self, state, pull_mm, previous_pull_mm, measurement_deg):
+        stepped = super().step(state, pull_mm, previous_pull_mm, measurement_deg)
+        lost = stepped._replace(covariance=np.full_like(stepped.covariance, np.nan))
+        return lost if measurement_deg[0] == 61 else stepped
+
+
+def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
+    stream = begun(HidesNan(MODEL, T))
+    for k in range(1, 4):
+        assert stream.push(k * T, 3.0, 61.0) == (61.0 if k == 3 else 60.0)
+        assert Health.REFUSED in stream.health
+        assert is_sound(stream._state)
+    assert (stream.refused, stream.restarts) == (3, 1)
+    assert Health.RESTARTED in stream.health

@@ -84,7 +84,7 @@ def test_contents_come_back_from_their_file(tmp_path):
         ({"episodes": 1.0}, "episodes = 1.0: must be a valid integer"),
         ({"episodes": True}, "episodes = True: must be a valid integer"),
         ({"episodes": 0}, "episodes = 0: must be greater than or equal to 1"),
-        ({"seconds": float("nan")}, "seconds = nan: must be a finite number"),
+        ({"seconds": float("nan")}, "it holds NaN, which is no number; remove it"),
         ({"endotwin": 1}, "endotwin = 1: must be a valid string"),
         ({"files": []}, "files = []: must have at least 1 item"),
         ({"files": [FILE, FILE]}, "files: a.mcap is there twice"),
@@ -109,7 +109,7 @@ def test_refusal_says_what_to_do():
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "\udcff", '{"source": "measured", "source"'])
 def test_text_that_is_no_json_is_refused_in_one_line(text):
-    with pytest.raises(ValueError, match="it is not JSON: ") as refused:
+    with pytest.raises(ValueError, match=r"it is not JSON: |it is nested deeper than") as refused:
         parse_contents(text.encode("utf-8", "surrogateescape"))
     assert "\n" not in str(refused.value)
 

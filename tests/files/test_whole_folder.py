@@ -1,6 +1,9 @@
 """The folder of an export: whole or not there, whatever stops the command."""
 
 import resource
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -50,19 +53,49 @@ def test_a_stopped_export_leaves_nothing(data, tmp_path, capsys, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]
 
 
-def test_a_folder_is_there_when_whole_and_what_a_killed_one_left_is_removed(tmp_path):
-    left = tmp_path / ".le.partial" / "data"
-    left.mkdir(parents=True)
-    (left / "half.parquet").write_text("half")
+def test_a_folder_is_there_when_whole(tmp_path):
     (tmp_path / "le").mkdir()  # an empty one may be there
     with WholeFolder(tmp_path / "le") as folder:
-        assert list(folder.iterdir()) == []
         (folder / "a").write_text("whole")
         assert list((tmp_path / "le").iterdir()) == []
         with pytest.raises(ValueError, match="another run is writing"), WholeFolder(tmp_path / "le"):
             pass
     assert [path.name for path in (tmp_path / "le").iterdir()] == ["a"]
     assert hidden(tmp_path) == []
+
+
+WRITE = """
+import os, sys
+from twin.files.whole_folder import WholeFolder
+with WholeFolder(sys.argv[1]) as folder:
+    (folder / "half").write_text("half")
+    os.kill(os.getpid(), 9)
+"""
+
+
+def test_what_a_killed_process_left_is_removed_and_what_is_named_alike_is_not(tmp_path):
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "thesis").write_text("years of work")
+    (tmp_path / ".le.01234567.partial").symlink_to(theirs)
+    (tmp_path / ".le.partial").symlink_to(theirs)
+    for name in (".le.89abcdef.partial", ".le.x.partial"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "thesis").write_text("years of work")
+    before = sorted(path.name for path in tmp_path.iterdir())
+
+    for name in ("le", "[l]e"):  # a name that would match the other's, if taken as a pattern
+        process = subprocess.run([sys.executable, "-c", WRITE, str(tmp_path / name)])
+        assert process.returncode == -signal.SIGKILL
+    assert len(hidden(tmp_path)) == 6
+    with WholeFolder(tmp_path / "[l]e") as folder:
+        (folder / "a").write_text("whole")
+    assert len(hidden(tmp_path)) == 5
+    with WholeFolder(tmp_path / "le") as folder:
+        (folder / "a").write_text("whole")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*before, "le", "[l]e"])
+    assert (theirs / "thesis").read_text() == "years of work"
+    assert (tmp_path / ".le.89abcdef.partial" / "thesis").read_text() == "years of work"
 
 
 def test_a_folder_that_another_made_meanwhile_is_not_overwritten(tmp_path):

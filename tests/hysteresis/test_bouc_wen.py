@@ -193,7 +193,7 @@ def test_coleman_and_hodgdon_is_the_case_n_1_sigma_1():
         ({"rho_per_mm": 0.0}, "kappa_x and rho positive"),
         ({"kappa_w_deg": 0.0}, "kappa_w not zero"),
         ({"kappa_x_deg_per_mm": -3.0}, "kappa_x and rho positive"),
-        ({"n": float("inf")}, "must be finite"),
+        ({"n": 1e300}, "must be finite"),
         ({"sigma": "wide"}, "sigma is 'wide', no number"),
         ({"rho_per_mm": None}, "rho_per_mm is None, no number"),
     ],

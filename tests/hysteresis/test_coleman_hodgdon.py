@@ -187,7 +187,7 @@ def test_file_of_coleman_and_hodgdon_tells_how_far_from_monotone_it_is_and_needs
         ('{"a_per_mm": "steep", "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is 'steep', no number"),
         ('{"a_per_mm": null, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is None, no number"),
         ('{"a_per_mm": true, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "a_per_mm is True, no number"),
-        ('{"a_per_mm": NaN, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "must be finite"),
+        ('{"a_per_mm": 1e300, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5}', "must be finite"),
         ('{"a_per_mm": 1.15, "b_deg_per_mm": -1, "c_deg_per_mm": 5}', "the first two positive"),
     ],
 )

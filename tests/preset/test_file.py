@@ -31,8 +31,8 @@ def test_shipped_preset_is_complete_and_named_after_its_file(name):
 def test_unknown_parameter_is_refused_with_the_valid_ones_and_a_guess(tmp_path):
     with pytest.raises(ValueError, match="did you mean 'wire_stiffness'") as refused:
         load_preset(write(tmp_path, "wire_stifness: 1.0"))
-    for name in NUMBERS:
-        assert name in str(refused.value)
+    assert f"valid: name, {', '.join(NUMBERS[:4])}" in str(refused.value)
+    assert len(str(refused.value)) < 300 + len(str(tmp_path))
     with pytest.raises(ValueError, match="unknown preset parameter '7'; valid: name, bending_planes"):
         load_preset(write(tmp_path, "7: 1.0"))
 

@@ -104,8 +104,7 @@ def test_control_period_is_a_multiple_of_the_time_step():
 def test_limits_of_an_unknown_parameter_are_refused_with_the_valid_ones_and_a_guess():
     with pytest.raises(ValueError, match="did you mean 'wire_stiffness'") as refused:
         parameter_limits("wire_stifness")
-    for name in NUMBERS:
-        assert name in str(refused.value)
+    assert f"valid: {', '.join(NUMBERS[:5])}" in str(refused.value)
     with pytest.raises(ValueError, match="unknown preset parameter 'name'"):
         parameter_limits("name")
 

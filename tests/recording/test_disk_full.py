@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,29 +17,6 @@ preset: {{name: small, vertebrae: 6, sheath_elements: 2, section_stiffness: 0.05
 episodes: {EPISODES}
 seconds: 2
 """
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
-    """Mount a file system in memory, or change the size of the one mounted before."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounted = False
-
-    def mount(kilobytes: int) -> Path:
-        nonlocal mounted
-        how = f"remount,size={kilobytes}k" if mounted else f"size={kilobytes}k"
-        result = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", how, "tmpfs", str(disk)], capture_output=True, text=True
-        )
-        if result.returncode:
-            pytest.skip(f"cannot mount a file system here: {result.stderr.strip()}")
-        mounted = True
-        return disk
-
-    yield mount
-    if mounted:
-        subprocess.run(["umount", "--lazy", str(disk)], check=True)
 
 
 def generate(folder: Path) -> subprocess.CompletedProcess[str]:

@@ -149,9 +149,9 @@ UNEVEN = schema.Truth(wire_tension_a_n=[1.0, 2.0]).SerializeToString()
         (change("/truth", None, UNEVEN), "wire_tension_a_n has 2 columns, wire_tension_b_n has 0"),
         (change("/command", 5, b"\xff\xff"), "DecodeError"),
         (change("metadata", "seed", "{"), "metadata 'seed' is not JSON"),
-        (change("metadata", "seed", "NaN"), "metadata 'seed' is not JSON: NaN is not a number"),
-        (change("metadata", "seed", "-1e999"), "metadata 'seed' is not JSON: -1e999 is beyond the largest"),
-        (change("metadata", "seed", "[" * 100_000), "RecursionError"),
+        (change("metadata", "seed", "NaN"), "metadata 'seed' holds NaN, which is no number"),
+        (change("metadata", "seed", "-1e999"), "metadata 'seed' holds -1e999, which is beyond the largest"),
+        (change("metadata", "seed", "[" * 100_000), "metadata 'seed' is nested deeper than 20 levels"),
         (change("metadata", "seed", None), "metadata record 'endotwin' is missing"),
     ],
 )

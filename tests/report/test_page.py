@@ -4,15 +4,16 @@ import json
 import re
 import shutil
 
-import imageio.v2 as imageio
 import numpy as np
 import pytest
+from PIL import Image
 from small_dataset import measured_log
 
 from twin.episode import Episode
 from twin.evaluation.track import Track, save_tracks
 from twin.measured.folder import write_measured
 from twin.recording import write_episode
+from twin.rendering.video import write_video
 from twin.report import page as report
 from twin.report.page import write_report
 
@@ -85,10 +86,9 @@ def run(tmp_path):
     truth = 20 * np.sin(time)
     estimates = {method: truth + 0.5 for method in METHODS}
     save_tracks(folder / "results/tracks.npz", [Track("gaussian", 1.0, time, truth, truth, estimates)])
-    imageio.imwrite(folder / "bend.png", np.full((20, 40, 3), 200, np.uint8))
-    with imageio.get_writer(folder / "bend.mp4", fps=10, macro_block_size=2) as film:
-        for level in range(8):
-            film.append_data(np.full((64, 128, 3), 30 * level, np.uint8))
+    Image.fromarray(np.full((20, 40, 3), 200, np.uint8)).save(folder / "bend.png")
+    frames = [np.full((64, 128, 3), 30 * level, np.uint8) for level in range(8)]
+    write_video(folder / "bend.mp4", frames, 10, 128, 64)
     return folder
 
 

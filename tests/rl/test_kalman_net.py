@@ -13,14 +13,13 @@ from torch_network import TorchNetwork
 import scripts.train
 from rl.kalman_net import (
     ERROR_GAIN_LIMIT,
-    FEATURES,
     GainNetwork,
     KalmanNetTraining,
     train_kalman_net,
 )
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.kalman_net import KalmanNet, load
+from twin.estimation.learned.kalman_net import FEATURES, KalmanNet, load
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.hysteresis import BoucWen, PrandtlIshlinskii
 from twin.recording import write_episode

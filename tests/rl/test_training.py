@@ -1,15 +1,21 @@
 import csv
-import shutil
+import re
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
+import torch
 from stable_baselines3 import PPO
 
-from rl.options import TrainingOptions
+from rl import training
+from rl.environment import AGENTS, BatchEnvironment
+from rl.options import TrainingOptions, check_memory
 from rl.policy import export_policy, load_policy
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.task import TrainingTask, stack_records
 
 SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
 
@@ -31,22 +37,18 @@ def returns(folder):
         return [(int(row["samples"]), float(row["mean_reward"])) for row in csv.DictReader(file)]
 
 
-def test_run_folder_holds_policy_configuration_curve_and_checkpoints(run_folder):
-    assert {path.name for path in run_folder.iterdir()} == {
-        "policy.onnx",
-        "config.yaml",
-        "progress.csv",
-        "checkpoints",
-    }
+def test_run_folder_holds_policy_configuration_and_curve(run_folder):
+    assert {path.name for path in run_folder.iterdir()} == {"policy.onnx", "config.yaml", "progress.csv"}
     samples = [count for count, _ in returns(run_folder)]
     assert samples == sorted(set(samples))
-    assert list((run_folder / "checkpoints").glob("*.zip"))
-    assert not list(run_folder.glob(".*"))
 
 
-def test_exported_policy_equals_the_network_that_was_trained(run_folder):
-    ppo = PPO.load(sorted((run_folder / "checkpoints").glob("*.zip"))[-1], device="cpu")
-    exported = run_folder / "again.onnx"
+def test_exported_policy_equals_its_network(records, active_model, tmp_path):
+    environment = BatchEnvironment(TrainingTask(*stack_records(records)), AGENTS["ram"](active_model), 2, 0)
+    ppo = PPO("MlpPolicy", environment, seed=5, device="cpu")
+    with torch.no_grad():  # as it begins, its actions are all but zero
+        ppo.policy.action_net.weight.mul_(100)
+    exported = tmp_path / "policy.onnx"
     export_policy(ppo, "ram", {"active_model": {}}, exported)
     observation = np.linspace(-3, 3, 50, dtype=np.float32)[:, None]
     expected, _ = ppo.predict(observation, deterministic=True)
@@ -54,7 +56,6 @@ def test_exported_policy_equals_the_network_that_was_trained(run_folder):
     for count in (1, 7, 50):  # any batch
         (action,) = session.run(None, {"observation": observation[:count]})
         np.testing.assert_allclose(action, expected[:count], atol=1e-6)
-    exported.unlink()
 
 
 def test_policy_carries_the_filter_that_it_was_trained_beside(run_folder, active_model):
@@ -70,12 +71,15 @@ def test_training_improves_the_policy(records, active_model, tmp_path):
     assert curve[-1] > 0.1 * curve[0]  # both negative: a tenth of the error that a random policy makes
 
 
-def test_same_seed_gives_the_same_policy(records, active_model, run_folder, tmp_path):
-    train_policy(records, active_model, SHORT, tmp_path)
-    assert returns(tmp_path) == returns(run_folder)
-    observation = np.linspace(-3, 3, 20)[:, None]
-    first, second = (load_policy(folder / "policy.onnx")(observation) for folder in (run_folder, tmp_path))
-    np.testing.assert_array_equal(first, second)
+def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
+    records, active_model, run_folder, tmp_path, monkeypatch
+):
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    train_policy(records, active_model, SHORT, tmp_path / "run")
+    for path in run_folder.iterdir():
+        assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes(), path.name
+    assert not [path for path in Path(tempfile.gettempdir()).iterdir() if path.name.startswith("SB3")]
 
 
 def test_finished_run_is_left_as_it_is(records, active_model, run_folder):
@@ -89,44 +93,57 @@ def test_another_configuration_does_not_overwrite_a_run(records, active_model, r
         train_policy(records, active_model, TrainingOptions(episodes=64), run_folder)
 
 
-class _Stop(Exception):
-    pass
+def test_training_that_diverges_says_so(records, active_model, tmp_path, monkeypatch):
+    def spoiled(*args):
+        ppo = fresh(*args)
+        torch.nn.init.constant_(ppo.policy.action_net.weight, float("nan"))
+        return ppo
 
-
-def test_stopped_training_goes_on_from_its_newest_whole_checkpoint(records, active_model, tmp_path):
-    plan = TrainingOptions(episodes=96, environments=16, horizon=512, seed=3)
-
-    def stop_half_way(done, total, reward):
-        if done > total / 2:
-            raise _Stop
-
-    with pytest.raises(_Stop):
-        train_policy(records, active_model, plan, tmp_path, stop_half_way)
+    fresh = training._new_ppo
+    monkeypatch.setattr(training, "_new_ppo", spoiled)
+    with pytest.raises(
+        FloatingPointError, match="the training has diverged after 0 samples: lower `learning"
+    ):
+        train_policy(records, active_model, SHORT, tmp_path)
     assert not (tmp_path / "policy.onnx").exists()
-    newest = sorted((tmp_path / "checkpoints").glob("*.zip"))[-1]
-    newest.write_bytes(newest.read_bytes()[:1000])  # as a crash while writing elsewhere would leave it
-
-    seen = []
-    train_policy(records, active_model, plan, tmp_path, lambda done, total, reward: seen.append(done))
-    assert (tmp_path / "policy.onnx").is_file()
-    assert seen[0] > 16 * 199  # not from the beginning
-    samples = [count for count, _ in returns(tmp_path)]
-    assert samples == sorted(set(samples))
-    shutil.rmtree(tmp_path / "checkpoints")
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"agent": "dqn"}, "valid: lstm, gru, kalman-net, direct, ram"),
-        ({"episodes": 0}, "episodes = 0: must be positive"),
+        ({"episodes": 0}, "episodes = 0: must be at least 1 and at most 1e"),
+        ({"episodes": 1e15}, "episodes = 1000000000000000.0: must be a whole number"),
+        ({"episodes": 10**15}, "at most 1e"),
+        ({"environments": 10**9, "horizon": 10**9}, "at most"),
+        ({"horizon": 2**40}, "horizon = 1099511627776: must be at least 1 and at most"),
+        ({"minibatch": 2**40}, "at most"),
+        ({"seed": 2**32}, "at most"),
+        *[
+            ({name: value}, f"{name} = {value}: must be")
+            for value in (float("nan"), float("inf"), -float("inf"), -1.0, 1e300)
+            for name in (
+                "learning_rate",
+                "clip",
+                "reward_scale",
+                "noise_level",
+                "initial_error_deg",
+                "discount",
+            )
+        ],
         ({"discount": 1.5}, "discount = 1.5"),
         ({"environments": 30}, "horizon = 1024: must be a multiple"),
     ],
 )
 def test_training_that_cannot_run_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=re.escape(message)) as refused:
         TrainingOptions(**change)
+    assert len(str(refused.value)) < 300
+
+
+def test_more_measurements_than_memory_holds_are_refused():
+    with pytest.raises(ValueError, match="environments = 1024: must be at most 200 for records of 1000000"):
+        check_memory(TrainingOptions(environments=1024), 1_000_000)
 
 
 def test_file_that_is_no_policy_is_refused(tmp_path):

@@ -123,3 +123,54 @@ def test_every_command_of_the_demo_is_stated_in_order(demo):
 def test_a_stage_that_fails_ends_the_demo_with_its_command():
     with pytest.raises(ValueError, match="`endotwin nothing` ended with exit code 2"):
         scripts.demo._run_side_by_side(["nothing", "--help"])
+
+
+SMALL = ["--records", "1", "--seconds", "2", "--episodes", "1", "--seeds", "1"]
+
+
+@pytest.fixture
+def stopped_demo(tmp_path, monkeypatch) -> Path:
+    """A demo that was stopped after its first commands, and what the user put beside their results."""
+
+    def stop(commands: Sequence[str]) -> None:
+        (tmp_path / "out" / "data").mkdir()
+        (tmp_path / "out" / "data" / "mine.txt").write_text("mine")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(scripts.demo, "_run_side_by_side", stop)
+        assert scripts.demo.main(["--out", str(tmp_path / "out"), *SMALL]) == 130
+    return tmp_path / "out"
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    "changed", [["--seed", "2"], ["--seeds", "3"], ["--records", "0"], ["--seconds", "nan"]]
+)
+def test_nothing_of_another_demo_is_removed(stopped_demo, capsys, changed):
+    before = files(stopped_demo)
+    assert scripts.demo.main(["--out", str(stopped_demo), *SMALL, *changed]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert files(stopped_demo) == before
+
+
+def test_a_folder_that_no_demo_made_is_refused(tmp_path, capsys):
+    for name in ("results", "demo.json"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.txt").write_text("mine")
+        assert scripts.demo.main(["--out", str(tmp_path), *SMALL]) == 2
+        assert f"holds {name}, which no demo made: choose another folder" in capsys.readouterr().err
+        assert len(files(tmp_path)) == 1
+        (tmp_path / name / "mine.txt").unlink()
+        (tmp_path / name).rmdir()
+
+
+def test_a_demo_of_the_same_settings_goes_on(stopped_demo, monkeypatch):
+    run = []
+    monkeypatch.setattr(scripts.demo, "_run_side_by_side", run.append)
+    assert scripts.demo.main(["--out", str(stopped_demo), *SMALL]) == 0
+    assert len(run) == 8
+    assert (stopped_demo / "data" / "mine.txt").read_text() == "mine"

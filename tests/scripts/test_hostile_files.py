@@ -29,4 +29,4 @@ def test_tracing_finds_what_a_verb_reads(workbench):
     assert {"recipe.yaml", "small.yaml"} <= {*workbench.traces["generate"].reads}
     assert "runs/ram/policy.onnx" in workbench.traces["evaluate"].reads
     assert any("calibration" in name for name in workbench.traces["calibrate again"].reads)
-    assert any("checkpoints" in name for name in workbench.traces["train again"].reads)
+    assert any("checkpoint" in name for name in workbench.traces["train again"].reads)

@@ -20,7 +20,7 @@ from workbench import BUILT, COMMANDS, Command, write_inputs
 PATIENT = {"limit": 300, "most_cpu": 60}
 """For a good run, however busy the machine."""
 HALF_DONE = (
-    ("train again", "stopped/checkpoints/*"),
+    ("train again", "stopped/checkpoint.state"),
     ("calibrate again", ".taken*calibration*"),
 )
 """Commands that go on from what a killed run has left, and the file whose appearance says when to kill it."""

@@ -14,9 +14,9 @@ import numpy as np
 import snapshot
 from built_workbench import Workbench, one_place
 from hostile_files import mutate, mutations_of
+from hostile_planted import PLANTS, is_of_the_command, plant
 from hostile_runs import MOST_CPU_SECONDS, Ended, Place, Runner, console, job
 from pickles import PICKLES
-from planted import PLANTS, is_of_the_command, plant
 from verdict import Expected, Verdict, judge, unread
 from workbench import BY_NAME, COMMANDS
 

@@ -60,6 +60,7 @@ def outcome_of(ended: Ended, command: Command) -> str:
     kinds = {
         0: "success",
         2: "refused",
+        129: "stopped",
         130: "stopped",
         -2: "stopped",
         -15: "stopped",
@@ -146,6 +147,8 @@ def of_the_line(ended: Ended, expected: Expected) -> list[str]:
     strange = [other for other in others if not FOR_A_PERSON.match(other)]
     if strange and not expected.command.fails:
         faults.append(f"{len(strange)} more lines than one: {strange[0][:100]}")
+    if "a fault of the program" in line:
+        faults.append(line[:200])
     if expected.names and not any(" ".join(name.split()) in line for name in expected.names if name.split()):
         faults.append(f"names none of {', '.join(expected.names)[:80]}: {line[:160]}")
     if len(line.partition(": ")[2]) < 8:

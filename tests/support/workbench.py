@@ -49,7 +49,7 @@ class Command:
 
 
 DATASET = ("made/*.mcap", "made/*.csv", "made/.endotwin*", "made/recipe.yaml", "made/.lock", "made/README.md")
-TRAINED = ("config.yaml", "progress.csv", "checkpoints", "checkpoints/*", ".lock")
+TRAINED = ("config.yaml", "progress.csv", "checkpoint.state")
 BUILT = (
     "generate recipe.yaml --out data/train",
     "generate recipe.yaml --seed 4 --out data/test",
@@ -117,14 +117,14 @@ COMMANDS = (
     Command(
         "train ram",
         f"train data/train --agent ram --out made {LEARN}",
-        ("made", "made/*", "made/checkpoints/*"),
+        ("made", "made/*"),
         tuple(f"made/{name}" for name in TRAINED),
         kill=True,
     ),
     Command(
         "train again",
         f"train data/train --agent ram --out stopped {LEARN}",
-        ("stopped/*", "stopped/checkpoints/*"),
+        ("stopped/*",),
         tuple(f"stopped/{name}" for name in TRAINED),
     ),
     Command(
@@ -145,7 +145,7 @@ COMMANDS = (
         "evaluate and train",
         "evaluate data/test --train data/train --policy runs/lstm/lstm.onnx --methods C-H RAM "
         "--episodes 16 --suite paper-only --seeds 1 --out results",
-        ("results/*", "results/ram/*", "results/ram/checkpoints/*"),
+        ("results/*", "results/ram/*"),
         ("results/ram", *(f"results/ram/{name}" for name in (*TRAINED, "policy.onnx"))),
         slow=True,
     ),

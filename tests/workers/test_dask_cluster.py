@@ -1,7 +1,9 @@
 """A Dask cluster makes the same dataset, though one of its workers is killed."""
 
+import contextlib
 import os
 import signal
+import socketserver
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +15,7 @@ from small_dataset import contents
 from workers_recipe import RECIPE
 
 from twin.dataset.write import write_dataset
-from twin.workers.dask_cluster import dask_workers
+from twin.workers.dask_cluster import check_address, dask_workers
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +47,72 @@ def test_cluster_makes_the_same_bytes_though_a_worker_is_killed_in_the_middle(cl
     assert contents(folder) == contents(local)
 
 
-def test_scheduler_that_does_not_answer_is_said_in_one_line(monkeypatch):
-    monkeypatch.setattr("twin.workers.dask_cluster.CONNECT_SECONDS", 0.5)
-    with (
-        pytest.raises(ValueError, match=r"address = tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
-        dask_workers("tcp://127.0.0.1:9"),
-    ):
-        pass
+@contextlib.contextmanager
+def server(answer: bytes) -> Iterator[int]:
+    """Another server, which says something to whoever comes, and waits if that is nothing."""
+
+    class Answer(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            self.request.sendall(answer)
+            if not answer:
+                self.request.recv(1 << 16)
+                time.sleep(20)
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Answer) as listening:
+        listening.daemon_threads, listening.block_on_close = True, False
+        threading.Thread(target=listening.serve_forever, daemon=True).start()
+        yield listening.server_address[1]
+        listening.shutdown()
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "tls"])
+@pytest.mark.parametrize("answer", [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\xff" * 4096])
+def test_scheduler_that_does_not_answer_is_said_in_one_line_and_soon(
+    monkeypatch, caplog, capfd, scheme, answer
+):
+    monkeypatch.setattr("twin.workers.dask_cluster.SHAKE_SECONDS", 0.5)
+    with contextlib.nullcontext(9) if answer is None else server(answer) as port:
+        address, begun = f"{scheme}://127.0.0.1:{port}", time.monotonic()
+        with (
+            pytest.raises(ValueError, match=f"^address = {address}: no Dask scheduler answers there$"),
+            dask_workers(address),
+        ):
+            pass
+        assert time.monotonic() - begun < 8
+    assert caplog.text == ""
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "x",
+        "127.0.0.1:8786",
+        "http://h:1",
+        "tcp://h",
+        "tcp://h:0",
+        "tcp://h:65536",
+        "tcp://h:99999",
+        "tcp://:1",
+        "inproc://a/b:1",
+        "tcp://a b:1",
+        "tcp://h:1/x",
+        "tcp://h:1\n",
+        "tcp://[::1]",
+        "tcp://h:\u0661",
+        "tcp://" + "h" * 999,
+    ],
+)
+def test_what_is_no_address_is_refused_with_an_example(address):
+    with pytest.raises(ValueError, match=r"^address = .{2,60}: must be as in tcp://192\.168\.0\.7:8786"):
+        check_address(address)
+
+
+def test_an_address_has_a_host_and_a_port():
+    assert check_address("tcp://192.168.0.7:8786") == ("192.168.0.7", 8786)
+    assert check_address("tls://[::1]:1") == ("::1", 1)
+    assert check_address("tcp://node-7.cluster_a.lan:65535") == ("node-7.cluster_a.lan", 65535)
 
 
 def test_cluster_that_gives_a_task_up_is_said_with_what_to_do(cluster):

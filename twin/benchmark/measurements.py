@@ -9,11 +9,24 @@ from tabulate import tabulate
 from twin.benchmark import datasets, filters, identification, physics, scaling, speed, start
 from twin.benchmark.result import Result
 from twin.errors import InputError
+from twin.files.bounds import check_between
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 
 OnProgress = Callable[[int, int], None]
+
+
+LARGEST_AMPLITUDE = 0.05
+"""Largest amplitude of a command, more than any pulley pulls [m]."""
+MOST = {
+    "cycles": 1_000_000,
+    "draws": 1_000_000,
+    "steps": 100_000_000,
+    "episodes": 10_000,
+    "many_episodes": 10_000,
+}
+"""Largest number of each."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,14 +52,20 @@ class Size:
     many_episodes: int = 1000
 
     def __post_init__(self) -> None:
-        """Refuse what measures nothing.
+        """Refuse what measures nothing, or never ends.
 
         Raises:
-            ValueError: a count or the amplitude is not positive.
+            ValueError: a count or the amplitude is not positive, or too large.
         """
         for field in dataclasses.fields(self)[1:]:
             if not getattr(self, field.name) > 0:
                 raise InputError(f"{field.name} = {getattr(self, field.name)}: must be positive")
+        if not self.amplitude <= LARGEST_AMPLITUDE:
+            raise InputError(
+                f"amplitude = {self.amplitude * 1e3:g} mm: must be at most {LARGEST_AMPLITUDE * 1e3:g} mm"
+            )
+        for name in ("cycles", "draws", "steps", "episodes", "many_episodes"):
+            check_between(name, getattr(self, name), 1, MOST[name])
 
 
 Measurement = Callable[[Preset, Size, OnProgress], Result | dict[str, Result]]

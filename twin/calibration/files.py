@@ -15,10 +15,14 @@ from twin.calibration.uncertainty import likely_ranges, uncertainty
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import write_whole
+from twin.files.names import in_comment
+from twin.files.shown import cut
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
 from twin.report.figures import to_png_bytes
+
+_LONGEST_NAME = 100  # of a log, in letters
 
 
 def read_loops(
@@ -85,6 +89,8 @@ def write_fit(
 ) -> dict[str, Any]:
     """Write a calibrated preset, and beside it NAME_fit.json and NAME_fit.png.
 
+    The preset is the first, so that no trouble with a report loses a fit.
+
     Args:
         out: the preset's file.
         fit: what was found.
@@ -95,17 +101,20 @@ def write_fit(
 
     Returns:
         What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
-
-    Raises:
-        FloatingPointError: the fit itself diverges along a log.
     """
     known = uncertainty(fit, free)
+    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, free, known), [loop.name for loop in loops]))
     shown = [*loops, *held_out]
     values, episodes = fit_report(fit, free, known, shown, seed)
-    write_whole(out.with_name(f"{out.stem}_fit.png"), to_png_bytes(fit_figure(shown, episodes)))
-    write_whole(out.with_name(f"{out.stem}_fit.json"), json.dumps(values, indent=2) + "\n")
-    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, free, known), [loop.name for loop in loops]))
+    report, figure = report_files(out)
+    write_whole(report, json.dumps(values, indent=2) + "\n")
+    write_whole(figure, to_png_bytes(fit_figure(shown, episodes)))
     return values
+
+
+def report_files(out: Path) -> tuple[Path, Path]:
+    """Return the report and the figure that stand beside a calibrated preset."""
+    return out.with_name(f"{out.stem}_fit.json"), out.with_name(f"{out.stem}_fit.png")
 
 
 def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
@@ -118,15 +127,16 @@ def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
     """
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
     rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
-    head = (
-        f"# Calibrated by `endotwin calibrate` on {', '.join(logs)}. SI units; see twin/preset/preset.py.\n"
-    )
+    named_logs = cut(in_comment(", ".join(logs)), 400)
+    head = f"# Calibrated by `endotwin calibrate` on {named_logs}. SI units; see twin/preset/preset.py.\n"
     return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
 
 
 def log_summary(log: dict[str, Any]) -> str:
     """Return in words how well a log is fitted or predicted, from its entry in NAME_fit.json."""
     fitted, held_out = log["rmse_deg"], log["held_out_rmse_deg"]
+    if fitted is None and held_out is None:
+        return f"{log['name']} diverges"
     if fitted is None:
         return f"{log['name']} predicted within {held_out:.2f} deg"
     more = "" if held_out is None else f" (held out {held_out:.2f})"
@@ -134,4 +144,6 @@ def log_summary(log: dict[str, Any]) -> str:
 
 
 def _name(path: Path, episode: Episode) -> str:
-    return str(episode.metadata.get("name") or path.name)
+    """Return the name of a log, on one line and without what a YAML file cannot hold."""
+    name = str(episode.metadata.get("name") or path.name)
+    return "".join(letter if letter.isprintable() else "?" for letter in name)[:_LONGEST_NAME]

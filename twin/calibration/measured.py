@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 
 LEAST_MOTION = 1e-6  # [m]
 LEAST_TENSION = 1e-3  # [N]
+LEAST_BEND = 1e-6  # [rad]
+MOST_SAMPLES = 1_000_000  # of a log, on the grid
+MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
+"""Largest plausible values: beyond them squares of residuals overflow."""
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -77,6 +81,10 @@ def measured_loop(
     _check_fits(episode, name)
     time = (episode.time - episode.time[0]) / pace
     even = dataclasses.replace(episode, time=time)
+    if time[-1] / sample_time > MOST_SAMPLES:
+        raise InputError(
+            f"{name}: {time[-1]:.3g} s in samples of {sample_time:g} s are more than {MOST_SAMPLES}"
+        )
     count = int(time[-1] / sample_time) + 1
     fitted = np.arange(count) < round(fraction * count)
     if fitted.sum() < 10:
@@ -88,7 +96,13 @@ def measured_loop(
         raise InputError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
     bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
+    for what, values in (("command", pull), ("angle", bend), ("tension", tension)):
+        limit, unit = MOST[what]
+        if values.size and not np.abs(values).max() <= limit:
+            raise InputError(f"{name}: {what} of {np.abs(values).max():.3g} {unit}: must be within {limit:g}")
     _check_motion(pull[fitted], name)
+    if np.ptp(bend[fitted]) < LEAST_BEND:
+        raise InputError(f"{name}: the angle does not change: nothing to calibrate on")
     if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
         raise InputError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
     if tension.size and np.ptp(tension) < LEAST_TENSION:

@@ -13,36 +13,34 @@ from twin.calibration.parameters import FreeParameters
 from twin.calibration.search import Fit
 from twin.calibration.uncertainty import Uncertainty
 from twin.episode import Episode
-from twin.errors import DivergedError
+from twin.errors import DivergedError, InputError
 from twin.identification import identify
 from twin.report.figures import INK, MUTED, clean_axes
 
 Array = NDArray[np.float64]
 
+MOST_DRAWN = 24  # logs in the figure; a picture has a largest size
 _MEASURED, _TWIN = "#8a939e", "#c4161c"
 
 
 def fit_report(
     fit: Fit, free: FreeParameters, known: Uncertainty, loops: Sequence[MeasuredLoop], seed: int
-) -> tuple[dict[str, Any], list[Episode]]:
-    """Simulate the fitted preset along every log and compare.
+) -> tuple[dict[str, Any], list[Episode | None]]:
+    """Simulate the fitted preset along every log and compare; what cannot be said of a log is None.
 
     Beside the twin stands a Coleman-Hodgdon model fitted to the same samples of each log alone: what a
     phenomenological model, which knows neither tension nor sheath, makes of them.
 
     Returns:
-        Plain values, for JSON; and the simulated record of each log.
-
-    Raises:
-        FloatingPointError: the fit itself diverges.
+        Plain values, for JSON; and the simulated record of each log, None where the simulation diverges.
     """
-    episodes: list[Episode] = []
-    logs = []
-    for loop, episode in zip(loops, predict([fit.preset], loops)[0], strict=True):
-        if episode is None:
-            raise DivergedError(f"the calibrated twin diverges along {loop.name}")
-        episodes.append(episode)
-        logs.append(_of_log(loop, episode, seed))
+    episodes = predict([fit.preset], loops)[0]
+    logs = [_of_log(loop, episode, seed) for loop, episode in zip(loops, episodes, strict=True)]
+    diverged = [
+        f"the calibrated twin diverges along {loop.name}"
+        for loop, episode in zip(loops, episodes, strict=True)
+        if episode is None
+    ]
     values = {
         "cost": fit.cost,
         "evaluations": fit.evaluations,
@@ -53,35 +51,37 @@ def fit_report(
             name: {"value": getattr(fit.preset, name), "standard_deviation": _finite(known.deviation[name])}
             for name in free.names
         },
-        "warnings": list(known.warnings),
+        "warnings": [*known.warnings, *diverged],
     }
     return values, episodes
 
 
-def _of_log(loop: MeasuredLoop, episode: Episode, seed: int) -> dict[str, Any]:
+def _of_log(loop: MeasuredLoop, episode: Episode | None, seed: int) -> dict[str, Any]:
     held_out = ~loop.fitted
-    off = np.degrees(episode.bend - loop.bend)
+    off = None if episode is None else np.degrees(episode.bend - loop.bend)
     own = _coleman_hodgdon_error(loop, seed)
     values: dict[str, Any] = {
         "name": loop.name,
         "sheath_bend_deg": None if loop.sheath_bend is None else float(np.degrees(loop.sheath_bend)),
-        "rmse_deg": _rmse(off[loop.fitted]),
-        "held_out_rmse_deg": _rmse(off[held_out]),
+        "rmse_deg": None if off is None else _rmse(off[loop.fitted]),
+        "held_out_rmse_deg": None if off is None else _rmse(off[held_out]),
         "coleman_hodgdon_rmse_deg": None if own is None else _rmse(own[loop.fitted]),
         "coleman_hodgdon_held_out_rmse_deg": None if own is None else _rmse(own[held_out]),
     }
     scored = loop.fitted if loop.fitted.any() else held_out
     for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
-        rmse = _rmse((episode.tension[:, index] - loop.tension[:, index])[scored])
+        measured = loop.tension[:, index]
+        rmse = None if episode is None else _rmse((episode.tension[:, index] - measured)[scored])
+        span = float(np.ptp(measured))  # zero for a wire that stays slack
         values[f"tension_{wire}_rmse_n"] = rmse
         values[f"tension_{wire}_rmse_percent_of_range"] = (
-            None if rmse is None else 100 * rmse / float(np.ptp(loop.tension[:, index]))
+            None if rmse is None or span == 0 else 100 * rmse / span
         )
     return values
 
 
 def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
-    """Return the error (N,) [deg] of a Coleman-Hodgdon model fitted to the log alone, or None if unfitted.
+    """Return the error (N,) [deg] of a Coleman-Hodgdon model fitted to the log alone, or None without a fit.
 
     The model is odd about zero: it gets the log centred, or it could not follow.
     """
@@ -89,12 +89,22 @@ def _coleman_hodgdon_error(loop: MeasuredLoop, seed: int) -> Array | None:
         return None
     pull_mm = _centred(loop.pull * 1e3, loop.fitted)
     bend_deg = _centred(np.degrees(loop.bend), loop.fitted)
-    model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
-    return model.response(pull_mm, bend_deg[0]) - bend_deg
+    try:
+        model, _ = identify([(pull_mm[loop.fitted], bend_deg[loop.fitted])], seed)
+    except (InputError, DivergedError):  # its rules on loops are stricter than those of a calibration
+        return None
+    error: Array = model.response(pull_mm, bend_deg[0]) - bend_deg
+    return error if np.isfinite(error).all() else None
 
 
-def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Figure:
-    """Plot every log and its simulation: bend over pull, and the tensions where they were measured."""
+def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode | None]) -> Figure:
+    """Plot logs and their simulation: bend over pull, and the tensions where they were measured.
+
+    Args:
+        loops: the logs; the first `MOST_DRAWN` are drawn.
+        episodes: their simulation, None where it diverged.
+    """
+    loops, episodes = loops[:MOST_DRAWN], episodes[:MOST_DRAWN]
     with_tension = any(loop.tension.size for loop in loops)
     rows = 2 if with_tension else 1
     figure = Figure(figsize=(3.4 * len(loops) + 0.4, 2.9 * rows), layout="constrained")
@@ -103,15 +113,19 @@ def fit_figure(loops: Sequence[MeasuredLoop], episodes: Sequence[Episode]) -> Fi
         pull = loop.pull * 1e3
         top = clean_axes(axes[0, column])
         top.plot(pull, np.degrees(loop.bend), color=_MEASURED, lw=2.2, label="measured")
-        top.plot(pull, np.degrees(episode.bend), color=_TWIN, lw=1.1, label="twin")
-        rmse = _rmse(np.degrees(episode.bend - loop.bend))
+        said = "the twin diverges"
+        if episode is not None:
+            top.plot(pull, np.degrees(episode.bend), color=_TWIN, lw=1.1, label="twin")
+            said = f"RMSE {_rmse(np.degrees(episode.bend - loop.bend)):.2f}°"
         bent = "" if loop.sheath_bend is None else f", sheath bent by {np.degrees(loop.sheath_bend):.0f}°"
-        top.set_title(f"{loop.name}{bent}\nRMSE {rmse:.2f}°", color=INK, fontsize=9)
+        name = loop.name.replace("$", r"\$")  # a pair of them would be mathematics
+        top.set_title(f"{name}{bent}\n{said}", color=INK, fontsize=9)
         if with_tension:
             bottom = clean_axes(axes[1, column])
             for index, line in enumerate(("-", (0, (4, 1.5)))[: loop.tension.shape[1]]):
                 bottom.plot(pull, loop.tension[:, index], color=_MEASURED, lw=2.0, ls=line)
-                bottom.plot(pull, episode.tension[:, index], color=_TWIN, lw=1.1, ls=line)
+                if episode is not None:
+                    bottom.plot(pull, episode.tension[:, index], color=_TWIN, lw=1.1, ls=line)
         axes[-1, column].set_xlabel("pulling distance [mm]", color=INK)
     axes[0, 0].set_ylabel("bending angle [deg]", color=INK)
     axes[0, 0].legend(frameon=False, fontsize=8, labelcolor=INK)

@@ -1,8 +1,8 @@
 """Fit of a preset to logs: CMA-ES for the global search, then nonlinear least squares."""
 
 import dataclasses
-import pickle
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import residuals
 from twin.calibration.parameters import FreeParameters
 from twin.errors import InputError
-from twin.files.atomic import write_whole
+from twin.files.state_file import read_state, state_key, write_state
 from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 STARTS = 2  # of the evolution strategy: valleys are many, and the best one by the fitted samples is taken
 STEP = 0.4  # of the first generation, on the scale of the search: a factor of 1.5
 DIFFERENCE = 0.02  # of finite differences, on the same scale
+STATE = "calibration state"
+"""Kind of the state that an interrupted calibration leaves."""
+LEAST_EVALUATIONS, MOST_EVALUATIONS = 20, 1_000_000
+MOST_SEED = 2**32 - 1 - STARTS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,40 +69,68 @@ def calibrate(
         loops: the logs.
         seed: of the evolution strategy.
         evaluations: simulations of all logs that the evolution strategy may use.
-        state_file: where its state is kept after each generation; an interrupted calibration goes on there.
+        state_file: where the costs of its generations are kept; an interrupted calibration goes on there.
         on_progress: called with the evaluations done, their total, and the best cost so far.
 
     Returns:
         The fit.
 
     Raises:
-        ValueError: there is no log, or `evaluations` is too small for one generation.
+        ValueError: there is no log, `evaluations` or `seed` is out of range, or the state file is foreign or
+            damaged.
     """
     if not loops:
         raise InputError("no log to calibrate on")
-    if evaluations < 20:
-        raise InputError(f"evaluations = {evaluations}: must be at least 20")
-    key = _key(free, loops, seed, evaluations)
-    finished, strategy = _resume(state_file, key)
-    while len(finished) < STARTS:
-        strategy = strategy or _new_strategy(free, seed + len(finished), evaluations // STARTS)
+    check_effort(evaluations, seed)
+    key = _key(free, loops, seed, evaluations) if state_file else ""
+    saved = (read_state(state_file, STATE, key) if state_file else None) or {}
+    costs: dict[str, Array] = {}
+    finished: list[tuple[float, Array]] = []
+    for start in range(STARTS):
+        strategy = _new_strategy(free, seed + start, evaluations // STARTS)
+        name = f"costs of start {start + 1}"
+        known = saved.get(name, np.empty((0, strategy.popsize)))
+        if known.shape[1:] != (strategy.popsize,):
+            raise InputError(f"{state_file} is damaged: remove it, and the run begins anew")
+        costs[name] = known
+        generation = 0
         while not strategy.stop():
+            # The strategy is never saved: from its seed and the costs it goes through the same states again.
             candidates = strategy.ask()
+            generation += 1
+            if generation <= len(known):
+                strategy.tell(candidates, known[generation - 1].tolist())
+                continue
             off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
-            strategy.tell(candidates, (off**2).sum(axis=1).tolist())
+            cost = (off**2).sum(axis=1)
+            strategy.tell(candidates, cost.tolist())
+            costs[name] = np.vstack([costs[name], cost])
             if state_file is not None:
-                write_whole(state_file, pickle.dumps((key, finished, strategy)))
+                write_state(state_file, STATE, key, costs)
             if on_progress:
-                done = len(finished) * (evaluations // STARTS) + int(strategy.countevals)
-                best = min([float(strategy.best.f), *(cost for cost, _ in finished)])
+                done = start * (evaluations // STARTS) + int(strategy.countevals)
+                best = min([float(strategy.best.f), *(reached for reached, _ in finished)])
                 on_progress(min(done, evaluations - 1), evaluations, best)  # the last one is the polish
-        finished = [*finished, (float(strategy.best.f), np.asarray(strategy.best.x))]
-        strategy = None
-    _, nearest = min(finished, key=lambda start: start[0])
+        finished.append((float(strategy.best.f), np.asarray(strategy.best.x)))
+    _, nearest = min(finished, key=lambda reached: reached[0])
     fit = _polish(free, loops, nearest, evaluations)
     if on_progress:
         on_progress(evaluations, evaluations, fit.cost)
     return fit
+
+
+def check_effort(evaluations: int, seed: int) -> None:
+    """Refuse a number of evaluations or a seed that cannot be.
+
+    Raises:
+        ValueError: so it is.
+    """
+    if not LEAST_EVALUATIONS <= evaluations <= MOST_EVALUATIONS:
+        raise InputError(
+            f"evaluations = {evaluations}: must be at least {LEAST_EVALUATIONS}, at most {MOST_EVALUATIONS}"
+        )
+    if not 0 <= seed <= MOST_SEED:
+        raise InputError(f"seed = {seed}: must be at least 0 and at most {MOST_SEED}")
 
 
 def _coarse(preset: Preset) -> Preset:
@@ -139,42 +171,25 @@ def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, u
     )
 
 
-def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluations: int) -> tuple[Any, ...]:
-    """Return the inputs of a calibration: a saved state is resumed only if they are the same."""
-    logs = [
-        (
-            loop.name,
-            loop.sample_time,
-            loop.sheath_bend,
-            *(values.tobytes() for values in (loop.pull, loop.bend, loop.tension, loop.fitted)),
-        )
-        for loop in loops
-    ]
-    return __version__, free, seed, evaluations, logs
+def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluations: int) -> str:
+    """Return the SHA-256 of all that the costs depend on: a saved state is resumed only if it is the same."""
+    versions = [version(name) for name in ("cma", "numpy", "scipy", "mujoco", "dm_control")]
+    inputs: list[Any] = [__version__, versions, seed, evaluations, free.base.to_dict(), list(free.names)]
+    for loop in loops:
+        inputs += [loop.name, loop.sample_time, loop.sheath_bend]
+        inputs += [loop.pull, loop.bend, loop.tension, loop.fitted]
+    return state_key(*inputs)
 
 
 def _new_strategy(free: FreeParameters, seed: int, evaluations: int) -> Any:
-    return cma.CMAEvolutionStrategy(
-        free.start,
-        STEP,
-        {"seed": seed + 1, "bounds": [free.lower, free.upper], "verbose": -9, "maxfevals": evaluations},
-    )  # CMA takes a seed of 0 for the time of day
-
-
-def _resume(state_file: Path | None, key: tuple[Any, ...]) -> tuple[list[tuple[float, Array]], Any]:
-    """Return the saved state of this calibration: finished starts, and the strategy of an unfinished one."""
-    if state_file is None or not state_file.is_file():
-        return [], None
-    try:
-        saved, finished, strategy = pickle.loads(state_file.read_bytes())
-    except (
-        pickle.UnpicklingError,
-        EOFError,
-        AttributeError,
-        ImportError,
-        ValueError,
-        LookupError,
-        TypeError,
-    ):
-        return [], None
-    return (finished, strategy) if saved == key else ([], None)
+    options: dict[str, Any] = {
+        "bounds": [free.lower, free.upper],
+        "verbose": -9,
+        "maxfevals": evaluations,
+        # A stream of its own, so that nothing else that draws numbers changes it.
+        "randn": np.random.RandomState(seed + 1).randn,
+        "seed": np.nan,
+    }
+    if len(free.names) == 1:
+        options["maxstd_boundrange"] = np.inf  # with one parameter, cma 4.5 fails where it limits the step
+    return cma.CMAEvolutionStrategy(free.start, STEP, options)

@@ -43,7 +43,8 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
     correlation from one sample to the next (the effective number of samples of an AR(1) process, Bayley and
     Hammersley 1946).
     """
-    residual, jacobian = fit.residual, fit.jacobian
+    told = np.isfinite(fit.jacobian).all(axis=0)
+    residual, jacobian = fit.residual, np.where(told, fit.jacobian, 0.0)
     freedom = max(len(residual) - jacobian.shape[1], 1)
     power = float(residual @ residual)
     r = float(np.clip(residual[1:] @ residual[:-1] / power, 0.0, 0.999)) if power > 0 else 0.0
@@ -74,9 +75,9 @@ def likely_ranges(fit: Fit, free: FreeParameters, known: Uncertainty) -> Ranges:
             reach = min(3 * deviation, SIGNED[name])
             low, high = value - reach, value + reach
         else:
-            factor = np.exp(min(3 * deviation / value, np.log(3.0)))
+            factor = np.exp(min(3 * deviation, np.log(3.0) * value) / value) if value > 0 else 1.0
             low, high = value / factor, value * factor
-        low, high = (float(f"{np.clip(end, least, most):.4g}") for end in (low, high))
+        low, high = (float(np.clip(float(f"{end:.4g}"), least, most)) for end in (low, high))
         if low < high:
             ranges.append((name, low, high))
     return Ranges(tuple(ranges))

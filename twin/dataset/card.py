@@ -16,6 +16,7 @@ from twin.episode import Episode
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.files.dataset_json import SimulatedDataset, SimulatedFile
+from twin.files.names import in_code
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
@@ -29,13 +30,16 @@ POINTS = 400
 """Measurements that a panel shows: all of them would be a grey band."""
 
 
-def write_card(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> Path:
+def write_card(
+    folder: Path, recipe: Recipe, contents: SimulatedDataset, *, figure_alone: bool = False
+) -> Path:
     """Write the README.md and its figure into the folder of a dataset.
 
     Args:
         folder: where the episodes are.
         recipe: what they were made from.
         contents: of `dataset.json`.
+        figure_alone: leave the README.md as it is: the user has changed it.
 
     Returns:
         The path of the README.md.
@@ -43,29 +47,39 @@ def write_card(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> Path
     shown = _to_show(recipe, contents.files)
     episodes = (read_episode(folder / file.name) for file in shown)  # one in memory at a time
     write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
+    if not figure_alone:
+        write_whole(folder / CARD, card_text(recipe, contents))
+    return folder / CARD
+
+
+def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
+    """Return the text of the README.md of a dataset.
+
+    Args:
+        recipe: what its episodes were made from.
+        contents: of `dataset.json`.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(assets_folder()),
         trim_blocks=True,
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
-    text = environment.get_template("dataset_card.md.j2").render(
+    return environment.get_template("dataset_card.md.j2").render(
         episodes=contents.episodes,
         seconds_each=f"{recipe.seconds:g}",
         total=_duration(contents.seconds),
-        preset=recipe.preset.name,
+        preset=in_code(recipe.preset.name),
         endotwin=contents.endotwin,
         mujoco=contents.mujoco,
         figure=FIGURE,
-        caption=_caption(len(shown), contents.episodes),
+        caption=_caption(len(_to_show(recipe, contents.files)), contents.episodes),
         varies=_what_varies(recipe, contents.files),
         rate=f"{1 / recipe.sample_time_s:g}",
         features=_features(contents),
         first=contents.files[0].name,
         size=_size(contents.bytes, contents.seconds),
     )
-    write_whole(folder / CARD, text)
-    return folder / CARD
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +165,7 @@ def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
         lines.append(f"each episode's endoscope, drawn (SI units): {', '.join(drawn)}")
     changed = _changed(recipe)
     if changed:
-        lines.append(f"other than the preset `{recipe.preset.name}` (SI units): {changed}")
+        lines.append(f"other than the preset {in_code(recipe.preset.name)} (SI units): {changed}")
     lines.append(f"sensor: {_sensor(recipe)}")
     if recipe.camera is not None:
         camera = recipe.camera

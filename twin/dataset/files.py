@@ -11,14 +11,16 @@ from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
+from twin.files.atomic import write_whole
 from twin.files.dataset_json import SimulatedFile
 from twin.files.hashes import sha256_of
-from twin.recording import EpisodeWriter, read_episode, read_metadata, write_csv
+from twin.recording import EpisodeWriter, read_episode, read_metadata
 from twin.recording.camera import CAMERA_TOPIC, picture_message
 from twin.recording.features import wrong_statistics
 from twin.recording.listing import describe_file
 from twin.recording.messages import to_nanoseconds
 from twin.recording.reader import HINT
+from twin.recording.table import csv_text
 from twin.rendering.camera import pictures
 
 Entry = dict[str, Any]
@@ -69,7 +71,7 @@ def make_files(
         versions: of what asks for it; a worker on another machine may have others.
 
     Raises:
-        ValueError: the worker's versions are others.
+        ValueError: the worker's versions are others, or a table is there that no run made.
         FloatingPointError: a simulation diverged; the other episodes are written.
         OSError: the disk is full, a file cannot be written, or nothing can draw a camera's pictures.
     """
@@ -82,10 +84,11 @@ def make_files(
         if path.exists():
             try:
                 metadata = _check_file(recipe, key, path, known.get(path.name))
-                damaged = _write_table(path, known.get(path.name)) if csv else ""
-                made[key] = Made(_entry(recipe, path, metadata, csv), kept=not damaged, damage=damaged)
             except (ValueError, FileNotFoundError) as error:
                 damage[key] = str(error).removesuffix(HINT)  # it is made anew
+                continue
+            damaged = _write_table(path, known.get(path.name)) if csv else ""
+            made[key] = Made(_entry(recipe, path, metadata, csv), kept=not damaged, damage=damaged)
     missing = [key for key in keys if key not in made]
     episodes = make_episodes(recipe, missing) if missing else []
     _refuse_if_unwanted(recipe, folder)
@@ -96,7 +99,7 @@ def make_files(
         else:
             _write(recipe, paths[key], episode)
             if csv:
-                _write_table(paths[key], None)
+                _write_table(paths[key], known.get(paths[key].name))
             made[key] = Made(_entry(recipe, paths[key], episode.metadata, csv), damage=damage.get(key, ""))
     if failed:
         raise DivergedError(diverged(recipe, failed[0]))
@@ -133,6 +136,9 @@ def _write_table(path: Path, known: SimulatedFile | None) -> str:
 
     Returns:
         What was wrong with a table whose hash was known.
+
+    Raises:
+        ValueError: a table is there that no run made.
     """
     table = path.with_suffix(".csv")
     stated = None if known is None else known.table_sha256
@@ -141,7 +147,13 @@ def _write_table(path: Path, known: SimulatedFile | None) -> str:
         if table.is_file() and sha256_of(table) == stated:
             return ""
         damage = f"{table} is not what dataset.json says" if table.is_file() else f"{table} is missing"
-    write_csv(table, read_episode(path))
+    text = csv_text(read_episode(path))
+    if stated is None and table.exists():
+        # What a run that was killed has made has the same bytes.
+        if table.read_bytes() != text.encode():
+            raise InputError(f"{table} is there, and `generate` did not make it: move it")
+        return ""
+    write_whole(table, text)
     return damage
 
 

@@ -35,7 +35,7 @@ def wrong_origin(
     """
     entry = to_json_values(file)
     if isinstance(file, MeasuredFile):
-        stated: dict[str, Any] = {"file": file.csv, "file_sha256": file.csv_sha256}
+        stated: dict[str, Any] = {"source": "measured", "file": file.csv, "file_sha256": file.csv_sha256}
     else:
         stated = {name: entry[name] for name in _STATED if name in entry}
         if isinstance(file, BenchmarkFile):

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from twin.episode import LARGEST_GRID
 from twin.errors import InputError
+from twin.files.bounds import LONGEST_SECONDS
+from twin.files.shown import shown
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.preset.sample_time import check_sample_time
@@ -21,6 +22,17 @@ from twin.signals.excitation import SIGNALS, command
 Interval = tuple[float, float]
 MOST_EPISODES = 10_000
 """Largest number of episodes of one seed: their files are numbered with four digits."""
+MOST_SAMPLES = 1_000_000
+"""Largest number of samples of one episode, which a worker holds whole: about 750 MB."""
+MOST_SAMPLES_IN_ALL = 1_000_000_000
+"""Largest number of samples of a dataset."""
+
+MOST_IN_ALL = 20_000
+"""Largest number of episodes of all seeds: what `dataset.json` says of more is not read."""
+MOST_GIVEN = 100_000
+"""Largest number of samples of a given command: a recipe's file of more is not read."""
+LARGEST_SEED = 2**128 - 1
+"""Largest seed: the entropy that NumPy's random numbers begin with has 128 bits."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,24 +127,44 @@ class Recipe:
             ValueError: a signal, a stroke, the times, the noise, a bend, a seed or the count cannot be.
         """
         if not 1 <= self.episodes <= MOST_EPISODES:
-            raise InputError(f"episodes = {self.episodes}: must be from 1 to {MOST_EPISODES}, of each seed")
+            raise InputError(
+                f"episodes = {shown(self.episodes)}: must be from 1 to {MOST_EPISODES}, of each seed"
+            )
         for name in ("seeds", "signals", "strokes_mm"):
             if not getattr(self, name):
                 raise InputError(f"{name}: none is given, at least one is needed")
         for seed in self.seeds:
             if seed < 0:
-                raise InputError(f"seed = {seed}: must not be negative")
+                raise InputError(f"seed = {shown(seed)}: must not be negative")
+            if seed > LARGEST_SEED:
+                raise InputError(f"seed = {shown(seed)}: must be at most {LARGEST_SEED}")
+        if self.episodes * len(self.seeds) > MOST_IN_ALL:
+            in_all = f"{self.episodes} episodes of {len(self.seeds)} seeds"
+            raise InputError(f"{in_all}: a dataset has at most {MOST_IN_ALL}, make several")
         if len(set(self.seeds)) < len(self.seeds):
-            raise InputError(f"seeds = {list(self.seeds)}: one is given twice")
+            raise InputError(f"seeds = {shown(list(self.seeds))}: one is given twice")
         rng = np.random.default_rng(0)
         if not 0 <= self.sensor_variance_deg2 < np.inf:
             raise InputError(
                 f"variance of the sensor {self.sensor_variance_deg2:g} deg^2: must be finite and not negative"
             )
         check_sample_time(self.preset, self.sample_time_s)
-        if self.seconds / self.sample_time_s > LARGEST_GRID:
-            raise InputError(f"{self.seconds:g} s: an episode has at most {LARGEST_GRID} samples")
+        if not self.seconds <= LONGEST_SECONDS:
+            raise InputError(f"{self.seconds:g} s: an episode lasts at most {LONGEST_SECONDS:g} s")
+        samples = self.seconds / self.sample_time_s
+        if samples > MOST_SAMPLES:
+            raise InputError(f"{self.seconds:g} s: an episode has at most {MOST_SAMPLES} samples")
+        if samples * self.episodes * len(self.seeds) > MOST_SAMPLES_IN_ALL:
+            raise InputError(
+                f"{self.seconds:g} s of {self.episodes} episodes of {len(self.seeds)} seeds: a dataset has "
+                f"at most {MOST_SAMPLES_IN_ALL} samples"
+            )
         if self.given_pull_m is not None:
+            if len(self.given_pull_m) > MOST_GIVEN:
+                raise InputError(
+                    f"a given command of {len(self.given_pull_m)} samples: at most {MOST_GIVEN}, "
+                    "raise the sample time or cut it"
+                )
             given = len(self.given_pull_m) * self.sample_time_s
             if abs(given - self.seconds) > 1e-9 * given:
                 raise InputError(f"{self.seconds:g} s: the given command lasts {given:g} s")

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError
 
-from twin.dataset.recipe import Interval, Recipe
+from twin.dataset.recipe import MOST_EPISODES, MOST_GIVEN, Interval, Recipe
 from twin.errors import InputError, MissingFileError
+from twin.files.bounded import read_limited
+from twin.files.shown import cut, shown
+from twin.files.yaml_text import MOST_BYTES, parse_yaml
 from twin.measured.command import read_command
 from twin.preset.file import load_preset, preset_of
 from twin.preset.preset import Preset, suggestion
@@ -21,6 +23,9 @@ from twin.signals.excitation import SIGNALS
 
 LEAST_EPISODES = 5
 """Number of episodes where a recipe does not state it, even if it has fewer combinations."""
+
+MOST_CONDITIONS = 1000
+"""Number of signals, of strokes and of bends that a recipe may list."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
@@ -89,17 +94,19 @@ class RecipeFile(_Strict):
     randomize: bool = False
     ranges: dict[str, Pair] | None = None
     episodes: StrictInt | None = None
-    seeds: list[StrictInt] = [0]
+    seeds: Annotated[list[StrictInt], Field(max_length=MOST_EPISODES)] = [0]
     seconds: Number = 60.0
     sample_time_s: Number = 0.02
-    signals: list[str] = list(SIGNALS)
-    strokes_mm: list[Pair] = [(2.0, 4.0)]
+    signals: Annotated[list[str], Field(max_length=MOST_CONDITIONS)] = list(SIGNALS)
+    strokes_mm: Annotated[list[Pair], Field(max_length=MOST_CONDITIONS)] = [(2.0, 4.0)]
     lateral_stroke_mm: Pair | None = None
-    sheath_bends_deg: list[Number | tuple[Number | None, Number]] = []
+    sheath_bends_deg: Annotated[
+        list[Number | tuple[Number | None, Number]], Field(max_length=MOST_CONDITIONS)
+    ] = []
     sensor: SensorFile = SensorFile()
     camera: Camera | None = None
     command_csv: Path | None = None
-    given_pull_m: Annotated[list[Number], Field(min_length=2)] | None = None
+    given_pull_m: Annotated[list[Number], Field(min_length=2, max_length=MOST_GIVEN)] | None = None
 
 
 _FORMS = {
@@ -124,7 +131,7 @@ def load_recipe(path: Path) -> Recipe:
         FileNotFoundError: there is no such file, or none that it names.
         ValueError: it is no recipe; the line says which key is wrong, and why.
     """
-    return resolve(read_recipe_file(path), path.parent)
+    return resolve(read_recipe_file(path), path.parent, path)
 
 
 def read_recipe_file(path: Path) -> dict[str, Any]:
@@ -134,25 +141,26 @@ def read_recipe_file(path: Path) -> dict[str, Any]:
         FileNotFoundError: there is no such file.
         ValueError: it is not YAML of `key: value`.
     """
-    if not path.is_file():
-        raise MissingFileError(f"no recipe {path}")
     try:
-        return parse_recipe(path.read_text())
-    except (ValueError, UnicodeDecodeError) as error:
+        content = read_limited(path, MOST_BYTES)
+    except MissingFileError as error:
+        raise MissingFileError(f"no recipe {path}") from error
+    try:
+        return parse_recipe(content)
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def parse_recipe(text: str) -> dict[str, Any]:
+def parse_recipe(text: str | bytes) -> dict[str, Any]:
     """Return the keys and values of the text of a recipe's file, not yet checked.
 
     Raises:
         ValueError: it is not YAML of `key: value`.
     """
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        values = yaml.load(text, Loader=loader)
-    except yaml.YAMLError as error:
-        raise InputError(f"not a YAML file: {' '.join(str(error).split())}") from error
+        values = parse_yaml(text)
+    except ValueError as error:
+        raise InputError(f"not a YAML file: {error}") from error
     if values is None:  # comments alone: every key may be left out
         return {}
     if not isinstance(values, dict):
@@ -160,18 +168,39 @@ def parse_recipe(text: str) -> dict[str, Any]:
     return values
 
 
-def resolve(values: Mapping[str, Any], folder: Path) -> Recipe:
+def resolve(values: Mapping[str, Any], folder: Path, origin: Path | None = None) -> Recipe:
     """Turn keys and values into a recipe: read the preset and the command that they name.
 
     Args:
         values: as in a recipe's file.
         folder: what the paths among them are relative to.
+        origin: file that they were read from, which messages name.
 
     Raises:
         FileNotFoundError: a file that it names does not exist.
         ValueError: a key or a value is wrong.
     """
+    try:
+        return _resolved(_validated(values), folder)
+    except (InputError, MissingFileError) as error:
+        if origin is None:
+            raise
+        raise type(error)(f"{origin}: {error}") from error
+
+
+def resolve_alone(values: Mapping[str, Any]) -> Recipe:
+    """Turn keys and values into a recipe that names no file: one that another file carries.
+
+    Raises:
+        ValueError: a key or a value is wrong, or names a file.
+    """
     file = _validated(values)
+    if file.command_csv is not None or file.randomize or not isinstance(file.preset, dict):
+        raise InputError("it names files: a recipe that a file carries states every parameter and sample")
+    return _resolved(file, Path())
+
+
+def _resolved(file: RecipeFile, folder: Path) -> Recipe:
     named = _preset_name(file.preset, folder)
     preset = load_preset(named) if isinstance(named, (str, Path)) else _inline_preset(named)
     changes = {**file.set, **file.sensor.parameters()}
@@ -221,17 +250,17 @@ def _validated(values: Mapping[str, Any]) -> RecipeFile:
     try:
         return RecipeFile.model_validate(dict(values))
     except ValidationError as error:
-        first = error.errors()[0]
+        first = error.errors(include_url=False, include_context=False)[0]
         key, last = str(first["loc"][0]), str(first["loc"][-1])
         if first["type"] in ("extra_forbidden", "unexpected_keyword_argument", "invalid_key"):
             inside = {"sensor": list(SensorFile.model_fields), "camera": list(Camera.__dataclass_fields__)}
             valid = inside.get(key, [name for name in RecipeFile.model_fields if name != "given_pull_m"])
-            raise InputError(f"unknown key {last!r}{suggestion(last, valid)}") from None
+            raise InputError(f"unknown key {shown(last)}{suggestion(last, valid)}") from None
         name, value = _place(values, first["loc"])
-        rule = first["msg"][0].lower() + first["msg"][1:]
+        rule = cut(first["msg"][0].lower() + first["msg"][1:])
         if "." not in name or key not in ("sensor", "camera"):
             rule = _FORMS.get(key, rule)
-        raise InputError(f"{name} = {value!r:.40}: {rule}") from None
+        raise InputError(f"{cut(name, 60)} = {shown(value)}: {rule}") from None
 
 
 def _place(values: Mapping[str, Any], path: Sequence[int | str]) -> tuple[str, Any]:

@@ -11,7 +11,7 @@ from twin.dataset.card import CARD, FIGURE
 from twin.dataset.files import file_name, make_files
 from twin.dataset.origin import wrong_origin
 from twin.dataset.recipe import EpisodeKey, of_each_episode
-from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
+from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
 from twin.dataset.versions import VERSIONS
 from twin.dataset.write import describe
 from twin.episode import Episode
@@ -69,8 +69,9 @@ def verify(folder: Path, on_progress: Callable[[int, int], None] | None = None) 
     files: tuple[Entry, ...] = contents.files
     count = len(files)
     faults = []
+    made_from = _recipe_sha256(folder) if isinstance(contents, SimulatedDataset) else None
     for done, file in enumerate(files, start=1):
-        faults += _wrong_file(folder, file, contents)
+        faults += _wrong_file(folder, file, contents, made_from)
         if on_progress:
             on_progress(done, count)
     faults += _wrong_totals(folder / NAME, contents)
@@ -84,7 +85,7 @@ def verify(folder: Path, on_progress: Callable[[int, int], None] | None = None) 
     return faults, count
 
 
-def _wrong_file(folder: Path, file: Entry, contents: Dataset) -> list[str]:
+def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> list[str]:
     """Return in what a file is not as `dataset.json` says."""
     path = folder / file.name
     if not path.is_file():
@@ -110,7 +111,17 @@ def _wrong_file(folder: Path, file: Entry, contents: Dataset) -> list[str]:
         faults.append(f"{path} holds other quantities than dataset.json says")
     wrong = wrong_statistics(episode, to_json_values(file)["statistics"])
     faults += [f"{path}: {fault}, by dataset.json" for fault in wrong]
+    if made_from is not None and episode.metadata.get("recipe_sha256") != made_from:
+        faults.append(f"{path} was made from another recipe than that of the folder")
     return [*faults, *wrong_origin(path, episode.metadata, file, contents)]
+
+
+def _recipe_sha256(folder: Path) -> str | None:
+    """Return the SHA-256 of the folder's recipe as each episode states it; None if it cannot be read."""
+    try:
+        return of_each_episode(load_recipe(folder / "recipe.yaml"))[1]
+    except (FileNotFoundError, ValueError):
+        return None  # reported with the recipe
 
 
 def _wrong_table(table: Path, file: SimulatedFile) -> list[str]:
@@ -162,8 +173,8 @@ def replay(path: Path) -> Replay:
     if "recipe.yaml" not in episode.attachments or not {"seed", "episode"} <= set(facts):
         raise InputError(f"{path} carries no recipe: only what `endotwin generate` made can be replayed")
     try:
-        recipe = resolve(parse_recipe(episode.attachments["recipe.yaml"].decode()), path.parent)
-    except (ValueError, FileNotFoundError) as error:
+        recipe = resolve_alone(parse_recipe(episode.attachments["recipe.yaml"]))
+    except ValueError as error:
         raise InputError(f"{path}: the recipe that it carries cannot be read: {error}") from error
     key = EpisodeKey(facts["seed"], facts["episode"])
     if not all(type(number) is int and number >= 0 for number in (key.seed, key.number)):

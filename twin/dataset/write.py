@@ -9,11 +9,12 @@ from typing import Any
 
 from twin.dataset.card import write_card
 from twin.dataset.files import Entry, Made, file_name, make_files
+from twin.dataset.foreign import has_own_card, refuse_foreign_files
 from twin.dataset.recipe import Recipe, to_yaml
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.errors import InputError
-from twin.files.atomic import remove_partial_files, write_whole
+from twin.files.atomic import write_whole
 from twin.files.dataset_json import (
     NAME,
     SimulatedDataset,
@@ -89,17 +90,18 @@ def write_dataset(
         former = _former(folder)
         known = {} if former is None else {file.name: file for file in former.files}
         own_file = _refuse_another_dataset(folder, recipe, former)
+        refuse_foreign_files(folder, recipe, former, own_file=own_file, csv=csv)
+        own_card = has_own_card(folder, former)
         try:
             if not own_file:
                 write_whole(folder / "recipe.yaml", to_yaml(recipe))
             made = _make(recipe, folder, executor, workers, known, csv, on_progress)
             contents = _contents(recipe, folder, [one.entry for one in made])
-            write_card(folder, recipe, SimulatedDataset.model_validate_json(to_text(contents)))
+            described = SimulatedDataset.model_validate_json(to_text(contents))
+            write_card(folder, recipe, described, figure_alone=own_card)
             write_contents(folder, contents)
         except (OSError, BrokenExecutor) as error:
             raise _how_to_go_on(error, folder, recipe) from error
-        finally:
-            remove_partial_files(folder)  # of workers that were killed, now or in a former run
     damage = tuple(one.damage for one in made if one.damage)
     return Written(contents, sum(one.kept for one in made), damage)
 

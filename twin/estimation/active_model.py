@@ -6,18 +6,44 @@ random walk.
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, condition, propagate
 from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.files.schema import validated
+from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
 ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
+
+Variance = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class ActiveModelFile(BaseModel):
+    """Parameters of the filter as a trained file holds them; see `ActiveModel`.
+
+    Attributes:
+        model: of hysteresis, by its name and parameters.
+        sample_time: T [s].
+        process_variance: diagonal of Q.
+        measurement_variance: R [deg^2].
+        initial_variance: diagonal of P at the first sample.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    model: dict[str, Any]
+    sample_time: Annotated[float, Field(ge=1e-6, le=100)]
+    process_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+    measurement_variance: Annotated[float, Field(gt=0, le=1e9)]
+    initial_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,25 +116,26 @@ class ActiveModel(Estimator[Belief]):
         }
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+    def from_dict(cls, values: Any) -> Self:
         """Return the filter of what `to_dict` returned.
 
         Raises:
-            KeyError: a value is missing.
-            ValueError: a value is no number, or the model's parameters cannot be.
+            ValueError: a value is missing, is no number or is out of range, or the model cannot be.
         """
+        if not isinstance(values, Mapping):
+            raise InputError(f"active_model = {shown(values)}: must be its parameters by name")
+        try:
+            file = validated(ActiveModelFile, values)
+            model = model_from_dict(file.model)
+        except ValueError as error:
+            raise InputError(f"active_model: {error}") from error
         return cls(
-            model_from_dict(values["model"]),
-            float(values["sample_time"]),
-            process_variance=_pair(values["process_variance"]),
-            measurement_variance=float(values["measurement_variance"]),
-            initial_variance=_pair(values["initial_variance"]),
+            model,
+            file.sample_time,
+            process_variance=(file.process_variance[0], file.process_variance[1]),
+            measurement_variance=file.measurement_variance,
+            initial_variance=(file.initial_variance[0], file.initial_variance[1]),
         )
-
-
-def _pair(values: Any) -> tuple[float, float]:
-    first, second = values
-    return float(first), float(second)
 
 
 register_method(

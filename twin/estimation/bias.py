@@ -42,6 +42,13 @@ class BiasedActiveModel(ActiveModel):
         covariance[2, 2] = self.bias_variance
         return Belief(mean, covariance, pair.memory)
 
+    def resume(self, trusted: Belief, pull_mm: Array, bend_deg: Array) -> Belief:
+        """Begin anew with the bias that was known: it takes minutes to find."""
+        belief = self.start(pull_mm, bend_deg - trusted.mean[2])
+        belief.mean[2] = trusted.mean[2]
+        belief.covariance[2, 2] = trusted.covariance[2, 2]
+        return belief
+
     def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
         """Advance the belief by one sample: angle and error as the active model does, the bias stays."""
         pair = Belief(belief.mean[:2], belief.covariance[:2, :2], belief.memory)

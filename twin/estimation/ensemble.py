@@ -80,10 +80,12 @@ class EnsembleFilter(Estimator[EnsembleState]):
     ) -> EnsembleState:
         """Weigh the members by one measurement, which is there for all filters or for none.
 
+        Beyond the end of the command the members stand where they ended.
+
         Raises:
             ValueError: it is there for some of them only.
         """
-        sample = state.sample + 1
+        sample = min(state.sample + 1, self.members_deg.shape[1] - 1)
         missing = np.isnan(measurement_deg)
         if missing.all():
             return state._replace(sample=sample)

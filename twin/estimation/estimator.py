@@ -46,6 +46,18 @@ class Estimator(abc.ABC, Generic[State]):
             bend_deg: (B,) initial estimate of the angle [deg].
         """
 
+    def resume(self, trusted: State, pull_mm: Array, bend_deg: Array) -> State:
+        """Return the state of a live stream that begins anew after a fault; as at the first sample, here.
+
+        An estimator that learns something slowly, and could not learn it again in seconds, keeps that.
+
+        Args:
+            trusted: state before the fault.
+            pull_mm: (B,) pulling distance now [mm].
+            bend_deg: (B,) angle that is believed now [deg].
+        """
+        return self.start(pull_mm, bend_deg)
+
     @abc.abstractmethod
     def step(self, state: State, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> State:
         """Return the state one sample later; the one given is left as it is.

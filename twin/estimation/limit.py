@@ -12,9 +12,13 @@ from twin.errors import InputError
 from twin.estimation.case import Case
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.registry import MethodSpec, register_method
+from twin.files.arrays import read_arrays
+from twin.files.bounded import MEBIBYTE
 from twin.signals.noise import noise_variance
 
 Array = NDArray[np.float64]
+MOST_BYTES = 1024 * MEBIBYTE
+"""Size of a file of an ensemble [bytes]: thousands of members along minutes."""
 _SAME = 1e-9  # two pulls that differ by less are one [mm]
 _LEAST = 10  # samples for which a record must follow a command
 
@@ -80,9 +84,17 @@ class Ensembles:
         """Pull (N,) [mm] and members (M, N) [deg] of every command, read once."""
         loaded = []
         for path in self.paths:
-            with np.load(path, allow_pickle=False) as arrays:
-                every = round(self.sample_time / float(arrays["sample_time"]))
-                loaded.append((arrays["pull_mm"][::every], arrays["bend_deg"][:, ::every]))
+            arrays = read_arrays(path, MOST_BYTES, "ensemble")
+            try:
+                step = float(arrays["sample_time"])
+                pull_mm, bend_deg = arrays["pull_mm"], arrays["bend_deg"]
+            except (KeyError, TypeError) as error:
+                raise InputError(f"{path} holds no ensemble: remove it, and it is made again") from error
+            fits = pull_mm.ndim == 1 and bend_deg.ndim == 2 and bend_deg.shape[1] == len(pull_mm)
+            if not fits or bend_deg.dtype.kind != "f" or not 0 < step <= self.sample_time:
+                raise InputError(f"{path} holds no ensemble: remove it, and it is made again")
+            every = round(self.sample_time / step)
+            loaded.append((pull_mm[::every], bend_deg[:, ::every]))
         return loaded
 
     def _alike(self, case: Case) -> list[tuple[list[int], Array]]:

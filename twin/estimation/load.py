@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_training
-from twin.hysteresis import HysteresisModel, model_from_dict
+from twin.hysteresis import HysteresisModel
 
 
 def load_estimator(path: str | Path) -> Estimator[Any]:
@@ -41,6 +42,6 @@ def model_of(path: str | Path) -> HysteresisModel:
     """
     description = read_trained_file(Path(path)).description
     try:
-        return model_from_dict(description["active_model"]["model"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} does not tell the model that it was trained with") from error
+        return ActiveModel.from_dict(description.get("active_model")).model
+    except ValueError as error:
+        raise InputError(f"{path} does not tell the model that it was trained with: {error}") from error

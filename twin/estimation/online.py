@@ -4,107 +4,297 @@ It drives the same `start` and `step` as whole records do: an even stream gives 
 """
 
 import math
-from typing import Generic
+import numbers
+import reprlib
+from typing import Any, Generic
 
 import numpy as np
 
 from twin.errors import InputError
+from twin.estimation.agreement import AgreeingRun, Refused
 from twin.estimation.estimator import Estimator, State
+from twin.estimation.health import Health, StreamLimits
+from twin.estimation.outlier_gate import OutlierGate
+from twin.estimation.soundness import is_sound
+from twin.estimation.stream_clock import StreamClock, samples_within
 
 GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
 FILL_LIMIT_S = 10.0  # a gap is filled with no more predictions than fit into this time
+FILL_LIMIT_SAMPLES = 2000  # and with no more than these: the next sample waits for them
+WALK_MM = 0.25  # a longer way of the tendon is gone in steps of this length: models are unstable in one
+HOLD_LIMIT_S = 1.0  # a pull may have moved on for so long while it was held
+FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two that were refused agree
+REFUSED_STEPS = 3  # in a row, after which the estimator begins anew
+GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
+WILD = 10.0  # times the limit of a measurement, beyond which no estimate is sound
 
 
 class OnlineEstimator(Generic[State]):
-    """A running estimator; public counters tell what it had to make good.
+    """A running estimator that no sample can break; `health` tells what was wrong with the last one.
 
     The estimate is never NaN: before the stream begins it is the initial one, and a step that would lead to
-    no finite angle is not taken.
+    a state that is not sound, in any number of it, is not taken. What is far from all that is known is
+    refused; where refused samples agree among themselves for a while, the estimator begins anew at them, so
+    that it is never locked out. Every sample that is pushed is counted once as ignored, waiting, first or
+    step: `pushed == ignored + waiting + first + steps`. The other counters tell what it had to make good.
 
     Attributes:
+        health: faults of the last sample.
+        pushed: samples that came.
+        ignored: samples whose time stamp does not count.
+        waiting: samples before the first pull.
+        first: one, as soon as the stream has begun.
         steps: samples after the first that the estimator has stepped to.
-        ignored: samples that came no later than the one before, or with no finite time.
         filled: samples predicted in gaps.
         missing_measurements: samples without a finite measurement.
+        implausible_measurements: samples whose measurement is beyond its limit.
+        outliers: samples whose measurement is too far from the last estimate.
         held_pulls: samples without a finite pull.
-        refused: steps that would have led to no finite angle.
+        implausible_pulls: samples whose pull is beyond its limit, or too far from the last.
+        refused: steps that would have led to no sound state.
+        restarts: how often the estimator began anew.
+        clock_resets: how often the stream went on by another clock.
     """
 
-    def __init__(self, estimator: Estimator[State], sample_time: float, initial_bend_deg: float):
+    def __init__(
+        self,
+        estimator: Estimator[State],
+        sample_time: float,
+        initial_bend_deg: float,
+        limits: StreamLimits | None = None,
+    ):
         """Prepare a stream.
 
         Args:
             estimator: told of the sensor, if it is to be.
             sample_time: T, the time between samples that the estimator was made for [s].
             initial_bend_deg: estimate at the first sample, whose measurement is not used [deg].
+            limits: beyond which a sample is not believed; the wide ones of `StreamLimits`, if not given.
 
         Raises:
             ValueError: the sample time or the initial estimate is no proper number.
         """
+        self.limits = limits or StreamLimits()
+        sample_time = _number("sample_time", sample_time)
+        initial_bend_deg = _number("initial_bend_deg", initial_bend_deg)
         if not 0 < sample_time < math.inf:
             raise InputError(f"sample time {sample_time} s: must be positive and finite")
-        if not math.isfinite(initial_bend_deg):
-            raise InputError(f"initial_bend_deg = {initial_bend_deg}: must be a finite number")
+        if not abs(initial_bend_deg) <= self.limits.bend_deg or math.isinf(initial_bend_deg):
+            raise InputError(
+                f"initial_bend_deg = {initial_bend_deg}: must be a finite number "
+                f"from {-self.limits.bend_deg:g} to {self.limits.bend_deg:g}"
+            )
         self.estimator = estimator
         self.sample_time = sample_time
-        self.bend_deg = float(initial_bend_deg)
-        self.steps = self.ignored = self.filled = 0
-        self.missing_measurements = self.held_pulls = self.refused = 0
+        self.bend_deg = initial_bend_deg
+        self.health = Health.GOOD
+        self.pushed = self.ignored = self.waiting = self.first = self.steps = self.filled = 0
+        self.missing_measurements = self.implausible_measurements = self.outliers = 0
+        self.held_pulls = self.implausible_pulls = 0
+        self.refused = self.restarts = self.clock_resets = 0
         self._state: State | None = None  # until the first pull
-        self._time_s = -math.inf
         self._pull_mm = math.nan
+        self._held_s = 0.0  # since the last pull
+        self._refused_in_a_row = 0
+        self._trusted: State | None = None  # before the latest stretch of good samples
+        self._latest_good: State | None = None  # behind it
+        self._good_in_a_row = 0
+        self._stretch = math.ceil(min(max(GOOD_STRETCH_S / sample_time, 1.0), 1e9))
+        self._clock = StreamClock(sample_time, self.limits)
+        self._gate = OutlierGate(sample_time, self.limits)
+        enough = samples_within(self.limits.agreement_s, sample_time)
+        self._far_pulls, self._outliers = AgreeingRun(enough), AgreeingRun(enough)
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
         """Take in one sample and return the estimate at it [deg].
 
-        A sample no later than the last is ignored. One that comes more than 1.5 sample times after it ends a
-        gap: the samples between are predicted without a measurement along the straight line between the two
-        pulls, as many as fit; after more than 10 s, as many as fit into 10 s, so that the whole way of the
-        tendon is still gone, in larger steps. One that comes early is a sample as any other.
+        A sample no later than the last is ignored, as is one more than a day ahead; where such stamps go on
+        from each other for a second, the sender has a new clock, and the stream goes on by it. A sample that
+        comes more than 1.5 sample times after the last ends a gap: the samples between are predicted without
+        a measurement along the straight line between the two pulls, as many as fit; after more than 10 s, as
+        many as fit into 10 s, so that the whole way of the tendon is still gone, in larger steps. One that
+        comes early is a sample as any other.
 
         Args:
             time_s: its time stamp [s].
-            pull_mm: commanded pulling distance, taken to stand where it was if it is not finite [mm].
-            measurement_deg: measured angle, missing if it is not finite [deg].
+            pull_mm: commanded pulling distance, taken to stand where it was if it is not finite, beyond its
+                limit or too far from the last [mm].
+            measurement_deg: measured angle, missing if it is not finite, beyond its limit or too far from the
+                last estimate [deg].
+
+        Raises:
+            ValueError: one of them is no real number; the stream is then as it was before.
         """
-        if not (math.isfinite(time_s) and time_s > self._time_s):
-            self.ignored += 1
-            return self.bend_deg
-        if not math.isfinite(measurement_deg):
-            self.missing_measurements += 1
-            measurement_deg = math.nan
-        if not math.isfinite(pull_mm):
-            self.held_pulls += 1
-            pull_mm = self._pull_mm
-
-        if self._state is None:
-            if math.isfinite(pull_mm):  # else nothing can be held: the stream has not begun
-                self._state = self.estimator.start(np.array([pull_mm]), np.array([self.bend_deg]))
-                self._time_s, self._pull_mm = time_s, pull_mm
-            return self.bend_deg
-
-        between = self._samples_between(time_s)
+        if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
+            time_s, pull_mm = _number("time_s", time_s), _number("pull_mm", pull_mm)
+            measurement_deg = _number("measurement_deg", measurement_deg)
+        self.pushed += 1
+        self.health = Health.GOOD
+        elapsed_s = self._clock.elapsed(time_s)
+        if self._clock.fault:
+            self.health |= self._clock.fault
+            if math.isnan(elapsed_s):
+                self.ignored += 1
+                return self.bend_deg
+            self.clock_resets += 1
+        measurement_deg = self._plausible_measurement(measurement_deg)
+        pull_mm = self._plausible_pull(pull_mm)
         with np.errstate(all="ignore"):  # a step that overflows is refused
-            for pull in np.linspace(self._pull_mm, pull_mm, between + 2)[1:-1].tolist():
-                self._step(pull, math.nan)
-            self._step(pull_mm, measurement_deg)
-        self.filled += between
-        self.steps += 1
-        self._time_s = time_s
+            if self._state is None:
+                self._begin(pull_mm)
+            else:
+                self.steps += 1
+                self._advance(elapsed_s, pull_mm, measurement_deg)
+        self._good_in_a_row = 0 if self.health else self._good_in_a_row + 1
+        if self._good_in_a_row == self._stretch:
+            self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self._state, 0
         return self.bend_deg
 
-    def _samples_between(self, time_s: float) -> int:
-        samples = (time_s - self._time_s) / self.sample_time
-        if samples <= GAP_SAMPLES:
-            return 0
-        return round(min(samples, FILL_LIMIT_S / self.sample_time + 1)) - 1
+    def _plausible_measurement(self, measurement_deg: float) -> float:
+        """Return a measurement; NaN where there is none within the limits."""
+        if abs(measurement_deg) <= self.limits.bend_deg and not math.isinf(measurement_deg):
+            return measurement_deg
+        if math.isfinite(measurement_deg):
+            self.implausible_measurements += 1
+            self.health |= Health.IMPLAUSIBLE_MEASUREMENT
+        else:
+            self.missing_measurements += 1
+            self.health |= Health.NO_MEASUREMENT
+        return math.nan
+
+    def _plausible_pull(self, pull_mm: float) -> float:
+        """Return a pull; NaN where there is none within the limits."""
+        if abs(pull_mm) <= self.limits.pull_mm and not math.isinf(pull_mm):
+            return pull_mm
+        if math.isfinite(pull_mm):
+            self.implausible_pulls += 1
+            self.health |= Health.IMPLAUSIBLE_PULL
+        else:
+            self.held_pulls += 1
+            self.health |= Health.NO_PULL
+        return math.nan
+
+    def _begin(self, pull_mm: float) -> None:
+        if math.isnan(pull_mm):  # nothing can be held: the stream has not begun
+            self.waiting += 1
+            self.health |= Health.WAITING
+            return
+        self.first = 1
+        self._pull_mm = pull_mm
+        self._state = self.estimator.start(np.array([pull_mm]), np.array([self.bend_deg]))
+
+    def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
+        """Step to a sample whose stamp, pull and measurement are each within their limits, or NaN."""
+        self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
+        if math.isnan(pull_mm):
+            pull_mm = self._pull_mm
+        else:
+            reach = self.limits.pull_jump_mm + self.limits.pull_speed_mm_s * self._held_s
+            if abs(pull_mm - self._pull_mm) > reach:
+                self.implausible_pulls += 1
+                self.health |= Health.IMPLAUSIBLE_PULL
+                self._held_s -= min(elapsed_s, self._held_s)  # a wrong pull makes no other one likelier
+                tolerance = FAR_PULLS_AGREE * reach
+                if self._far_pulls.believes(pull_mm, tolerance, Refused(pull_mm, measurement_deg)):
+                    if self._restart(self._far_pulls):
+                        return
+                else:
+                    pull_mm = self._pull_mm
+            else:
+                self._held_s = 0.0
+                self._far_pulls.clear()
+
+        self._fill(elapsed_s, pull_mm)
+        if math.isnan(measurement_deg):
+            self._gate.widen(elapsed_s)
+        elif self._gate.passes(abs(measurement_deg - self.bend_deg)):
+            self._outliers.clear()
+        else:
+            self.outliers += 1
+            self.health |= Health.OUTLIER
+            refused = Refused(pull_mm, measurement_deg)
+            believed = self._outliers.believes(measurement_deg, self._gate.agreement_deg, refused)
+            if believed and self._restart(self._outliers):
+                return
+            measurement_deg = math.nan
+        self._step(pull_mm, measurement_deg)
+
+    def _fill(self, elapsed_s: float, pull_mm: float) -> None:
+        """Predict the samples of a gap, and all of a way that is too long for one step."""
+        samples = elapsed_s / self.sample_time
+        between = 0
+        if samples > GAP_SAMPLES:
+            between = round(min(samples, FILL_LIMIT_S / self.sample_time + 1, FILL_LIMIT_SAMPLES + 1)) - 1
+            self.filled += between
+            self.health |= Health.GAP
+        way, longest = abs(pull_mm - self._pull_mm), self.limits.pull_jump_mm
+        if not between:
+            longest += self.limits.pull_speed_mm_s * self.sample_time
+        if way > longest * (between + 1):
+            between = min(math.ceil(way / WALK_MM), FILL_LIMIT_SAMPLES)
+        for pull in np.linspace(self._pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
+            self._step(pull, math.nan)
 
     def _step(self, pull_mm: float, measurement_deg: float) -> None:
         assert self._state is not None
         before, now, measured = (np.array([value]) for value in (self._pull_mm, pull_mm, measurement_deg))
-        state = self.estimator.step(self._state, now, before, measured)
+        if self._take(self.estimator.step(self._state, now, before, measured), pull_mm):
+            self._refused_in_a_row = 0
+            return
+        self.refused += 1
+        self.health |= Health.REFUSED
+        self._refused_in_a_row += 1
+        if self._refused_in_a_row >= REFUSED_STEPS:
+            bend_deg = self.bend_deg if math.isnan(measurement_deg) else measurement_deg
+            self._begin_anew(pull_mm, bend_deg)
+
+    def _take(self, state: State, pull_mm: float) -> bool:
+        """Go on from a state, if it is sound."""
         bend_deg = float(self.estimator.bend_deg(state)[0])
-        if math.isfinite(bend_deg):
+        sound = abs(bend_deg) <= WILD * self.limits.bend_deg and is_sound(state)
+        if sound:
             self._state, self.bend_deg, self._pull_mm = state, bend_deg, pull_mm
+        return sound
+
+    def _restart(self, run: AgreeingRun) -> bool:
+        """Begin anew in the middle of a run of samples that agree; not where nothing was measured."""
+        found = run.restart()
+        self._far_pulls.clear()
+        self._outliers.clear()
+        if found is None:
+            return False
+        begin, behind = found
+        self._begin_anew(begin.pull_mm, begin.measurement_deg)
+        for sample in behind:
+            self._step(sample.pull_mm, sample.measurement_deg)
+        return True
+
+    def _begin_anew(self, pull_mm: float, bend_deg: float) -> None:
+        most = self.limits.bend_deg
+        angle = np.array([min(max(bend_deg, -most), most)])
+        pull, trusted = np.array([pull_mm]), self._trusted
+        if trusted is None:
+            begun = self.estimator.start(pull, angle)
         else:
-            self.refused += 1
+            begun = self.estimator.resume(trusted, pull, angle)
+        self._take(begun, pull_mm)
+        self._refused_in_a_row = 0
+        self._held_s = 0.0
+        self.restarts += 1
+        self.health |= Health.RESTARTED
+
+
+def _number(name: str, value: Any) -> float:
+    """Return a real number of any type as a float.
+
+    Raises:
+        ValueError: it is none.
+    """
+    whole_array = type(value) is np.ndarray and value.ndim == 0 and value.dtype.kind in "fiu"
+    if not (isinstance(value, numbers.Real) or whole_array):
+        shown = " ".join(reprlib.repr(value).split())[:40]
+        raise InputError(f"{name} = {shown}: must be a number, not {type(value).__name__[:40]}")
+    try:
+        return float(value)
+    except OverflowError:  # a whole number beyond all floats
+        return math.inf if value > 0 else -math.inf

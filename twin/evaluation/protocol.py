@@ -1,9 +1,15 @@
 """Protocol of a comparison: the noises of each suite, the draws, and the wrong initial estimate."""
 
 import dataclasses
-import math
 
 from twin.errors import InputError
+from twin.files.bounds import (
+    LARGEST_ERROR_DEG,
+    LARGEST_VARIANCE_DEG2,
+    MOST_SEEDS,
+    SAMPLE_TIMES,
+    check_between,
+)
 
 Condition = tuple[str, float]
 """Kind and level of a measurement noise."""
@@ -62,15 +68,15 @@ class Protocol:
         """
         if self.suite not in SUITES:
             raise InputError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
-        if self.seeds < 1:
-            raise InputError(f"seeds = {self.seeds}: must be at least 1")
-        if not math.isfinite(self.initial_error_deg):
-            raise InputError(f"initial_error_deg = {self.initial_error_deg}: must be a finite number")
-        if not 0 < self.sample_time_s < math.inf:
-            raise InputError(f"sample time {self.sample_time_s} s: must be positive and finite")
+        check_between("seeds", self.seeds, 1, MOST_SEEDS)
+        check_between("initial_error_deg", self.initial_error_deg, -LARGEST_ERROR_DEG, LARGEST_ERROR_DEG)
+        check_between("sample_time", self.sample_time_s, *SAMPLE_TIMES, "s")
         if self.recorded_variance is not None:
-            if not 0 < self.recorded_variance < math.inf:
-                raise InputError(f"recorded_variance = {self.recorded_variance}: must be positive and finite")
+            if not 0 < self.recorded_variance <= LARGEST_VARIANCE_DEG2:
+                raise InputError(
+                    f"recorded_variance = {self.recorded_variance:g}: must be positive, at most "
+                    f"{LARGEST_VARIANCE_DEG2:g}"
+                )
             if self.seeds != 1:
                 raise InputError(f"seeds = {self.seeds}: recorded measurements are one draw")
 

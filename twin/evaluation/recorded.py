@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from twin.episode import Episode
 from twin.evaluation.case import make_case
 from twin.evaluation.method import Method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.reading import at_sample_time, evaluation_record
+from twin.files.yaml_text import parse_yaml
 from twin.recording import EpisodeWriter, episode_files, read_episode
 from twin.recording.estimate import estimate_message, estimate_topic
 from twin.recording.messages import to_nanoseconds
@@ -36,10 +36,11 @@ def recorded_variance(episode: Episode) -> float | None:
 def _added(episode: Episode) -> float:
     """Variance that the recipe of an episode adds to the measurements [deg^2]."""
     try:
-        recipe = yaml.safe_load(episode.attachments.get("recipe.yaml", b""))
-        return float(recipe["sensor"]["variance_deg2"])
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
+        recipe = parse_yaml(episode.attachments.get("recipe.yaml", b""))
+        added = float(recipe["sensor"]["variance_deg2"])
+    except (KeyError, TypeError, ValueError):
         return 0.0
+    return added if 0 <= added < np.inf else 0.0
 
 
 def common_variance(paths: Sequence[Path]) -> tuple[float, bool]:

@@ -1,19 +1,42 @@
 """A score: one row of `evaluation.json`, and the one reader that validates such a file."""
 
 import dataclasses
-import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import read_json
+from twin.files.schema import validated
+from twin.files.shown import shown
 
-LARGEST = 256 * 2**20
-"""Size that no file of results comes near [bytes]."""
+MOST_BYTES = 32 * MEBIBYTE
+MOST_VALUES = 2_000_000
+"""Limits of a file of results, which the full suite stays far below."""
+MOST_ROWS = 100_000
+LONGEST_TEXT = 200
+LARGEST = 1e12
+"""Magnitude of a figure that no evaluation comes near, in any of the units."""
 
 Group = tuple[tuple[float, ...], str]
 """Stroke [mm] and kind of twin."""
+
+
+class EvaluationFile(BaseModel):
+    """The keys of `evaluation.json`; other versions may add some.
+
+    Attributes:
+        protocol: how methods were compared.
+        rows: scores, each as `Score.to_dict` writes it.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    protocol: Annotated[dict[str, Any], Field(max_length=100)]
+    rows: Annotated[list[dict[str, Any]], Field(max_length=MOST_ROWS)]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -104,24 +127,21 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
         FileNotFoundError: there is no such file.
         ValueError: it is no such file, or a row is damaged.
     """
-    if not path.is_file():
-        raise MissingFileError(f"no file {path}")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} has {path.stat().st_size} bytes: results have at most {LARGEST}")
     try:
-        contents = json.loads(path.read_bytes())
-        rows, protocol = contents["rows"], contents["protocol"]
-        if not isinstance(rows, list) or not isinstance(protocol, dict):
-            raise TypeError("rows is no list, or protocol no object")
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not the results of an evaluation") from error
+        contents = read_json(path, MOST_BYTES, MOST_VALUES)
+        file = validated(EvaluationFile, contents)
+    except MissingFileError:
+        raise
+    except ValueError as error:
+        reason = str(error).removeprefix(f"{path} ")
+        raise InputError(f"{path} is not the results of an evaluation: {reason}") from error
     scores = []
-    for number, row in enumerate(rows):
+    for number, row in enumerate(file.rows):
         try:
-            scores.append(Score.from_dict(row if isinstance(row, dict) else {}))
+            scores.append(Score.from_dict(row))
         except ValueError as error:
             raise InputError(f"{path}: row {number}: {error}") from None
-    return scores, protocol
+    return scores, file.protocol
 
 
 def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
@@ -135,7 +155,7 @@ _TEXTS = ("noise", "twin", "method")
 def _read(name: str, value: Any) -> Any:
     """One value of a row, of its kind."""
     if name in _TEXTS:
-        if isinstance(value, str):
+        if isinstance(value, str) and len(value) <= LONGEST_TEXT:
             return value
     elif name == "oracle":
         if isinstance(value, bool):
@@ -147,12 +167,12 @@ def _read(name: str, value: Any) -> Any:
         if isinstance(value, list | tuple) and len(value) in lengths and all(map(_is_number, value)):
             return tuple(map(float, value))
     elif name == "seeds":
-        if isinstance(value, int) and not isinstance(value, bool) and value > 0:
+        if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= LARGEST:
             return value
     elif _is_number(value):
         return float(value)
-    raise InputError(f"{name} = {value!r:.40}: of the wrong kind")
+    raise InputError(f"{name} = {shown(value)}: of the wrong kind")
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST

@@ -5,15 +5,45 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from twin.errors import InputError, MissingFileError
+from twin.errors import InputError
+from twin.files.arrays import read_arrays
 from twin.files.atomic import write_whole
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import parse_json
+from twin.files.schema import rule_of
+from twin.files.shown import cut
 
 Array = NDArray[np.float64]
+Name = Annotated[str, Field(max_length=100)]
+
+
+MOST_BYTES = 128 * MEBIBYTE
+"""Size of a file of tracks, packed and unpacked [bytes]."""
+
+
+class TrackHead(BaseModel):
+    """Head of one track in its file.
+
+    Attributes:
+        noise: kind of the noise.
+        level: its level [deg^2 or deg].
+        methods: names of the methods whose estimates follow.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    noise: Name
+    level: float
+    methods: Annotated[list[Name], Field(max_length=200)]
+
+
+_HEADS = TypeAdapter(Annotated[list[TrackHead], Field(max_length=1000)])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,24 +100,32 @@ def load_tracks(path: Path) -> list[Track]:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no tracks.
     """
-    if not path.is_file():
-        raise MissingFileError(f"no file {path}")
+    arrays = read_arrays(path, MOST_BYTES, "tracks")
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            heads = json.loads(str(arrays["heads"]))
-            return [_track(head, arrays[f"track_{number}"]) for number, head in enumerate(heads)]
-    except Exception as error:
-        # Damage shows as any of the exceptions of zipfile, zlib, numpy and json.
-        raise InputError(f"{path} holds no tracks: {' '.join(str(error).split())}") from error
+        heads = _HEADS.validate_python(parse_json(str(arrays["heads"])))
+        return [_track(head, arrays[f"track_{number}"]) for number, head in enumerate(heads)]
+    except KeyError as error:
+        raise InputError(f"{path} holds no tracks: {cut(error)} is missing") from error
+    except ValidationError as error:
+        raise InputError(f"{path} holds no tracks: heads: {rule_of(error.errors()[0]['msg'])}") from None
+    except ValueError as error:
+        raise InputError(f"{path} holds no tracks: {cut(error)}") from error
 
 
-def _track(head: dict[str, Any], rows: Array) -> Track:
+def _track(head: TrackHead, rows: NDArray[Any]) -> Track:
+    lines = 3 + len(head.methods)
+    if rows.dtype.kind != "f" or rows.ndim != 2 or len(rows) != lines or rows.shape[1] < 2:
+        raise InputError(f"a track of shape {rows.shape}: must be numbers in {lines} lines")
+    if len(set(head.methods)) < len(head.methods):
+        raise InputError("a method is there twice")
     time, truth, measurement, *estimates = rows
+    if not np.isfinite(time).all() or not np.isfinite(truth).all():
+        raise InputError("a time or a true angle is not finite")
     return Track(
-        noise=head["noise"],
-        level=head["level"],
+        noise=head.noise,
+        level=head.level,
         time=time,
         truth_deg=truth,
         measurement_deg=measurement,
-        estimates=dict(zip(head["methods"], estimates, strict=True)),
+        estimates=dict(zip(head.methods, estimates, strict=True)),
     )

@@ -1,21 +1,26 @@
 """Atomic writing: a file appears under its name only when it is complete."""
 
 import contextlib
+import errno
 import os
 import secrets
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
-from twin.errors import MissingFileError
+from twin.errors import InputError, MissingFileError
+
+_NO_NAMELESS_FILES = (errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL, errno.ENOENT)
+"""Error numbers of systems that make no file without a name: another kernel, NFS."""
 
 
 class WholeFile:
     """Context manager: an open binary file that takes its final name when the block succeeds.
 
-    Until then it is `.NAME.XXXXXXXX.partial` in the same folder, so that renaming it never crosses a file
-    system and that two processes never write into the same one. Under an exception that file is removed, and
-    what stood under the final name before is left as it was.
+    Until then it has no name at all (Linux, `O_TMPFILE`), so that nothing is left of it however the process
+    ends. Where the system cannot do that, it is `.NAME.XXXXXXXX.partial` in the same folder, made afresh;
+    then a killed process leaves it, and nothing removes it, as nobody could tell it from a user's file.
+    Under an exception, what stood under the final name before is left as it was.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -23,19 +28,31 @@ class WholeFile:
 
         Args:
             path: the final name.
+
+        While the block runs, `open_path` is a path for libraries that take no open file.
         """
         self.path = Path(path)
-        self._partial = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.partial")
+        self.open_path = ""
+        self._named: Path | None = None  # its temporary name, where it has one
 
     def __enter__(self) -> BinaryIO:
-        """Open the file under its temporary name.
+        """Open the file.
 
         Raises:
             FileNotFoundError: the folder does not exist.
+            ValueError: the name is taken by a link or by something else that is no file.
         """
         if not self.path.parent.is_dir():
             raise MissingFileError(f"no folder {self.path.parent} to write {self.path.name} into")
-        self._file = self._partial.open("xb")
+        refuse_no_file(self.path)
+        descriptor = _open_nameless(self.path.parent)
+        if descriptor is None:
+            self._named = self._temporary_name()
+            self._file: BinaryIO = self._named.open("xb")
+            self.open_path = str(self._named)
+        else:
+            self._file = os.fdopen(descriptor, "wb")
+            self.open_path = f"/proc/self/fd/{descriptor}"
         return self._file
 
     def __exit__(
@@ -54,16 +71,29 @@ class WholeFile:
                 self._file.flush()
                 # The data must be on the disk before the name is, or a power cut leaves an empty file.
                 os.fsync(self._file.fileno())
-                self._file.close()
-                os.replace(self._partial, self.path)
+                self._take_name()
         except OSError as failure:
             raise OSError(failure.errno, failure.strerror, str(self.path)) from failure
         finally:
             with contextlib.suppress(OSError):  # closing writes what is left, which a full disk refuses again
                 self._file.close()
-            self._partial.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno and error.filename is None:
+            if self._named is not None:
+                self._named.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno and error.filename in (None, self.open_path):
             raise OSError(error.errno, error.strerror, str(self.path)) from error
+
+    def _take_name(self) -> None:
+        if self._named is None:
+            with contextlib.suppress(FileExistsError):
+                _link(self._file.fileno(), self.path)
+                return
+            self._named = self._temporary_name()
+            _link(self._file.fileno(), self._named)
+        self._file.close()  # Windows renames no open file
+        os.replace(self._named, self.path)
+
+    def _temporary_name(self) -> Path:
+        return self.path.with_name(f".{self.path.name[:200]}.{secrets.token_hex(4)}.partial")
 
 
 def write_whole(path: str | Path, content: bytes | str) -> None:
@@ -71,14 +101,43 @@ def write_whole(path: str | Path, content: bytes | str) -> None:
 
     Raises:
         FileNotFoundError: the folder does not exist.
+        ValueError: the name is taken by a link or by something else that is no file.
         OSError: the disk is full or fails.
     """
     with WholeFile(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
-def remove_partial_files(folder: Path) -> None:
-    """Remove the temporary files that killed processes have left."""
-    for path in folder.glob(".*.????????.partial"):
-        if path.is_file():  # a folder that is being exported is named alike
-            path.unlink(missing_ok=True)
+def refuse_no_file(path: Path) -> None:
+    """Refuse a name under which there is a link, a folder or a device: only a file is ever replaced.
+
+    Raises:
+        ValueError: there is.
+    """
+    if path.is_symlink():
+        raise InputError(f"{path} is a link, which is not followed: choose another name, or remove it")
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: name a file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is there and is no file: choose another name")
+
+
+def _open_nameless(folder: Path) -> int | None:
+    """Open a file without a name in a folder; None where the system has no such files."""
+    if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):
+        return None
+    try:
+        return os.open(folder, os.O_TMPFILE | os.O_WRONLY | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if error.errno in _NO_NAMELESS_FILES:
+            return None
+        raise
+
+
+def _link(descriptor: int, path: Path) -> None:
+    """Give an open file a name that is not taken."""
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:  # with a folder's descriptor, Python calls linkat(), which alone can follow the first name
+        os.link(f"/proc/self/fd/{descriptor}", path.name, src_dir_fd=folder, dst_dir_fd=folder)
+    finally:
+        os.close(folder)

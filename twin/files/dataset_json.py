@@ -6,10 +6,7 @@ Every key must be there but those of a simulated recipe that have a default, and
 
 import itertools
 import json
-import re
-import types
-import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,16 +14,24 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
+from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.json_text import parse_json_object
+from twin.files.schema import first_fault
+from twin.files.shown import cut, shown
 
 NAME = "dataset.json"
 """Name of the file in the folder of a dataset."""
+
+MOST_BYTES = 64 * MEBIBYTE
+MOST_VALUES = 3_000_000
+"""Limits of the file: a dataset of 20,000 episodes stays below them."""
 
 Count = Annotated[int, Field(ge=1)]
 Whole = Annotated[int, Field(ge=0)]
 Seconds = Annotated[float, Field(ge=0)]
 Interval = tuple[float, float]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-FileName = Annotated[str, Field(pattern=r"^[^./\\\x00][^/\\\x00]*\.mcap$")]
+FileName = Annotated[str, Field(pattern=r"^[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]*\.mcap$", max_length=255)]
 Parameters = dict[str, int | float | str]
 
 
@@ -200,10 +205,13 @@ def read_contents(folder: Path) -> Dataset:
     path = folder / NAME
     if not folder.is_dir():
         raise MissingFileError(f"no folder {folder}")
-    if not path.is_file():
-        raise MissingFileError(f"no {path}: the dataset is not complete; generate it again to go on")
     try:
-        return parse_contents(path.read_bytes())
+        content = read_limited(path, MOST_BYTES)
+    except MissingFileError as error:
+        rest = "the dataset is not complete; generate it again to go on"
+        raise MissingFileError(f"no {path}: {rest}") from error
+    try:
+        return parse_contents(content)
     except ValueError as error:
         raise InputError(f"{path} is damaged or of an older version: {error}") from error
 
@@ -232,59 +240,26 @@ def parse_contents(text: str | bytes) -> Dataset:
         ValueError: it does not fit the schema; the line says which key is wrong, and what to do.
     """
     try:
-        values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"it is not JSON: {' '.join(str(error).split())}; {_REMEDY}") from error
-    if not isinstance(values, dict):
-        raise InputError(f"it is not a JSON object with keys; {_REMEDY}")
+        values = parse_json_object(text, MOST_BYTES, MOST_VALUES)
+    except ValueError as error:
+        raise InputError(f"it {error}; {_REMEDY}") from error
     rule = f"must be {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"
     if "source" not in values:
         raise InputError(f"source is missing, {rule}; {_REMEDY}")
     source = values["source"]
     if not isinstance(source, str) or source not in KINDS:
-        raise InputError(f"source = {source!r:.40}: {rule}; {_REMEDY}")
+        raise InputError(f"source = {shown(source)}: {rule}; {_REMEDY}")
     try:
         contents = KINDS[source].model_validate_json(text)
     except ValidationError as error:
-        raise InputError(f"{_first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
+        raise InputError(f"{first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
     names = sorted(file.name for file in contents.files)
     for name, following in itertools.pairwise(names):
         if name == following:
-            raise InputError(f"files: {name} is there twice; {_REMEDIES[source]}")
+            raise InputError(f"files: {cut(name, 80)} is there twice; {_REMEDIES[source]}")
     return contents
 
 
 def to_json_values(part: BaseModel) -> dict[str, Any]:
     """Return a part of the contents as the plain values that stand in the file."""
     return part.model_dump(mode="json", exclude_unset=True)
-
-
-def _first_fault(model: type[BaseModel], error: ValidationError) -> str:
-    """Name the first wrong key of a file, the value, and the rule, in one line."""
-    fault = error.errors()[0]
-    place = fault["loc"]
-    name = _place(place)
-    if fault["type"] == "missing":
-        return f"{name} is missing, it must be there"
-    if fault["type"] == "extra_forbidden":
-        return f"unknown key {name}; valid: {', '.join(_valid_keys(model, place[:-1]))}"
-    rule = re.sub(r"^\w+( \w+)? should ", "must ", fault["msg"])
-    return f"{name} = {fault['input']!r:.40}: {rule}"
-
-
-def _place(path: Sequence[int | str]) -> str:
-    """Return a key's place in the file, as in `files[1].statistics.bend_deg.mean`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-    return "".join(parts).removeprefix(".")
-
-
-def _valid_keys(model: Any, path: Sequence[int | str]) -> list[str]:
-    """Return the keys of the part of the schema that a path leads to."""
-    for part in path:
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            model = model.model_fields[str(part)].annotation
-        else:  # a tuple of one kind, or a mapping from names to one kind
-            model = next(kind for kind in reversed(typing.get_args(model)) if kind is not Ellipsis)
-        if isinstance(model, types.UnionType):
-            model = typing.get_args(model)[0]
-    return list(model.model_fields)

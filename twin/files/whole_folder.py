@@ -2,19 +2,26 @@
 
 import contextlib
 import os
+import secrets
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
 from twin.errors import InputError
+from twin.files.atomic import write_whole
 from twin.files.lock import claim
+
+MARK = ".endotwin"
+"""File that says of an unfinished folder that it is ours, and what it is to become."""
 
 
 class WholeFolder:
     """Context manager: a new folder that takes its final name when the block succeeds.
 
-    Until then it is `.NAME.partial` beside it, so that renaming it never crosses a file system. Under an
-    exception it is removed; what a killed process has left of it is removed by the next one.
+    Until then it is `.NAME.XXXXXXXX.partial` beside it, made afresh, so that renaming it never crosses a file
+    system. Under an exception it is removed. What a killed process has left of it is removed by the next one,
+    if it carries our mark; a folder of the user's that is named alike stays as it is.
 
     ```
     with WholeFolder("dataset") as folder:
@@ -32,7 +39,6 @@ class WholeFolder:
             ValueError: something is there already that is no empty folder.
         """
         self.path = Path(os.path.abspath(path))  # the name of `.` is needed, symbolic links are followed
-        self._partial = self.path.with_name(f".{self.path.name}.partial")
         self._claim = contextlib.ExitStack()
         if self.path.is_symlink() or (self.path.exists() and not self.path.is_dir()):
             raise InputError(f"{path} is there and is no folder: choose another name, or remove it")
@@ -47,10 +53,14 @@ class WholeFolder:
             ValueError: another process is making it.
         """
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._partial.mkdir(exist_ok=True)
+        for left in self._left_behind():
+            with claim(left):
+                shutil.rmtree(left)
+        name = self.path.name[:200]
+        self._partial = self.path.with_name(f".{name}.{secrets.token_hex(4)}.partial")
+        self._partial.mkdir()
         self._claim.enter_context(claim(self._partial))
-        for left in self._partial.iterdir():
-            _remove(left)
+        write_whole(self._partial / MARK, os.fsencode(self.path.name))
         return self._partial
 
     def __exit__(
@@ -77,7 +87,17 @@ class WholeFolder:
         if isinstance(error, OSError) and self._is_here(error):
             raise self._named(error) from error
 
+    def _left_behind(self) -> Iterator[Path]:
+        """Yield the folders that killed processes, or running ones, have made for the same name."""
+        for path in self.path.parent.glob(f".{_literal(self.path.name[:200])}.????????.partial"):
+            mark = path / MARK
+            if path.is_symlink() or mark.is_symlink() or not mark.is_file():
+                continue
+            if mark.stat().st_size < 1000 and mark.read_bytes() == os.fsencode(self.path.name):
+                yield path
+
     def _appear(self) -> None:
+        (self._partial / MARK).unlink()
         for folder, _, _ in os.walk(self._partial):
             _to_disk(Path(folder))
         if self.path.is_dir():
@@ -93,11 +113,9 @@ class WholeFolder:
         return OSError(error.errno, error.strerror, str(self.path))
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink()
+def _literal(name: str) -> str:
+    """Return a name such that a search for it takes no character of it as a wildcard."""
+    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)
 
 
 def _to_disk(folder: Path) -> None:

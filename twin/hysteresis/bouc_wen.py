@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.files.shown import shown
 from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
@@ -123,7 +124,7 @@ class BoucWen:
         if not (np.isfinite(found).all() and kappa_x > 0 and kappa_w and rho > 0 and sigma >= 0.5 and n >= 1):
             raise InputError(
                 f"{', '.join(names)} must be finite, kappa_x and rho positive, kappa_w not zero, "
-                f"sigma at least 0.5 and n at least 1; got {found}"
+                f"sigma at least 0.5 and n at least 1; got {shown(found)}"
             )
         return cls(*found)
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.files.shown import shown
 from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
@@ -117,7 +118,7 @@ class ColemanHodgdon:
         found = numbers(values, names)
         a, b, _ = found
         if not (np.isfinite(found).all() and a > 0 and b > 0):
-            raise InputError(f"{', '.join(names)} must be finite, the first two positive; got {found}")
+            raise InputError(f"{', '.join(names)} must be finite, the first two positive; got {shown(found)}")
         return cls(*found)
 
 

@@ -1,8 +1,7 @@
 """Interface of hysteresis models, and the JSON file of an identified one."""
 
 import dataclasses
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
@@ -10,11 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, MissingFileError
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import read_json
+from twin.files.shown import shown
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.coleman_hodgdon import ColemanHodgdon
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 Array = NDArray[np.float64]
+
+MOST_BYTES = MEBIBYTE
+"""Size of a model's file [bytes]."""
 
 
 class HysteresisModel(Protocol):
@@ -66,14 +71,19 @@ def model_to_dict(model: HysteresisModel) -> dict[str, Any]:
     return {"model": model.name, **model.to_dict()}
 
 
-def model_from_dict(values: dict[str, Any]) -> HysteresisModel:
+def model_from_dict(values: Mapping[str, Any]) -> HysteresisModel:
     """Return the model that `model_to_dict` described.
 
     Raises:
-        KeyError: there is no name, or no model of that name.
-        ValueError: a parameter is missing, is no number or is out of range.
+        ValueError: there is no name, no model of that name, or a parameter is missing or out of range.
     """
-    return MODELS[values["model"]](values)
+    name = values.get("model") if isinstance(values, Mapping) else None
+    if not isinstance(name, str) or name not in MODELS:
+        raise InputError(f"holds the model {shown(name)}; valid: {', '.join(MODELS)}")
+    try:
+        return MODELS[name](dict(values))
+    except ValueError as error:
+        raise InputError(f"is no {name.title()} model: {error}") from error
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,16 +122,16 @@ def load_model(path: Path) -> HysteresisModel:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no model that we know, or parameters that cannot be.
     """
-    if not path.is_file():
-        raise MissingFileError(f"no model file {path}; `endotwin identify` writes one")
     try:
-        values = json.loads(path.read_text())
-        name = values.get("model", ColemanHodgdon.name)
-    except (ValueError, AttributeError) as error:
-        raise InputError(f"{path} is no model of hysteresis written by `endotwin identify`") from error
-    if not isinstance(name, str) or name not in MODELS:
-        raise InputError(f"{path} holds the model {name!r}; valid: {', '.join(MODELS)}")
-    try:
-        return MODELS[name](values)
+        values = read_json(path, MOST_BYTES)
+    except MissingFileError as error:
+        raise MissingFileError(f"no model file {path}; `endotwin identify` writes one") from error
     except ValueError as error:
-        raise InputError(f"{path} is no {name.title()} model: {error}") from error
+        reason = str(error).removeprefix(f"{path} ")
+        raise InputError(
+            f"{path} is no model of hysteresis written by `endotwin identify`: {reason}"
+        ) from error
+    try:
+        return model_from_dict({"model": ColemanHodgdon.name} | values)
+    except ValueError as error:
+        raise InputError(f"{path} {error}") from error

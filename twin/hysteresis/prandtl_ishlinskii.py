@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.files.shown import shown
 from twin.hysteresis.reading import series
 
 Array = NDArray[np.float64]
@@ -93,7 +94,7 @@ class PrandtlIshlinskii:
         if len(weights) != len(thresholds) or min(*weights, *thresholds) < 0:
             raise InputError(
                 "weights_deg_per_mm and thresholds_mm must be of one length and not negative; "
-                f"got {list(weights)} and {list(thresholds)}"
+                f"got {shown(weights)} and {shown(thresholds)}"
             )
         return cls(weights, thresholds)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from twin.errors import InputError
+from twin.files.bounds import check_between
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
 from twin.identification.bouc_wen import identify_bouc_wen
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
@@ -10,6 +11,13 @@ from twin.identification.error import NEVER_REVERSES, Records, mean_square_error
 from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
 
 __all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
+
+POPULATIONS = (2, 10_000)
+"""Smallest and largest population of a genetic algorithm."""
+MOST_GENERATIONS = 100_000
+"""Largest number of generations of a genetic algorithm."""
+MOST_THRESHOLDS = 1000
+"""Largest number of plays of a Prandtl-Ishlinskii model."""
 
 OPTIMIZERS = {
     ColemanHodgdon.name: "pymoo GA, population {population}, generations {generations}",
@@ -49,7 +57,13 @@ def identify(
         ValueError: there is no such model or it has no such option; there is no record, a command does not
             move or never reverses, or a value is not finite.
     """
-    check_options(name, monotone=monotone, thresholds_mm=thresholds_mm)
+    check_options(
+        name,
+        monotone=monotone,
+        thresholds_mm=thresholds_mm,
+        population=population,
+        generations=generations,
+    )
     if name == PrandtlIshlinskii.name:
         return identify_prandtl_ishlinskii(records, thresholds_mm=thresholds_mm)
     if name == BoucWen.name:
@@ -66,11 +80,18 @@ def identify(
     )
 
 
-def check_options(name: str, *, monotone: bool = False, thresholds_mm: Sequence[float] = ()) -> None:
-    """Check that the model is one of `MODELS` and has the options given.
+def check_options(
+    name: str,
+    *,
+    monotone: bool = False,
+    thresholds_mm: Sequence[float] = (),
+    population: int = 80,
+    generations: int = 150,
+) -> None:
+    """Check that the model is one of `MODELS` and has the options given, within their bounds.
 
     Raises:
-        ValueError: so it is.
+        ValueError: it is or has not.
     """
     if name not in MODELS:
         raise InputError(f"unknown model {name!r}; valid: {', '.join(MODELS)}")
@@ -78,3 +99,9 @@ def check_options(name: str, *, monotone: bool = False, thresholds_mm: Sequence[
         raise InputError(f"monotone constrains {ColemanHodgdon.name} models only, not {name}")
     if thresholds_mm and name != PrandtlIshlinskii.name:
         raise InputError(f"thresholds belong to {PrandtlIshlinskii.name} models only, not to {name}")
+    if len(thresholds_mm) > MOST_THRESHOLDS:
+        raise InputError(
+            f"thresholds_mm: {len(thresholds_mm)} are given, at most {MOST_THRESHOLDS} are taken"
+        )
+    check_between("population", population, *POPULATIONS)
+    check_between("generations", generations, 1, MOST_GENERATIONS)

@@ -5,13 +5,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, MissingFileError
-from twin.measured.csv_columns import average_repeats, read_columns
+from twin.errors import InputError
+from twin.measured.csv_columns import average_repeats
+from twin.measured.csv_reader import read_columns
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 SECONDS_PER_CYCLE = 20.0
 """Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
+
+_COMMANDS = ("pull_mm", "command_deg")
+_TIMES = ("time_s", "phase_rad")
 
 
 def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
@@ -25,11 +29,8 @@ def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
         FileNotFoundError: there is no such file.
         ValueError: a column is missing, a value is no finite number, or time runs backwards.
     """
-    if not path.is_file():
-        raise MissingFileError(f"no command file {path}")
-    table = read_columns(path)
-    command_name = table.first_of(("pull_mm", "command_deg"))
-    time_name = table.first_of(("time_s", "phase_rad"))
+    table = read_columns(path, (*_COMMANDS, *_TIMES), "command file")
+    command_name, time_name = table.first_of(_COMMANDS), table.first_of(_TIMES)
     command, time = table.column(command_name), table.time(time_name)
     if time_name == "phase_rad":
         time = time * SECONDS_PER_CYCLE / (2 * np.pi)

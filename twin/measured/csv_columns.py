@@ -1,8 +1,7 @@
-"""Columns of numbers from a CSV file; errors name the line."""
+"""Columns of numbers of a CSV file, as `csv_reader` reads them; errors name the line."""
 
-import csv
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,56 +11,78 @@ from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
-MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "#n/a", "null", "none"})
-"""Texts that mean a missing value, in lower case."""
-
 MOST_LATE = 0.1
 """Largest share of rows that may run backwards in time; a log with more is not in order."""
+
+_NAMES_SHOWN = 120  # [characters]
+
+
+@dataclasses.dataclass(frozen=True)
+class CsvColumn:
+    """One column.
+
+    Attributes:
+        values: (N,) NaN where the text is no finite number.
+        odd: (N,) where the text is no finite number, one more than its place in `texts`; else 0.
+        texts: the texts that are no finite numbers, and whether each means a missing value.
+    """
+
+    values: Array
+    odd: NDArray[np.uint16]
+    texts: tuple[tuple[str, bool], ...]
+
+    def only(self, rows: NDArray[np.bool_]) -> "CsvColumn":
+        """Return the rows selected by a mask (N,)."""
+        return CsvColumn(self.values[rows], self.odd[rows], self.texts)
+
+    def wrong(self, may_miss: bool) -> NDArray[np.bool_]:
+        """Return the mask (N,) of the texts that may not stand there."""
+        if not may_miss:
+            return self.odd > 0
+        wrong = np.array([False, *(not missing for _, missing in self.texts)])
+        return wrong[self.odd]
 
 
 @dataclasses.dataclass(frozen=True)
 class CsvColumns:
-    """Table of a CSV file with a header; a column is converted to numbers only when it is read.
+    """Table of a CSV file with a header: the columns that were asked for.
 
     Attributes:
         path: the file, for messages.
-        names: column names of the header.
+        names: all column names of the header.
         lines: line of the file on which each row ends, (N,); the first line is 1.
-        rows: rows of data as text, (N,).
+        columns: the columns that were asked for and are there, by name.
+        sha256: of the file, in hexadecimal.
     """
 
     path: Path
     names: tuple[str, ...]
-    lines: tuple[int, ...]
-    rows: tuple[Sequence[str], ...]
+    lines: NDArray[np.int64]
+    columns: Mapping[str, CsvColumn]
+    sha256: str
 
     def column(self, name: str, *, may_miss: bool = False) -> Array:
         """Return a column of numbers, (N,).
 
         Args:
-            name: which.
-            may_miss: allow missing values (see `MISSING`), which become NaN.
+            name: which, of those that were asked for.
+            may_miss: allow missing values (see `numbers.MISSING`), which become NaN.
 
         Raises:
             ValueError: there is no such column, or two; or a value is not a finite number.
         """
         if self.names.count(name) != 1:
             count = "no" if name not in self.names else "more than one"
-            raise InputError(f"{self.path} has {count} column {name}; its columns: {', '.join(self.names)}")
-        index = self.names.index(name)
-        values = np.empty(len(self.rows))
-        for number, (line, row) in enumerate(zip(self.lines, self.rows, strict=True)):
-            text = row[index] if index < len(row) else ""
-            if may_miss and text.strip().lower() in MISSING:
-                values[number] = np.nan
-                continue
-            try:
-                values[number] = float(text)
-            except ValueError:
-                values[number] = np.nan
-            if not np.isfinite(values[number]):
-                raise InputError(f"{self.path} line {line}: {name} is {text!r:.40}, not a finite number")
-        return values
+            raise InputError(f"{self.path} has {count} column {shown_name(name)}; {self._its_columns()}")
+        column = self.columns[name]
+        wrong = column.wrong(may_miss)
+        if wrong.any():
+            row = int(wrong.argmax())
+            text, _ = column.texts[column.odd[row] - 1]
+            raise InputError(
+                f"{self.path} line {self.lines[row]}: {shown_name(name)} is {text!r:.40}, not a finite number"
+            )
+        return column.values.copy()
 
     def first_of(self, names: Sequence[str]) -> str:
         """Return the first of some names that is a column of the file.
@@ -72,9 +93,15 @@ class CsvColumns:
         for name in names:
             if name in self.names:
                 return name
-        raise InputError(
-            f"{self.path} has no column {' or '.join(names)}; its columns: {', '.join(self.names)}"
-        )
+        wanted = " or ".join(map(shown_name, names))
+        raise InputError(f"{self.path} has no column {wanted}; {self._its_columns()}")
+
+    def _its_columns(self) -> str:
+        """Return the column names for a message, as many as there is room for."""
+        shown, rest = "", list(self.names)
+        while rest and len(shown) < _NAMES_SHOWN:
+            shown += (", " if shown else "") + shown_name(rest.pop(0))
+        return f"its columns: {shown}" + (f" and {len(rest)} more" if rest else "")
 
     def time(self, name: str) -> Array:
         """Return a column of times or phases, (N,): it may stand still from row to row, but not go back.
@@ -85,17 +112,14 @@ class CsvColumns:
         values = self.column(name)
         backwards = np.diff(values) < 0
         if backwards.any():
-            raise InputError(
-                f"{self.path} line {self.lines[int(backwards.argmax()) + 1]}: {name} runs backwards"
-            )
+            line = self.lines[int(backwards.argmax()) + 1]
+            raise InputError(f"{self.path} line {line}: {shown_name(name)} runs backwards")
         return values
 
     def only(self, rows: NDArray[np.bool_]) -> "CsvColumns":
         """Return the table of the rows selected by a mask (N,), with their line numbers."""
-        kept = np.flatnonzero(rows)
-        return dataclasses.replace(
-            self, lines=tuple(self.lines[row] for row in kept), rows=tuple(self.rows[row] for row in kept)
-        )
+        columns = {name: column.only(rows) for name, column in self.columns.items()}
+        return dataclasses.replace(self, lines=self.lines[rows], columns=columns)
 
     def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvColumns":
         """Return the table of the rows that have a time; one warning counts the others.
@@ -130,25 +154,10 @@ class CsvColumns:
         return f"{self.path} line {line}: {what}, as in {rows.sum()} of {len(rows)} rows"
 
 
-def read_columns(path: Path) -> CsvColumns:
-    """Read a CSV file; blank lines are skipped.
-
-    Raises:
-        ValueError: it is not a CSV file, or holds no lines of data.
-        OSError: it cannot be read.
-    """
-    try:
-        # Spreadsheets put a mark before the header, which is no part of the first name.
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            names = tuple(name.strip() for name in next(reader, []))
-            numbered = [(reader.line_num, row) for row in reader if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} is not a CSV file") from error
-    if not numbered:
-        raise InputError(f"{path} holds no lines of data")
-    lines, rows = zip(*numbered, strict=True)
-    return CsvColumns(path, names, lines, rows)
+def shown_name(name: str) -> str:
+    """Return the name of a column for a message: cut, and without what cannot be printed."""
+    cut = name if len(name) <= 40 else f"{name[:37]}..."
+    return cut if cut.isprintable() and cut else repr(cut)
 
 
 def average_repeats(time: Array, values: Array) -> tuple[Array, Array]:

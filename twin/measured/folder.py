@@ -1,6 +1,7 @@
 """A folder of measured logs: one MCAP file each, beside a `dataset.json` that describes them."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +15,61 @@ from twin.files.dataset_json import (
     to_json_values,
     write_contents,
 )
-from twin.recording import write_episode
-from twin.recording.listing import describe_episode, features_of, totals
+from twin.files.lock import claim
+from twin.files.names import check_file_name
+from twin.recording import read_episode, read_metadata, write_episode
+from twin.recording.features import FEATURES, describe_features
+from twin.recording.listing import describe_episode, totals
+
+WAIT_SECONDS = 60.0
+"""Longest time that an import waits for another one into the same folder [s]."""
+
+_KEYS_OF_ORIGIN = ("file", "file_sha256")
+"""Metadata that says which CSV file a log was read from."""
+
+Entry = dict[str, Any]
+"""Entry of one file in `dataset.json`, as `twin.files.dataset_json.MeasuredFile` describes it."""
 
 
-def check_name(name: str) -> None:
-    """Refuse a name that would be another folder's file, or a hidden one.
+@dataclasses.dataclass
+class _Listing:
+    """Contents of a folder of measured logs.
 
-    Raises:
-        ValueError: it is empty, begins with a dot, or is a path.
+    Attributes:
+        files: entries of the files, by name.
+        features: topic, unit and meaning of each quantity that one of them holds.
     """
-    if not name or name.startswith(".") or "/" in name or "\\" in name:
-        raise InputError(f"name = {name!r}: must be the name of a file, without folder and ending")
+
+    files: dict[str, Entry]
+    features: dict[str, Any]
+
+    def add(self, path: Path, episode: Episode) -> None:
+        """Add a file that is there, and holds an episode."""
+        self.files[path.name] = {
+            **describe_episode(path, episode),
+            "csv": episode.metadata["file"],
+            "csv_sha256": episode.metadata["file_sha256"],
+        }
+        self.features |= describe_features(episode)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the contents of `dataset.json`; they do not depend on the order of imports."""
+        entries = [self.files[name] for name in sorted(self.files)]
+        held = {name for entry in entries for name in entry["statistics"]}
+        return {
+            "source": "measured",
+            "endotwin": __version__,
+            **totals(entries),
+            "features": {one.name: self.features[one.name] for one in FEATURES if one.name in held},
+            "files": entries,
+        }
 
 
 def write_measured(folder: Path, name: str, episode: Episode) -> Path:
     """Add a measured log to a folder and list it in the folder's `dataset.json`.
 
-    The same CSV file may be written again, read in another way; other logs in the folder stay.
+    The same CSV file may be written again, read in another way; other logs in the folder stay. Imports into
+    one folder wait for each other. What one that was killed has left unlisted is listed by the next.
 
     Args:
         folder: where; it exists.
@@ -42,50 +80,73 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
         The path of the MCAP file.
 
     Raises:
-        ValueError: the name is none, the folder holds what no import made or a damaged `dataset.json`, or the
-            log of another CSV file is under this name.
+        ValueError: the name is none, the folder holds what no import made or a damaged `dataset.json`, the
+            log of another CSV file is under this name, or another run keeps writing into the folder.
     """
-    check_name(name)
-    files = _listed(folder)
+    check_file_name(name)
     path = folder / f"{name}.mcap"
-    _refuse_to_mix(path, files, episode.metadata["file_sha256"])
     named = dataclasses.replace(episode, metadata=episode.metadata | {"name": name})
-    write_episode(path, named)
-    files[path.name] = {
-        **describe_episode(path, named),
-        "csv": episode.metadata["file"],
-        "csv_sha256": episode.metadata["file_sha256"],
-    }
-    entries = [files[key] for key in sorted(files)]
-    contents = {
-        "source": "measured",
-        "endotwin": __version__,
-        **totals(entries),
-        "features": features_of(folder, entries),
-        "files": entries,
-    }
-    write_contents(folder, contents)
+    with claim(folder, WAIT_SECONDS):
+        listing = _listed(folder)
+        _refuse_to_mix(path, listing, episode.metadata["file_sha256"])
+        write_episode(path, named)
+        listing.add(path, named)
+        write_contents(folder, listing.contents())
     return path
 
 
-def _listed(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the entries of the logs that former imports wrote into a folder and are still there, by name.
+def _listed(folder: Path) -> _Listing:
+    """Return what former imports wrote into a folder and listed, and is still there.
 
     Raises:
         ValueError: the folder's `dataset.json` is damaged, or no import wrote it.
     """
-    if not (folder / NAME).exists():
-        return {}
+    index = folder / NAME
+    if index.is_symlink():
+        raise InputError(f"{index} is a link, which no import wrote: choose another `folder`")
+    if not index.exists():
+        return _Listing({}, {})
     contents = read_contents(folder)
     if not isinstance(contents, MeasuredDataset):
         raise InputError(f"{folder} holds a dataset.json that no import wrote: choose another `folder`")
-    return {file.name: to_json_values(file) for file in contents.files if (folder / file.name).is_file()}
+    listed = to_json_values(contents)
+    files = {file["name"]: file for file in listed["files"] if (folder / file["name"]).is_file()}
+    for entry in files.values():
+        for name in entry["statistics"]:
+            if name not in listed["features"]:
+                raise InputError(f"{index} is damaged: {name!r:.40} is not among its features")
+    return _Listing(files, listed["features"])
 
 
-def _refuse_to_mix(path: Path, files: dict[str, dict[str, Any]], csv_sha256: str) -> None:
-    """Refuse to write over the log of another CSV file, or beside files that no import wrote."""
-    if path.name in files and files[path.name]["csv_sha256"] != csv_sha256:
+def _refuse_to_mix(path: Path, listing: _Listing, csv_sha256: str) -> None:
+    """Refuse to write over the log of another CSV file, or beside files that no import wrote.
+
+    A file that an import wrote and did not list, as it was killed between the two, is listed here, or about
+    to be written again.
+    """
+    unlisted = [file for file in sorted(path.parent.glob("*.mcap")) if file.name not in listing.files]
+    metadata = {file: _metadata_of_import(file) for file in unlisted}
+    for file, facts in metadata.items():
+        if facts is None:
+            held = f"{path.parent} holds {file.name}"
+            raise InputError(f"{held}, which no import wrote: choose another `folder`")
+    there = listing.files[path.name]["csv_sha256"] if path.name in listing.files else None
+    if path in metadata:
+        there = (metadata[path] or {})["file_sha256"]
+    if path.is_symlink() or (there is not None and there != csv_sha256):
         raise InputError(f"{path} is the log of another CSV file: choose another `name`, or remove it")
-    others = sorted(file.name for file in path.parent.glob("*.mcap") if file.name not in files)
-    if others:
-        raise InputError(f"{path.parent} holds {others[0]}, which no import wrote: choose another `folder`")
+    for file in unlisted:
+        if file != path:
+            listing.add(file, read_episode(file))
+
+
+def _metadata_of_import(path: Path) -> Mapping[str, Any] | None:
+    """Return the metadata of a file that an import wrote under this name; None if none did."""
+    if path.is_symlink() or not path.is_file():
+        return None
+    try:
+        facts = read_metadata(path)
+    except ValueError:
+        return None
+    of_import = facts.get("source") == "measured" and facts.get("name") == path.stem
+    return facts if of_import and all(isinstance(facts.get(key), str) for key in _KEYS_OF_ORIGIN) else None

@@ -4,8 +4,6 @@ Logs have holes. A measured angle that is missing stays missing: an estimator pr
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
 """
 
-import dataclasses
-import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -14,59 +12,27 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
-from twin.errors import InputError, MissingFileError
-from twin.measured.command import SECONDS_PER_CYCLE
-from twin.measured.csv_columns import CsvColumns, average_repeats, hold, read_columns
+from twin.errors import InputError
+from twin.measured.csv_columns import CsvColumns, average_repeats, hold
+from twin.measured.csv_reader import read_columns
+from twin.measured.log_format import (
+    ANGLE_UNITS,
+    LARGEST_SHEATH_BEND_DEG,
+    LENGTH_UNITS,
+    SHEATH_BEND_COLUMN,
+    TIME_COLUMNS,
+    TIME_UNITS,
+    LogFormat,
+)
+from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
-
-ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}  # [rad]
-LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
 
 GAP = 20.0
 """Time step, relative to the median one, from which on it counts as a gap."""
 
-# Plausible limits: a value beyond them is in another unit than stated.
-_LARGEST_BEND_DEG = 720.0
-_LARGEST_SHEATH_BEND_DEG = 1440.0  # the limit of a preset
-_LARGEST_PULL_MM = 200.0
-_LARGEST_TIME = 9.2e9  # [s] 292 years: nanoseconds since 1970 end there too
+# Plausible limits beside the shared ones: a value beyond them is in another unit than stated.
 _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
-
-
-@dataclasses.dataclass(frozen=True)
-class LogFormat:
-    """Columns and units of a measured log; a unit of None is the ending of the column's name.
-
-    Attributes:
-        command_column: column of the command.
-        command_unit: deg or rad for a pulley angle, mm or m for a pulling distance.
-        pulley_radius: radius that converts a pulley angle to a pulling distance [m].
-        angle_column: column of the measured bending angle.
-        angle_unit: deg or rad.
-        reverse_angle: True if the sensor counts a bend towards wire a as negative.
-        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
-        time_unit: s, ms or us; rad for a phase.
-        seconds_per_cycle: duration of a phase of 2 pi [s].
-        tension_a_column: column of the tension of wire a at the pulley [N]; None: tension_a_n, if both
-            tension_a_n and tension_b_n exist.
-        tension_b_column: the same for wire b.
-        sheath_bend_deg: bend angle of the sheath [deg]; None: the column of that name, if it exists.
-    """
-
-    command_column: str = "command_deg"
-    command_unit: str | None = None
-    pulley_radius: float = 0.01
-    angle_column: str = "angle_deg"
-    angle_unit: str | None = None
-    reverse_angle: bool = False
-    time_column: str | None = None
-    time_unit: str | None = None
-    seconds_per_cycle: float = SECONDS_PER_CYCLE
-    tension_a_column: str | None = None
-    tension_b_column: str | None = None
-    sheath_bend_deg: float | None = None
 
 
 def read_measured_log(
@@ -77,7 +43,7 @@ def read_measured_log(
 ) -> Episode:
     """Read a measured log as an episode; rows with the same time are averaged.
 
-    A value is missing where its field is empty or says so (`csv_columns.MISSING`). What is dropped or held
+    A value is missing where its field is empty or says so (`numbers.MISSING`). What is dropped or held
     is counted in a warning and in the metadata.
 
     Args:
@@ -99,15 +65,15 @@ def read_measured_log(
             time, or any in phase; the angle is measured at fewer than two times; the command does not move.
     """
     form = form or LogFormat()
-    _check_format(form)
-    if not path.is_file():
-        raise MissingFileError(f"no file {path}")
-    table = read_columns(path)
+    form.check()
+    if not path.name.isprintable():
+        raise InputError(f"{str(path)!r:.40}: a log records the name of its file, which must be printable")
+    table = read_columns(path, form.columns)
 
-    time_column = table.first_of((form.time_column,) if form.time_column else ("time_s", "phase_rad"))
+    time_column = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
     time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
     time_unit = _unit(table, time_column, form.time_unit, time_units, "time_unit")
-    row_count = len(table.rows)
+    row_count, sha256 = len(table.lines), table.sha256
     table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
 
     pull, command_unit = _pull(table, form)
@@ -155,7 +121,7 @@ def read_measured_log(
             "signal": "measured",
             "name": path.stem,
             "file": path.name,
-            "file_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "file_sha256": sha256,
             "rows": row_count,
             "command_column": form.command_column,
             "command_unit": command_unit,
@@ -175,16 +141,6 @@ def read_measured_log(
     )
 
 
-def _check_format(form: LogFormat) -> None:
-    if not 0 < form.pulley_radius < np.inf:
-        raise InputError(f"`pulley_radius` is {form.pulley_radius:g} m: must be positive")
-    if not 0 < form.seconds_per_cycle < np.inf:
-        raise InputError(f"seconds_per_cycle = {form.seconds_per_cycle:g}: must be positive")
-    bend = form.sheath_bend_deg
-    if bend is not None and not 0 <= bend <= _LARGEST_SHEATH_BEND_DEG:
-        raise InputError(f"sheath_bend_deg = {bend:g}: must be from 0 to {_LARGEST_SHEATH_BEND_DEG:g}")
-
-
 def _in_time_order(
     table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
 ) -> tuple[CsvColumns, Array]:
@@ -192,7 +148,7 @@ def _in_time_order(
     table = table.timed(name, on_warning)
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
-    _refuse_implausible(table, name, seconds, "s", (-_LARGEST_TIME, _LARGEST_TIME), "check `time_unit`")
+    _refuse_implausible(table, name, seconds, "s", (-LARGEST_TIME_S, LARGEST_TIME_S), "check `time_unit`")
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if not phase:
         table = table.in_order(name, on_warning)
@@ -209,7 +165,7 @@ def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
         pull = values * lengths[unit]
         millimetres = pull * 1e3
     advice = "check `command_unit`" + (" and `pulley_radius`" if unit in ANGLE_UNITS else "")
-    limits = (-_LARGEST_PULL_MM, _LARGEST_PULL_MM)
+    limits = (-LARGEST_PULL_MM, LARGEST_PULL_MM)
     _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -225,7 +181,7 @@ def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
     values = table.column(name, may_miss=True)
     unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
-    limits = (-_LARGEST_BEND_DEG, _LARGEST_BEND_DEG)
+    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
     with np.errstate(over="ignore"):
         degrees = np.degrees(bend)
     _refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
@@ -233,14 +189,14 @@ def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
 
 
 def _sheath_bend_column(table: CsvColumns, form: LogFormat) -> str | None:
-    name = "sheath_bend_deg"
-    return name if form.sheath_bend_deg is None and name in table.names else None
+    there = SHEATH_BEND_COLUMN in table.names
+    return SHEATH_BEND_COLUMN if form.sheath_bend_deg is None and there else None
 
 
 def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
     bend = table.column(name)
     advice = "give `sheath_bend_deg`"
-    _refuse_implausible(table, name, bend, "deg", (0.0, _LARGEST_SHEATH_BEND_DEG), advice)
+    _refuse_implausible(table, name, bend, "deg", (0.0, LARGEST_SHEATH_BEND_DEG), advice)
     return bend
 
 

@@ -5,11 +5,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from twin.errors import InputError, MissingFileError
 from twin.files.assets import assets_folder
+from twin.files.bounded import MEBIBYTE
+from twin.files.shown import shown
+from twin.files.yaml_text import MOST_DIGITS, read_yaml
 from twin.preset.preset import Preset, suggestion
+
+MOST_BYTES = MEBIBYTE
+"""Size of a preset's file [bytes]."""
 
 
 def preset_names() -> list[str]:
@@ -27,7 +31,10 @@ def load_preset(name_or_path: str | Path) -> Preset:
         FileNotFoundError: a path to a YAML file that does not exist.
     """
     name, values = read_preset_file(name_or_path)
-    return preset_of(name, {str(key): value for key, value in values.items() if key != "ranges"})
+    try:
+        return preset_of(name, {key: value for key, value in values.items() if key != "ranges"})
+    except ValueError as error:
+        raise InputError(f"{name_or_path}: {error}") from error
 
 
 def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
@@ -44,7 +51,7 @@ def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
     return Preset(name=name).replace(**named)
 
 
-def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
+def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read a preset file; returns its name, without the ending, and its contents.
 
     Raises:
@@ -53,16 +60,15 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
     """
     text = str(name_or_path)
     path = Path(text) if text.endswith((".yaml", ".yml")) else assets_folder() / f"{text}.yaml"
-    if not path.is_file():
-        if path.parent == assets_folder():
-            names = preset_names()
-            hint = suggestion(text, names)
-            raise InputError(f"unknown preset {text!r}{hint}; or give the path of a .yaml file")
-        raise MissingFileError(f"no preset file {path}")
+    if path.parent == assets_folder() and not path.is_file():
+        names = preset_names()
+        raise InputError(
+            f"unknown preset {shown(text)}{suggestion(text, names)}; or give the path of a .yaml file"
+        )
     try:
-        values = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a YAML file: {str(error).splitlines()[0]}") from error
+        values = read_yaml(path, MOST_BYTES)
+    except MissingFileError as error:
+        raise MissingFileError(f"no preset file {path}") from error
     if not isinstance(values, dict):
         raise InputError(f"{path} holds no preset: expected `parameter: value` lines")
     return path.stem, values
@@ -70,7 +76,7 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[Any, Any]]:
 
 def _number(value: Any) -> Any:
     """Convert text such as 1e6 to a number: YAML 1.1 reads it as text without a point and a sign."""
-    if isinstance(value, str):
+    if isinstance(value, str) and len(value) <= MOST_DIGITS:
         with contextlib.suppress(ValueError):
             return float(value)
     return value

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from twin.errors import InputError
+from twin.files.names import LONGEST_NAME, check_name
+from twin.files.shown import cut, shown
 
 
 def _within(default: float, low: float, high: float) -> Any:
@@ -133,8 +135,7 @@ class Preset:
         Raises:
             ValueError: a parameter is not a finite number or lies outside its physical range.
         """
-        if not isinstance(self.name, str):
-            raise InputError(f"preset parameter name = {self.name!r}: must be text")
+        check_name("preset parameter name", self.name)
         for field in dataclasses.fields(self)[1:]:
             value = getattr(self, field.name)
             _check(field, value)
@@ -166,7 +167,7 @@ class Preset:
         names = [field.name for field in dataclasses.fields(self)]
         for name in changes:
             if name not in names:
-                raise InputError(f"unknown preset parameter {name!r}{suggestion(name, names)}")
+                raise InputError(f"unknown preset parameter {shown(name)}{suggestion(name, names)}")
         return dataclasses.replace(self, **changes)
 
     def without_friction(self) -> "Preset":
@@ -192,7 +193,7 @@ def parameter_limits(name: str) -> tuple[float, float]:
     """
     limits = {field.name: field.metadata for field in dataclasses.fields(Preset)[1:]}
     if name not in limits:
-        raise InputError(f"unknown preset parameter {name!r}{suggestion(name, list(limits))}")
+        raise InputError(f"unknown preset parameter {shown(name)}{suggestion(name, list(limits))}")
     return limits[name]["low"], limits[name]["high"]
 
 
@@ -214,13 +215,13 @@ def parse_changes(changes: Sequence[str]) -> dict[str, Any]:
                 if name in whole
                 else "must be NAME=VALUE, as in wire_stiffness=2e4"
             )
-            raise InputError(f"change of the preset {change!r}: {rule}") from error
+            raise InputError(f"change of the preset {shown(change)}: {rule}") from error
     return parsed
 
 
 def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
     low, high = field.metadata["low"], field.metadata["high"]
-    stated = f"preset parameter {field.name} = {value!r:.40}"
+    stated = f"preset parameter {field.name} = {shown(value)}"
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
         raise InputError(f"{stated}: must be a finite number")
     if isinstance(field.default, int) and (not isinstance(value, int) or not low <= value <= high):
@@ -234,7 +235,7 @@ def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
 
 
 def suggestion(name: str, names: list[str]) -> str:
-    """Return a hint for an unknown name: a close match, if there is one, and all valid names."""
-    close = difflib.get_close_matches(name, names, n=1)
+    """Return a hint for an unknown name: a close match, if there is one, and valid names, cut to a line."""
+    close = difflib.get_close_matches(name[:LONGEST_NAME], names, n=1)
     guess = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{guess}; valid: {', '.join(names)}"
+    return f"{guess}; valid: {cut(', '.join(names), 130)}"

@@ -3,11 +3,13 @@
 import dataclasses
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin.errors import InputError
+from twin.files.shown import cut, shown
 from twin.preset.file import read_preset_file
 from twin.preset.preset import Preset, parameter_limits
 
@@ -19,6 +21,18 @@ _FIXED = (
     "time_step",
     "control_period",
 )
+
+
+class RangesFile(BaseModel):
+    """The key `ranges` of a preset's file.
+
+    Attributes:
+        ranges: lowest and highest value of each parameter, in SI units.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    ranges: Annotated[dict[str, tuple[float, float]], Field(max_length=len(dataclasses.fields(Preset)))]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,16 +91,19 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
     stated = values.get("ranges")
     if not isinstance(stated, dict) or not stated:
         rule = "add `ranges:` with `parameter: [low, high]` lines"
-        raise InputError(f"preset {name!r} states no ranges: {rule}")
-    return Ranges(tuple(_range(str(parameter), limits) for parameter, limits in stated.items()))
-
-
-def _range(name: str, limits: Any) -> tuple[str, float, float]:
+        raise InputError(f"preset {shown(name)} states no ranges: {rule}")
     try:
-        low, high = (float(limit) for limit in limits)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"range of {name} = {limits!r}: must be [low, high]") from error
-    return name, low, high
+        file = RangesFile.model_validate({"ranges": stated})
+        return Ranges(tuple((parameter, *limits) for parameter, limits in file.ranges.items()))
+    except ValidationError as error:
+        place = error.errors(include_url=False, include_context=False)[0]["loc"]
+        parameter = str(place[1]) if len(place) > 1 else ""
+        wrong = shown(stated.get(parameter))
+        raise InputError(
+            f"{name_or_path}: range of {cut(parameter, 40)} = {wrong}: must be [low, high]"
+        ) from None
+    except ValueError as error:
+        raise InputError(f"{name_or_path}: {error}") from error
 
 
 def _draw(low: float, high: float, rng: np.random.Generator) -> float:

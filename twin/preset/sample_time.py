@@ -12,7 +12,8 @@ def check_sample_time(preset: Preset, sample_time: float) -> int:
     Raises:
         ValueError: not a whole number.
     """
-    periods = round(sample_time / preset.control_period) if np.isfinite(sample_time) else 0
+    ratio = sample_time / preset.control_period
+    periods = round(ratio) if np.isfinite(ratio) else 0
     if periods < 1 or abs(periods * preset.control_period - sample_time) > 1e-9:
         raise InputError(
             f"sample time {sample_time:g} s: must be a whole multiple of the control period, "

@@ -1,7 +1,5 @@
 """Contents of an MCAP file: messages by topic, metadata, attachments, and the episode they make."""
 
-import json
-import math
 import struct
 from collections.abc import Collection
 from typing import Any
@@ -10,6 +8,9 @@ from mcap.opcode import Opcode
 
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import parse_json
+from twin.files.shown import shown
 from twin.recording.mcap_file.records import HEAD, Budget, FileRecord, parse, unpack
 from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
 from twin.recording.writer import METADATA_RECORD
@@ -19,6 +20,9 @@ PASSED_OVER = ("/scene", "/camera/")
 
 TOPICS = frozenset(topic for topic in SCHEMAS if not topic.startswith(PASSED_OVER))
 """Topics that an episode is read from."""
+
+MOST_METADATA = 4 * MEBIBYTE
+"""Characters of the metadata of an episode."""
 
 _MESSAGE = struct.Struct(HEAD.format + "HIQQ")  # followed by channel, sequence, log time and publish time
 _MESSAGE_FIELDS = _MESSAGE.size - HEAD.size  # [bytes]
@@ -142,11 +146,18 @@ class Contents:
         """Return the metadata of the episode.
 
         Raises:
-            ValueError: the file has none, or an item is not JSON.
+            ValueError: the file has none, an item is not JSON, or a known one is not of its kind.
         """
         if self.items is None:
             raise InputError(f"metadata record {METADATA_RECORD!r} is missing")
-        return {name: from_json(name, text) for name, text in self.items.items()}
+        from twin.recording.facts import check_facts  # pydantic: loaded when a file is read
+
+        size = sum(len(name) + len(text) for name, text in self.items.items())
+        if size > MOST_METADATA:
+            raise InputError(f"metadata has {size} characters: at most {MOST_METADATA}")
+        metadata = {name: from_json(name, text) for name, text in self.items.items()}
+        check_facts(metadata)
+        return metadata
 
     def episode(self, metadata: dict[str, Any]) -> Episode:
         """Return the episode of the messages.
@@ -195,17 +206,6 @@ def from_json(name: str, text: str) -> Any:
         ValueError: it is not JSON, or holds a number that is not finite.
     """
     try:
-        return json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
+        return parse_json(text, MOST_METADATA)
     except ValueError as error:
-        raise InputError(f"metadata {name!r} is not JSON: {error}") from error
-
-
-def _refuse_constant(constant: str) -> None:
-    raise InputError(f"{constant} is not a number")
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise InputError(f"{text} is beyond the largest number")
-    return value
+        raise InputError(f"metadata {shown(name)} {error}") from error

@@ -41,14 +41,21 @@ def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
 def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -> Path:
     """Write an episode as a CSV table, one row per sample, in a file that appears only when it is whole.
 
-    The columns are `time_s`, those of the quantities of `TABLE` that are known, and, with `everything`, those
-    of all others of `FEATURES`. Each number has the digits that read back as the same double.
-
     Returns:
         The path of the file.
 
     Raises:
         FileNotFoundError: the folder does not exist.
+    """
+    write_whole(path, csv_text(episode, everything=everything))
+    return Path(path)
+
+
+def csv_text(episode: Episode, *, everything: bool = False) -> str:
+    """Return an episode as the text of a CSV table, one row per sample.
+
+    The columns are `time_s`, those of the quantities of `TABLE` that are known, and, with `everything`, those
+    of all others of `FEATURES`. Each number has the digits that read back as the same double.
     """
     held = recorded(episode)
     known = {
@@ -63,8 +70,7 @@ def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -
         columns |= known[name]
     rows = np.column_stack(list(columns.values())).tolist()
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    write_whole(path, "\n".join(lines) + "\n")
-    return Path(path)
+    return "\n".join(lines) + "\n"
 
 
 def _columns(feature: Feature, values: Array) -> dict[str, Array]:

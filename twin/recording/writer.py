@@ -52,7 +52,7 @@ class EpisodeWriter:
         self._complete = False
 
     def __enter__(self) -> "EpisodeWriter":
-        """Open the file under its temporary name, `.NAME.XXXXXXXX.partial`.
+        """Open the file, which has no name yet.
 
         Raises:
             FileNotFoundError: the folder does not exist.
@@ -90,12 +90,16 @@ class EpisodeWriter:
         later, that is still known.
 
         Raises:
-            ValueError: metadata is not JSON, times or shapes do not fit (see `messages.to_nanoseconds` and
-                `streams.streams_of`), or the file holds an episode already.
+            ValueError: metadata is not JSON or a known key is not of its kind, times or shapes do not fit
+                (see `messages.to_nanoseconds` and `streams.streams_of`), or the file holds an episode
+                already.
         """
         if self._complete:
             raise InputError(f"{self.path} already holds an episode: one file, one episode")
         metadata = {name: _to_json(name, episode.metadata[name]) for name in sorted(episode.metadata)}
+        from twin.recording.facts import check_facts  # pydantic: loaded when a file is written
+
+        check_facts({name: json.loads(text) for name, text in metadata.items()})  # what is not read back
         nanoseconds = to_nanoseconds(episode.time)
         streams = streams_of(episode, nanoseconds[0])
         self._container.add_metadata(METADATA_RECORD, metadata)

@@ -1,14 +1,12 @@
 """Rendering of an episode to a frame, a PNG or an MP4, without a screen."""
 
-import contextlib
 import io
 import itertools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import imageio.v2 as imageio
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -18,8 +16,11 @@ from tqdm import tqdm
 
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.files.atomic import write_whole
+from twin.files.ours import MADE_BY
 from twin.rendering.film import HEIGHT, WIDTH, Film
 from twin.rendering.loop_panel import INK, MUTED, TRACE, Picture, style_axes
+from twin.rendering.video import LARGEST_FRAMES, write_video
 
 _POSE_COLOURS = (INK, TRACE, TRACE, INK)
 
@@ -114,10 +115,8 @@ def render_png(episode: Episode, path: Path, *, dpi: int = 200) -> Path:
     _draw_poses(figure.add_axes((0.0, 0.0, 0.45, 1.0)), film, samples)
     _draw_loop(figure.add_axes((0.56, 0.155, 0.42, 0.79)), episode, samples)
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer)
-    part = path.with_name(f".{path.stem}.part.png")
-    part.write_bytes(buffer.getvalue())
-    part.replace(path)
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": MADE_BY})
+    write_whole(path, buffer.getvalue())
     return path
 
 
@@ -131,7 +130,7 @@ def render_mp4(
     height: int = HEIGHT,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Render an episode as a video (H.264, 4:2:0, which every browser plays), written atomically.
+    """Render an episode as a film, written whole or not at all.
 
     Args:
         episode: the record.
@@ -147,36 +146,31 @@ def render_mp4(
 
     Raises:
         ValueError: the size, `fps` or `speed` is out of range.
-        OSError: nothing on this system can draw without a screen.
+        OSError: nothing on this system can draw without a screen, or the disk is full.
     """
     if not 0 < fps <= 240 or not 0 < speed <= 1000:
         raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most 240 and 1000")
-    film = Film(episode, width, height)
     duration = episode.time[-1] - episode.time[0]
-    frame_times = episode.time[0] + np.arange(int(duration * fps / speed + 1e-9) + 1) * speed / fps
-    samples = np.clip(np.searchsorted(episode.time, frame_times - 1e-9), 0, len(episode.time) - 1)
-    part = path.with_name(f".{path.stem}.part.mp4")
-    bar = tqdm(
-        total=len(samples), desc=path.name, unit="frame", file=sys.stderr, disable=progress is not None
-    )
-    try:
-        writer: Any = imageio.get_writer(
-            part,
-            fps=fps,
-            codec="libx264",
-            pixelformat="yuv420p",
-            macro_block_size=2,
-            output_params=["-crf", "20", "-movflags", "+faststart"],
+    count = int(duration * fps / speed + 1e-9) + 1
+    if count > LARGEST_FRAMES:
+        raise InputError(
+            f"fps {fps} and speed {speed:g}: {count} frames of {duration:g} s, at most {LARGEST_FRAMES}"
         )
-        with bar, contextlib.closing(writer):
+    film = Film(episode, width, height)
+    frame_times = episode.time[0] + np.arange(count) * speed / fps
+    samples = np.clip(np.searchsorted(episode.time, frame_times - 1e-9), 0, len(episode.time) - 1)
+
+    def frames() -> Iterator[Picture]:
+        with tqdm(
+            total=count, desc=path.name, unit="frame", file=sys.stderr, disable=progress is not None
+        ) as bar:
             for drawn, sample in enumerate(samples, start=1):
-                writer.append_data(film.frame(sample))
+                yield film.frame(sample)
                 bar.update()
                 if progress is not None:
-                    progress(drawn, len(samples))
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+                    progress(drawn, count)
+
+    write_video(path, frames(), fps, width, height)
     return path
 
 

@@ -20,6 +20,7 @@ from twin.estimation.registry import Style, method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
+from twin.files.ours import MADE_BY
 from twin.report.tables import ordered, protocol_scores
 
 Array = NDArray[np.float64]
@@ -239,7 +240,7 @@ def to_svg(figure: Figure) -> str:
 def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
     """Return a figure as a PNG file with `dpi` pixels per inch, without the version of who drew it."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": MADE_BY})
     return buffer.getvalue()
 
 

@@ -6,29 +6,31 @@ import csv
 import dataclasses
 import functools
 import io
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-import imageio.v2 as imageio
 import jinja2
 import numpy as np
-import yaml
 from matplotlib.figure import Figure
 from PIL import Image
+from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
 from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.registry import method_specs, proposed_method
+from twin.estimation.registry import proposed_method
 from twin.evaluation.paper import TABLES
 from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
-from twin.files.dataset_json import NAME, MeasuredDataset, parse_contents, to_json_values
-from twin.hysteresis import HysteresisModel, load_model
+from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.json_text import read_json
+from twin.files.shown import cut
+from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.recording import read_dataset
+from twin.rendering.video import read_frames
+from twin.report.facts import MOST_TEXT, agent_names, run_facts
 from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
 from twin.report.findings import findings
 from twin.report.paper_figures import paper_figures
@@ -39,13 +41,15 @@ Value = TypeVar("Value")
 LARGEST_VIDEO = 8 * 2**20
 """A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
 
+LARGEST_PICTURE = 16 * MEBIBYTE
+LARGEST_FILM = 512 * MEBIBYTE
+"""Sizes that are read of pictures and films [bytes]."""
+
+_PNG, _MP4 = b"\x89PNG\r\n\x1a\n", b"ftyp"
+"""First bytes of the two kinds of file; those of MP4 follow the length of its first part."""
+
 _DRAWN = 2
 """Loops that are drawn over each other: more cannot be told apart."""
-
-
-def _agents() -> dict[str, str]:
-    """Names of the methods that can be trained, by the folder of their run."""
-    return {spec.training.agent: spec.name for spec in method_specs() if spec.training}
 
 
 @functools.cache
@@ -68,6 +72,18 @@ def _commands() -> dict[str, str]:
         "bend.png": "render data/test --out bend.png",
         "results/tracks.npz": evaluate,
     }
+
+
+class DemoFile(BaseModel):
+    """Contents of `demo.json`, as far as the page needs them.
+
+    Attributes:
+        commands: that made the run.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    commands: Annotated[list[Annotated[str, Field(max_length=2000)]], Field(max_length=100)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,12 +148,12 @@ def write_report(folder: Path, path: Path) -> Path:
 def _contents(folder: Path) -> dict[str, Any]:
     """Everything that the template shows, each part in full or as a `Gap`."""
     evaluation = _part(folder, "results/evaluation.json", _evaluation)
-    model = _part(folder, "coleman_hodgdon.json", load_model)
+    model = _part(folder, "coleman_hodgdon.json", _coleman_hodgdon)
     fit = None if isinstance(model, Gap) else model
     return {
         "results": evaluation,
         "model": model,
-        "facts": _facts(folder),
+        "facts": run_facts(folder),
         "bending": [_part(folder, "bend.png", _poses), _part(folder, "bend.mp4", _film)],
         "loops": [_part(folder, f"data/{name}", lambda path: _loop(path, fit)) for name in ("train", "test")],
         "tracking": _part(folder, "results/tracks.npz", _tracking),
@@ -148,8 +164,8 @@ def _contents(folder: Path) -> dict[str, Any]:
 
 def _commands_run(folder: Path) -> list[str]:
     """The commands that made this run, where it says them; else those that make such a run."""
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        return [str(command) for command in json.loads((folder / "demo.json").read_text())["commands"]]
+    with contextlib.suppress(OSError, ValueError):
+        return DemoFile.model_validate(read_json(folder / "demo.json", MOST_TEXT)).commands
     return list(dict.fromkeys(f"endotwin {command}" for command in _commands().values()))
 
 
@@ -160,9 +176,16 @@ def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap
         return Gap(f"This run has no {name}.", command)
     try:
         return read(folder / name)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        reason = " ".join(str(error).split()).replace(f"{folder}/", "")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
+        reason = cut(str(error).replace(f"{folder}/", ""), 300)
         return Gap(f"{name} cannot be shown: {reason or type(error).__name__}.", command)
+
+
+def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
+    model = load_model(path)
+    if not isinstance(model, ColemanHodgdon):
+        raise InputError(f"it holds the model {model.name!r}, the page shows that of Coleman and Hodgdon")
+    return model
 
 
 def _evaluation(path: Path) -> dict[str, Any]:
@@ -184,16 +207,20 @@ def _poses(path: Path) -> Shown:
         "Poses along one record, and where they lie on its hysteresis loop. Poses 2 and 3 have the same pull "
         "on the wires: how far the tip bends depends on where it came from."
     )
-    return Shown(_address("image/png", path.read_bytes()), caption)
+    content = read_limited(path, LARGEST_PICTURE)
+    if not content.startswith(_PNG):
+        raise InputError("it is no PNG picture")
+    return Shown(_address("image/png", content), caption)
 
 
 def _film(path: Path) -> Shown:
     caption = "The record replayed, and its loop as it is drawn."
-    if path.stat().st_size < LARGEST_VIDEO:
-        return Shown(_address("video/mp4", path.read_bytes()), caption, is_film=True)
-    film: Any = imageio.get_reader(path)
-    with contextlib.closing(film):
-        frames = [film.get_data(index) for index in np.linspace(0, film.count_frames() - 1, 6).astype(int)]
+    content = read_limited(path, LARGEST_FILM)
+    if content[4:8] != _MP4:
+        raise InputError("it is no MP4 film")
+    if len(content) < LARGEST_VIDEO:
+        return Shown(_address("video/mp4", content), caption, is_film=True)
+    frames = read_frames(path, 6)
     small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
     strip = io.BytesIO()
     Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
@@ -222,78 +249,30 @@ def _tracking(path: Path) -> list[Shown]:
 
 def _training(path: Path) -> Shown:
     curves = {}
-    for folder, agent in _agents().items():
+    for folder, agent in agent_names().items():
         progress = path / folder / "progress.csv"
         if progress.is_file():
-            with progress.open(newline="") as file:
-                lines = list(csv.DictReader(file))
-            if not lines:
-                raise InputError(f"{folder}/progress.csv has no lines")
-            columns = {"samples": "samples", "return": "mean_reward"}
-            curves[agent] = {
-                key: np.array([float(line[name]) for line in lines]) for key, name in columns.items()
-            }
+            curves[agent] = _progress(progress)
     if not curves:
         raise InputError("no agent in it has a progress.csv")
     caption = "What each agent pays per step while it learns, thin as recorded, thick the running median."
     return _drawn(training_figure(curves), caption)
 
 
-def _facts(folder: Path) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Facts of the run, as (title, [(name, value)]), from every file that states some."""
-    sources: dict[str, tuple[str, Callable[[str], Any]]] = {
-        "Run": ("demo.json", json.loads),
-        "Training records": ("data/train/dataset.json", _recipe),
-        "Test records": ("data/test/dataset.json", _recipe),
-        "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", json.loads),
-        "Evaluation protocol": ("results/evaluation.json", lambda text: json.loads(text)["protocol"]),
-    }
-    sources |= {agent: (f"runs/{name}/config.yaml", yaml.safe_load) for name, agent in _agents().items()}
-    facts = []
-    for title, (name, parse) in sources.items():
-        try:
-            entries = _flat(parse((folder / name).read_text()))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError):
-            continue  # a damaged file is reported by the part that needs it
-        if entries:
-            facts.append((title, entries))
-    return facts
-
-
-def _recipe(text: str) -> dict[str, Any]:
-    """Return what a dataset was made from; of a measured one, what it holds; or what is wrong with it."""
+def _progress(path: Path) -> dict[str, Any]:
+    """Return samples and returns of a training, as its `progress.csv` lists them."""
     try:
-        contents = parse_contents(text)
-    except ValueError as error:
-        return {NAME: f"cannot be shown: {error}"}
-    if isinstance(contents, MeasuredDataset):
-        return {"source": contents.source, "files": len(contents.files), "seconds": contents.seconds}
-    return to_json_values(contents.recipe)
-
-
-def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Names and values of nested mappings; a list of mappings, such as that of the files, by its length."""
-    entries = []
-    for key, value in values.items():
-        name = f"{prefix}{key}".replace("_", " ")
-        if isinstance(value, dict):
-            entries += _flat(value, f"{name}, ")
-        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-            entries.append((name, f"{len(value)}"))
-        elif isinstance(value, list) and value and all(isinstance(item, list) for item in value):
-            pairs = (", ".join(_text(part) for part in item) for item in value)
-            entries.append((name, ", ".join(f"[{pair}]" for pair in pairs)))
-        elif isinstance(value, list):
-            entries.append((name, ", ".join(_text(item) for item in value)))
-        else:
-            entries.append((name, _text(value)))
-    return entries
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool) or value is None:
-        return {True: "yes", False: "no", None: "none"}[value]
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+        text = read_limited(path, MOST_TEXT).decode()
+        lines = list(csv.DictReader(io.StringIO(text)))
+        curve = {
+            key: np.array([float(line[name]) for line in lines])
+            for key, name in (("samples", "samples"), ("return", "mean_reward"))
+        }
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path.parent.name}/{path.name}: {cut(error) or 'a column is missing'}") from error
+    if not lines or not np.isfinite(curve["samples"]).all():
+        raise InputError(f"{path.parent.name}/{path.name} has no lines of numbers")
+    return curve
 
 
 def _drawn(figure: Figure, caption: str) -> Shown:

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, MissingFileError
 from twin.estimation.open_loop import MONOTONE
 from twin.files.atomic import write_whole
+from twin.files.json_text import read_json
 from twin.hysteresis import (
     BoucWen,
     ColemanHodgdon,
@@ -75,12 +76,12 @@ def load_fits(path: Path) -> Fits:
     Raises:
         ValueError: the file is damaged.
     """
-    if not path.is_file():
-        return {}
     try:
-        fits = json.loads(path.read_text())
-        if not isinstance(fits, dict) or not all(isinstance(found, dict) for found in fits.values()):
-            raise TypeError("no numbers by name")
-    except (ValueError, TypeError) as error:
+        fits = read_json(path)
+    except MissingFileError:
+        return {}
+    except ValueError as error:
         raise InputError(f"{path} is damaged: remove it, and it is made again") from error
+    if not all(isinstance(found, dict) for found in fits.values()):
+        raise InputError(f"{path} is damaged: remove it, and it is made again")
     return fits

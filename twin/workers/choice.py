@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 
 from twin.errors import InputError
+from twin.files.bounds import MOST_WORKERS, check_between
 
 
 @contextlib.contextmanager
@@ -22,6 +23,7 @@ def choose_workers(tasks: int, processes: int = 0, dask: str | None = None) -> I
     """
     if processes < 0:
         raise InputError(f"workers = {processes}: must not be negative")
+    check_between("workers", processes, 0, MOST_WORKERS)
     if dask is not None:
         from twin.workers.dask_cluster import dask_workers
 

@@ -1,15 +1,24 @@
 """Workers of a Dask cluster, on as many machines as it has."""
 
+import asyncio
 import contextlib
 import logging
 import re
+import socket
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
 
 from twin.errors import InputError
 
+REACH_SECONDS = 2.0
+"""Timeout of the plain connection that shows whether anything listens at an address [s]."""
+SHAKE_SECONDS = 2.0
+"""Timeout of the handshake of Dask [s]."""
 CONNECT_SECONDS = 20
 """Timeout of the connection to a Dask scheduler [s]."""
+
+_LIBRARIES = ("distributed", "tornado", "asyncio")
+"""Packages whose own logs would come before the one line about a mistake."""
 
 
 @contextlib.contextmanager
@@ -22,21 +31,18 @@ def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
         address: of the scheduler, such as `tcp://192.168.0.7:8786`.
 
     Raises:
-        ValueError: Dask is not installed, no scheduler answers, or it has no workers.
+        ValueError: Dask is not installed, the address is none, no scheduler answers, or it has no workers.
         BrokenExecutor: the cluster gave up a task, whose workers died again and again.
     """
+    host, port = check_address(address)
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
         raise InputError("a Dask cluster needs Dask: pip install 'endotwin[cluster]'") from error
-    if not re.fullmatch(r"[a-z]+://[^\s/]+:\d+", address):
-        raise InputError(f"address = {address}: must be as in tcp://192.168.0.7:8786")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said here
-    try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"address = {address}: no Dask scheduler answers there") from error
-    with client:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_silent())
+        _reach(address, host, port)
+        client = stack.enter_context(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
         threads = sum(client.nthreads().values())
         if threads == 0:
             start = f"start some with `dask worker {address} --nthreads 1`"
@@ -48,3 +54,53 @@ def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
             raise BrokenExecutor(
                 f"{lost}; what is whole stays, the same command goes on from there"
             ) from error
+
+
+def check_address(address: str) -> tuple[str, int]:
+    """Return the host and the port of the address of a scheduler.
+
+    Raises:
+        ValueError: it is none.
+    """
+    found = re.fullmatch(r"(?:tcp|tls)://(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]{1,253}):([0-9]{1,5})", address)
+    if not found or not 1 <= int(found[2]) <= 65535:
+        example = "must be as in tcp://192.168.0.7:8786 (or tls), its port from 1 to 65535"
+        raise InputError(f"address = {address!r:.60}: {example}")
+    return found[1].strip("[]"), int(found[2])
+
+
+def _reach(address: str, host: str, port: int) -> None:
+    """Refuse an address where no scheduler answers, which a client would wait for without end."""
+    try:
+        socket.create_connection((host, port), timeout=REACH_SECONDS).close()
+        asyncio.run(_shake_hands(address))
+    except Exception as error:  # of no closed list: what another server answers, and no certificate for tls
+        raise InputError(f"address = {address:.100}: no Dask scheduler answers there") from error
+
+
+async def _shake_hands(address: str) -> None:
+    """Connect to a scheduler as a client does, and leave."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    secrets = Security().get_connection_args("client")
+    connecting = connect(address, timeout=SHAKE_SECONDS, **secrets)
+    (await asyncio.wait_for(connecting, SHAKE_SECONDS + 1)).abort()
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Context manager: the libraries of a cluster log nothing; what matters of it is said here."""
+    loggers = [
+        logger
+        for name, logger in list(logging.root.manager.loggerDict.items())
+        if isinstance(logger, logging.Logger) and name.partition(".")[0] in _LIBRARIES
+    ]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

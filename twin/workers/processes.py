@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing.context import SpawnContext, SpawnProcess
 
 
 @contextlib.contextmanager
@@ -16,9 +17,7 @@ def local_workers(count: int) -> Iterator[Executor]:
     Args:
         count: number of processes.
     """
-    # Fresh processes: a fork would copy whatever threads and libraries this one has loaded.
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, fresh, initializer=_begin_worker) as executor:
+    with ProcessPoolExecutor(count, _FreshContext(), initializer=_begin_worker) as executor:
         try:
             yield executor
         except BaseException:
@@ -28,9 +27,32 @@ def local_workers(count: int) -> Iterator[Executor]:
             raise
 
 
+class _DeafProcess(SpawnProcess):
+    """A fresh process that hears no Ctrl-C while it starts: it would show where it was."""
+
+    def start(self) -> None:
+        """Start it with the signal held back."""
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            super().start()
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _FreshContext(SpawnContext):
+    """Fresh processes: a fork would copy whatever threads and libraries this one has loaded."""
+
+    Process = _DeafProcess
+
+
 def _begin_worker() -> None:
     """Initialise a worker: ignore Ctrl-C and end with the parent, as an orphan would wait for ever."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
 

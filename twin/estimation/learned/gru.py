@@ -35,13 +35,15 @@ class GruState(NamedTuple):
 
     Attributes:
         bend_deg: (B,) estimate [deg].
-        measurement_deg: (B,) last measurement, moved along by the model over gaps; NaN at first [deg].
+        measurement_deg: (B,) last measurement, moved along by the model over gaps; zero at first [deg].
+        seen: (B,) whether there has been one.
         memory: (m, B) of the model of hysteresis.
         hidden: (1, B, hidden) of the network.
     """
 
     bend_deg: Array
     measurement_deg: Array
+    seen: NDArray[np.bool_]
     memory: Array
     hidden: Array32
 
@@ -69,15 +71,17 @@ class Gru(Estimator[GruState]):
 
     def start(self, pull_mm: Array, bend_deg: Array) -> GruState:
         """Return a network that has seen nothing; the initial estimate is shown until a measurement comes."""
-        unseen = np.full(bend_deg.size, np.nan)
-        return GruState(bend_deg.copy(), unseen, self.model.start(pull_mm), self._nothing(bend_deg.size))
+        size = bend_deg.size
+        unseen = np.zeros(size, dtype=bool)
+        memory, hidden = self.model.start(pull_mm), self._nothing(size)
+        return GruState(bend_deg.copy(), np.zeros(size), unseen, memory, hidden)
 
     def step(
         self, state: GruState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
     ) -> GruState:
         """Return the state one sample later."""
         unit = scale.deviation(self.measurement_variance)
-        first, missing = np.isnan(state.measurement_deg), np.isnan(measurement_deg)
+        first, missing = ~state.seen, np.isnan(measurement_deg)
         moved, memory = self.model.step(state.bend_deg, state.memory, pull_mm, previous_pull_mm)
         last = np.where(first, state.bend_deg, state.measurement_deg)
         foretold, _ = self.model.step(last, state.memory, pull_mm, previous_pull_mm)
@@ -86,7 +90,8 @@ class Gru(Estimator[GruState]):
         noise, hidden = self.network(np.stack([surprise, increment], axis=-1)[None], state.hidden)
         return GruState(
             np.where(missing, moved, measurement_deg - unit * noise[0]),
-            np.where(missing, np.where(first, np.nan, foretold), measurement_deg),
+            np.where(missing, np.where(first, 0, foretold), measurement_deg),
+            state.seen | ~missing,
             memory,
             np.where(missing[:, None], state.hidden, hidden),
         )
@@ -126,7 +131,7 @@ def load(path: Path) -> Gru:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    return Gru(*read_network(path, TRAINING.agent))
+    return Gru(*read_network(path, TRAINING.agent, states=1, seen=(3, 2, 2), said=(3, 2)))
 
 
 TRAINING = Training("gru", "gru.onnx", load, "GRU that knows the noise and the model")

@@ -31,6 +31,7 @@ from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
+FEATURES = 5  # that the gain sees
 
 
 class Corrected(NamedTuple):
@@ -186,7 +187,7 @@ def load(path: Path) -> KalmanNet:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    return KalmanNet(*read_network(path, TRAINING.agent))
+    return KalmanNet(*read_network(path, TRAINING.agent, states=1, seen=(2, FEATURES), said=(2, 2)))
 
 
 TRAINING = Training("kalman-net", "kalman_net.onnx", load, "active model with a learned gain")

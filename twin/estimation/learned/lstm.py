@@ -30,13 +30,15 @@ class LstmState(NamedTuple):
     Attributes:
         bend_deg: (B,) estimate [deg].
         pull_mm: (B,) pull at the last measurement [mm].
-        measurement_deg: (B,) last measurement, NaN before the first [deg].
+        measurement_deg: (B,) last measurement, zero before the first [deg].
+        seen: (B,) whether there has been one.
         memory: (2, B, hidden) of the network.
     """
 
     bend_deg: Array
     pull_mm: Array
     measurement_deg: Array
+    seen: NDArray[np.bool_]
     memory: Array32
 
 
@@ -54,21 +56,23 @@ class LstmEstimator(Estimator[LstmState]):
 
     def start(self, pull_mm: Array, bend_deg: Array) -> LstmState:
         """Return a network that has seen nothing; the initial estimate is shown until a measurement comes."""
-        unseen = np.full(bend_deg.size, np.nan)
-        return LstmState(bend_deg.copy(), pull_mm.copy(), unseen, self._nothing(bend_deg.size))
+        none, unseen = np.zeros(bend_deg.size), np.zeros(bend_deg.size, dtype=bool)
+        return LstmState(bend_deg.copy(), pull_mm.copy(), none, unseen, self._nothing(bend_deg.size))
 
     def step(
         self, state: LstmState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
     ) -> LstmState:
         """Return the state one sample later."""
-        first, missing = np.isnan(state.measurement_deg), np.isnan(measurement_deg)
+        first, missing = ~state.seen, np.isnan(measurement_deg)
         pull = np.where(first, 0, pull_mm - state.pull_mm)
-        increments = np.stack([pull, np.nan_to_num(measurement_deg - state.measurement_deg)], axis=-1)
+        measured = np.where(first | missing, 0, measurement_deg - state.measurement_deg)
+        increments = np.stack([pull, measured], axis=-1)
         noise, memory = self.network(increments[None], state.memory)
         return LstmState(
             np.where(missing, state.bend_deg, measurement_deg - noise[0]),
             np.where(missing, state.pull_mm, pull_mm),
             np.where(missing, state.measurement_deg, measurement_deg),
+            state.seen | ~missing,
             np.where(missing[:, None], state.memory, memory),
         )
 
@@ -109,7 +113,7 @@ def load(path: Path) -> LstmEstimator:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    network, _, sample_time = read_network(path, TRAINING.agent)
+    network, _, sample_time = read_network(path, TRAINING.agent, states=STATES, seen=(3, 2, 2), said=(3, 2))
     return LstmEstimator(network, sample_time)
 
 

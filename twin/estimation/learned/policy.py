@@ -19,7 +19,8 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
+from twin.files.shown import shown
 
 Array = NDArray[np.float64]
 POLICY_FILE = "policy.onnx"
@@ -77,7 +78,7 @@ class Policy:
     @property
     def active_model(self) -> ActiveModel:
         """The filter that the policy was trained beside."""
-        return ActiveModel.from_dict(self.network.description["active_model"])
+        return ActiveModel.from_dict(self.network.description.get("active_model"))
 
 
 def load_policy(path: Path) -> Policy:
@@ -90,12 +91,12 @@ def load_policy(path: Path) -> Policy:
     network = read_trained_file(path)
     policy = Policy(network)
     try:
-        outputs = [output.name for output in network.session.get_outputs()]
-        if outputs != ["action"]:
-            raise InputError(f"its outputs are {outputs}")
+        names = [part.name for part in (*network.session.get_inputs(), *network.session.get_outputs())]
+        if names != ["observation", "action"]:
+            raise InputError(f"its inputs and outputs are {shown(names)}")
         _ = policy.active_model
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a policy written by `endotwin train`") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not a policy written by `endotwin train`: {error}") from error
     return policy
 
 
@@ -184,9 +185,7 @@ def load_steered(path: Path, agent: str, make_agent: Callable[[ActiveModel], Age
         ValueError: the file is no trained policy of this agent.
     """
     policy = load_policy(path)
-    if policy.agent_name != agent:
-        raise InputError(f"{path} holds the agent {policy.agent_name!r}, not {agent!r}")
-    return PolicyEstimator(policy, policy.active_model, make_agent)
+    return _steered(path, policy, policy.active_model, agent, make_agent)
 
 
 def build_steered(
@@ -194,4 +193,25 @@ def build_steered(
 ) -> PolicyEstimator:
     """Return the trained policy of an agent, beside the active model of what is known."""
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    return PolicyEstimator(load_policy(knowledge.trained[agent]), active_model, make_agent)
+    path = knowledge.trained[agent]
+    return _steered(path, load_policy(path), active_model, agent, make_agent)
+
+
+def _steered(
+    path: Path,
+    policy: Policy,
+    active_model: ActiveModel,
+    agent: str,
+    make_agent: Callable[[ActiveModel], Agent],
+) -> PolicyEstimator:
+    """Return the estimator of a policy, once it takes and returns what the agent does."""
+    if policy.agent_name != agent:
+        raise InputError(f"{path} holds the agent {shown(policy.agent_name)}, not {agent!r}")
+    kind = make_agent(active_model)
+    try:
+        check_network(
+            policy.network, {"observation": (2, kind.observation_size)}, {"action": (2, kind.action_size)}
+        )
+    except ValueError as error:
+        raise InputError(f"{path} is not a policy of the agent {agent!r}: {error}") from error
+    return PolicyEstimator(policy, active_model, make_agent)

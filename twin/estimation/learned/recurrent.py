@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
-from twin.hysteresis import HysteresisModel, model_from_dict
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
+from twin.files.shown import shown
+from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
+BATCH = 2  # records that a network is tried on when it is read
 Array32 = NDArray[np.float32]
 
 
@@ -42,7 +45,7 @@ class OnnxNetwork:
         self.file = file
         hidden = file.description.get("hidden")
         if not isinstance(hidden, int) or hidden < 1:
-            raise InputError(f"hidden = {hidden!r}: must be a positive whole number")
+            raise InputError(f"hidden = {shown(hidden)}: must be a positive whole number")
         self.hidden = hidden
 
     def __call__(self, seen: Array, memory: Array32) -> tuple[Array, Array32]:
@@ -51,20 +54,30 @@ class OnnxNetwork:
         return said.astype(float), memory
 
 
-def read_network(path: Path, agent: str) -> tuple[OnnxNetwork, HysteresisModel, float]:
+def read_network(
+    path: Path, agent: str, *, states: int, seen: tuple[int, ...], said: tuple[int, ...]
+) -> tuple[OnnxNetwork, HysteresisModel, float]:
     """Return the network, the model of hysteresis and the sample time [s] of a trained file.
+
+    Args:
+        path: of the file.
+        agent: that it must be of.
+        states: arrays of memory.
+        seen: shape of what it sees of two records.
+        said: shape of what it says of them.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is damaged, or of another agent.
+        ValueError: it is damaged, of another agent, or takes or returns something else.
     """
     file = read_trained_file(path, agent)
     try:
-        outputs = [output.name for output in file.session.get_outputs()]
-        if outputs != ["said", "remembered"]:
-            raise InputError(f"its outputs are {outputs}")
-        model = model_from_dict(file.description["active_model"]["model"])
-        sample_time = float(file.description["active_model"]["sample_time"])
-        return OnnxNetwork(file), model, sample_time
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no network of the agent {agent!r} that training wrote") from error
+        network = OnnxNetwork(file)
+        memory = (states, BATCH, network.hidden)
+        check_network(file, {"seen": seen, "memory": memory}, {"said": said, "remembered": memory})
+        beside = ActiveModel.from_dict(file.description.get("active_model"))
+        return network, beside.model, beside.sample_time
+    except ValueError as error:
+        raise InputError(
+            f"{path} is no network of the agent {agent!r} that training wrote: {error}"
+        ) from error

@@ -1,19 +1,42 @@
 """A trained network in one ONNX file that carries its own description, read and run without torch."""
 
 import dataclasses
-import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
+from twin.estimation.learned.graph_check import check_graph
+from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.json_text import parse_json_object
+from twin.files.schema import validated
+from twin.files.shown import cut, shown
 
 METADATA_KEY = "endotwin"
 """Key of the description, as JSON, among the metadata of the ONNX file."""
-LARGEST = 256 * 2**20
+LARGEST = 32 * MEBIBYTE
 """Size that no trained file of ours comes near [bytes]."""
+MOST_METADATA = MEBIBYTE
+LARGEST_HIDDEN = 1024
+"""Units of a recurrent layer at most."""
+
+
+class TrainedDescription(BaseModel):
+    """Description in a trained file, as far as it is read; the rest is the configuration of the run.
+
+    Attributes:
+        agent: word that it was trained under.
+        hidden: units of the recurrent layer.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    agent: Annotated[str, Field(max_length=40)]
+    hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,24 +80,56 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
         ValueError: it is no ONNX file, not one of ours, or of another agent.
     """
     path = Path(path)
-    if not path.is_file():
-        raise MissingFileError(f"no trained file {path}; `endotwin train` writes one")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} has {path.stat().st_size} bytes: a trained file has at most {LARGEST}")
+    try:
+        content = read_limited(path, LARGEST)
+    except MissingFileError as error:
+        raise MissingFileError(f"no trained file {path}; `endotwin train` writes one") from error
     import onnxruntime  # imported when used: a table of methods needs none of it
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4  # what is wrong with a file is told below, in one line
     try:
-        content = path.read_bytes()  # from bytes: the file cannot name other files to load
+        check_graph(content)
+        # From bytes: the file cannot name other files to load.
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        description = json.loads(session.get_modelmeta().custom_metadata_map[METADATA_KEY])
-        found = description.pop("agent")
-        if not isinstance(found, str):
-            raise TypeError("the agent is no text")
+        values = parse_json_object(session.get_modelmeta().custom_metadata_map[METADATA_KEY], MOST_METADATA)
+        found = validated(TrainedDescription, values).agent
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
-        raise InputError(f"{path} is not a trained file written by `endotwin train`") from error
+        reason = f": {cut(error)}" if isinstance(error, InputError) else ""
+        raise InputError(f"{path} is not a trained file written by `endotwin train`{reason}") from error
     if agent is not None and found != agent:
-        raise InputError(f"{path} holds the agent {found!r}, not {agent!r}")
+        raise InputError(f"{path} holds the agent {shown(found)}, not {agent!r}")
+    description = {name: value for name, value in values.items() if name != "agent"}
     return TrainedFile(session, found, description, path)
+
+
+def check_network(
+    file: TrainedFile, inputs: Mapping[str, tuple[int, ...]], outputs: Mapping[str, tuple[int, ...]]
+) -> None:
+    """Run a network once on zeros, and check what it takes and returns.
+
+    Args:
+        file: the trained file.
+        inputs: shape of each of its inputs, by name.
+        outputs: shape of each of its outputs for these, by name.
+
+    Raises:
+        ValueError: names, shapes or types are others, it cannot be run, or what it returns is not finite.
+    """
+    for what, wanted, there in (
+        ("inputs", inputs, file.session.get_inputs()),
+        ("outputs", outputs, file.session.get_outputs()),
+    ):
+        found = {part.name: part.type for part in there}
+        if found != dict.fromkeys(wanted, "tensor(float)"):
+            raise InputError(f"its {what} are {shown(found)}, not {', '.join(wanted)} in single precision")
+    try:
+        returned = file.run(**{name: np.zeros(shape) for name, shape in inputs.items()})
+    except Exception as error:  # onnxruntime's own classes, for arrays that do not fit together
+        raise InputError("it cannot be run on arrays of the shapes that its estimator has") from error
+    for (name, shape), values in zip(outputs.items(), returned, strict=True):
+        if values.shape != shape:
+            raise InputError(f"its output {name} has the shape {values.shape}, not {shape}")
+        if not np.isfinite(values).all():
+            raise InputError(f"its output {name} is not finite where all that it is given is zero")

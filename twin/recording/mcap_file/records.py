@@ -1,5 +1,6 @@
 """Parser of MCAP records that checks each before use (https://mcap.dev/spec)."""
 
+import os
 import struct
 import zlib
 from io import BytesIO
@@ -24,7 +25,8 @@ from mcap.records import (
     Statistics,
 )
 
-from twin.errors import InputError, MissingFileError
+from twin.errors import InputError
+from twin.files.bounded import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
 """Magic bytes at the start and the end of every MCAP file."""
@@ -54,6 +56,9 @@ _SMALLEST_LIMIT = 2**26  # [bytes]
 _LARGEST_RATIO = 64
 _SMALLEST_RECORD_LIMIT = 200_000
 _FEWEST_BYTES_PER_RECORD = 8
+
+MOST_BYTES = 4 * 2**30
+"""Size of a file that is read: it is taken into memory whole."""
 
 
 class FileRecord(NamedTuple):
@@ -100,15 +105,26 @@ def mcap_bytes(path: Path) -> bytes:
         FileNotFoundError: there is no such file.
         ValueError: it is a folder, is empty, or does not begin as MCAP files do.
     """
-    if not path.exists():
-        raise MissingFileError(f"no file {path}")
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, not an MCAP file")
-    data = path.read_bytes()
+    descriptor = open_regular(path, "an MCAP file")
+    with open(descriptor, "rb") as file:
+        size = os.fstat(descriptor).st_size
+        # A large file is not taken into memory before its ends tell that it is one.
+        ends = [file.read(len(MAGIC))]
+        if size > MOST_BYTES:
+            raise InputError(f"{path} has {size} bytes: an MCAP file of at most {MOST_BYTES} is read")
+        if size > _SMALLEST_LIMIT:
+            file.seek(size - len(MAGIC))
+            ends.append(file.read(len(MAGIC)))
+        data = ends[0]
+        if all(end == MAGIC for end in ends):
+            file.seek(0)
+            data = file.read(size)
     if not data:
         raise InputError(f"{path} is cut off: it is empty")
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
         raise InputError(f"{path} is not an MCAP file: it does not begin with the MCAP mark")
+    if ends[-1] != MAGIC and size > _SMALLEST_LIMIT:
+        raise InputError(f"{path} is cut off: it does not end with the MCAP mark")
     return data
 
 

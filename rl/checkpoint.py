@@ -1,0 +1,152 @@
+"""Checkpoint of a training by PPO: weights, moments of Adam, curve and the actions of the running episodes.
+
+Random streams are not kept: at each checkpoint, in an undisturbed training too, they begin anew from the seed
+and the number of samples. The environment is brought back by the actions that its episodes have had so far.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.utils import set_random_seed
+
+from rl.environment import BatchEnvironment
+from twin.errors import DivergedError, InputError
+from twin.estimation.learned.policy import Agent
+from twin.estimation.task import TrainingTask
+from twin.files.state_file import read_state, write_state
+
+Array = NDArray[np.float64]
+Curve = list[tuple[int, float]]
+"""Samples done and the mean reward per sample [deg^2] of the episodes that ended there."""
+
+CHECKPOINT_FILE = "checkpoint.state"
+CHECKPOINT = "training checkpoint"
+"""Kind of its state."""
+
+
+class ReplayedEnvironment(BatchEnvironment):
+    """Batched environment that can be brought back to where it was by what was done in it.
+
+    Attributes:
+        rounds: how many times all episodes have begun.
+        actions_so_far: of the running episodes, each (count, action_size).
+    """
+
+    def __init__(self, task: TrainingTask, agent: Agent, count: int, seed: int, reward_scale: float):
+        super().__init__(task, agent, count, seed, reward_scale)
+        self._seed = seed
+        self.rounds = 0
+        self.actions_so_far: list[NDArray[np.float32]] = []
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin a new episode in every environment, from the random numbers of this round."""
+        self.rng = np.random.default_rng([self._seed, self.rounds])
+        self.rounds += 1
+        self.actions_so_far = []
+        return super().reset()
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Take (count, action_size) actions and note them."""
+        self.actions_so_far.append(np.array(actions, dtype=np.float32))
+        super().step_async(actions)
+
+    def replay(self, rounds: int, actions: Array) -> NDArray[np.float32]:
+        """Begin a round again and act as it did; returns the last observation."""
+        self.rounds = rounds - 1
+        observation = self.reset()
+        for action in actions.astype(np.float32):
+            observation = self.step(action)[0]  # type: ignore[assignment]
+        return observation
+
+
+def reseed(seed: int, samples: int) -> None:
+    """Begin the random numbers of torch, and of NumPy's shared stream, which shuffles minibatches, anew."""
+    set_random_seed(int(np.random.SeedSequence([seed, samples]).generate_state(1)[0]))
+
+
+def save_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment, curve: Curve) -> None:
+    """Write the state of a training between an update and the next rollout.
+
+    Raises:
+        FloatingPointError: the training has diverged.
+    """
+    check_finite(ppo)
+    actions = np.array(environment.actions_so_far, dtype=np.float64)
+    counters = [ppo.num_timesteps, ppo._n_updates, environment.rounds]
+    arrays = {
+        "counters": np.array(counters, dtype=np.float64),
+        "curve": np.array(curve, dtype=np.float64).reshape(-1, 2),
+        "actions": actions.reshape(-1, environment.num_envs, environment.agent.action_size),
+    }
+    write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in _tensors(ppo).items()})
+
+
+def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment) -> Curve:
+    """Bring a fresh training to the state of a checkpoint, if there is one of this training.
+
+    Returns:
+        The learning curve so far; empty without a checkpoint, and then nothing is changed.
+
+    Raises:
+        ValueError: the file is foreign or damaged.
+    """
+    saved = read_state(path, CHECKPOINT, key)
+    if saved is None:
+        return []
+    damaged = InputError(f"{path} is damaged: remove it, and the run begins anew")
+    _begin_moments(ppo)
+    expected = _tensors(ppo)
+    lacking = {"counters", "curve", "actions", *expected} - set(saved)
+    if lacking or any(saved[name].shape != tuple(tensor.shape) for name, tensor in expected.items()):
+        raise damaged
+    counters, curve, actions = (saved[name] for name in ("counters", "curve", "actions"))
+    each = (environment.num_envs, environment.agent.action_size)
+    if counters.shape != (3,) or curve.shape[1:] != (2,) or actions.shape[1:] != each:
+        raise damaged
+    samples = environment.task.pull_mm.shape[1] - 1  # of a round: a whole one would have begun another
+    if (counters < [0, 0, 1]).any() or (counters > 2**52).any() or len(actions) >= samples:
+        raise damaged
+    with torch.no_grad():
+        for name, tensor in expected.items():
+            tensor.copy_(torch.as_tensor(saved[name]))
+    ppo.num_timesteps, ppo._n_updates, rounds = (int(count) for count in counters)
+    ppo._last_obs = environment.replay(rounds, actions)
+    ppo._last_episode_starts = np.full(environment.num_envs, not len(actions))
+    return [(int(samples), float(reward)) for samples, reward in curve]
+
+
+def check_finite(ppo: PPO) -> None:
+    """Refuse weights that are no numbers.
+
+    Raises:
+        FloatingPointError: so they are.
+    """
+    if not all(torch.isfinite(tensor).all() for tensor in _tensors(ppo).values()):
+        raise DivergedError(
+            f"the training has diverged after {ppo.num_timesteps} samples: lower `learning_rate`"
+        )
+
+
+def _begin_moments(ppo: PPO) -> None:
+    """Give Adam the moments that it makes only at its first step."""
+    optimiser = ppo.policy.optimizer
+    for parameter in ppo.policy.parameters():
+        optimiser.state[parameter] = {
+            "step": torch.tensor(0.0),
+            "exp_avg": torch.zeros_like(parameter),
+            "exp_avg_sq": torch.zeros_like(parameter),
+        }
+
+
+def _tensors(ppo: PPO) -> dict[str, torch.Tensor]:
+    """Return the weights and the moments of Adam by name; they share memory with the training."""
+    tensors: dict[str, Any] = {}
+    for name, parameter in ppo.policy.named_parameters():
+        tensors[f"weight {name}"] = parameter.detach()
+        for moment, values in ppo.policy.optimizer.state.get(parameter, {}).items():
+            tensors[f"{moment} {name}"] = values.detach()
+    return tensors

@@ -1,0 +1,77 @@
+"""Numbers that a user gives have bounds, which are checked before any work."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rl.suite.settings import FullSuite
+from twin.benchmark.measurements import Size
+from twin.evaluation.protocol import Protocol
+from twin.files.bounds import check_between
+from twin.identification import check_options
+from twin.workers.choice import choose_workers
+
+
+@given(
+    value=st.floats() | st.integers(-(10**6000), 10**6000),
+    bounds=st.tuples(st.integers(-9, 9), st.integers(-9, 9)),
+)
+def test_a_number_is_within_its_bounds_or_refused_in_a_short_line(value, bounds):
+    least, most = sorted(bounds)
+    if least <= value <= most:
+        check_between("pace", value, least, most, "s")
+        return
+    with pytest.raises(ValueError, match=rf"^pace = .{{1,40}}: must be from {least} to {most} s$"):
+        check_between("pace", value, least, most, "s")
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [
+        (Protocol, "initial_error_deg"),
+        (Protocol, "sample_time_s"),
+        (Protocol, "recorded_variance"),
+        (Size, "amplitude"),
+        (lambda **given: FullSuite("folder", **given), "seconds"),
+        (lambda **given: FullSuite("folder", **given), "initial_error_deg"),
+        (lambda **given: FullSuite("folder", sample_times=tuple(given.values())), "sample_times"),
+    ],
+)
+def test_no_number_that_is_not_finite_or_huge_is_taken(settings, name, wrong):
+    with pytest.raises(ValueError, match=r"^[^\n]{1,160}$"):
+        settings(**{name: wrong})
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 10**12, 10**5000], ids=["zero", "negative", "large", "huge"])
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [
+        (Protocol, "seeds"),
+        (lambda **given: FullSuite("folder", **given), "members"),
+        (lambda **given: FullSuite("folder", **given), "episodes"),
+        (lambda **given: FullSuite("folder", **given), "workers"),
+        (lambda **given: FullSuite("folder", **given), "seeds"),
+        (lambda **given: check_options("bouc-wen", **given), "population"),
+        (lambda **given: check_options("bouc-wen", **given), "generations"),
+        *((Size, name) for name in ("cycles", "draws", "steps", "episodes", "many_episodes")),
+    ],
+)
+def test_no_count_that_never_ends_is_taken(settings, name, wrong):
+    with pytest.raises(ValueError, match=r"^[^\n]{1,160}$"):
+        settings(**{name: wrong})
+
+
+def test_more_processes_than_any_machine_has_are_refused():
+    with (
+        pytest.raises(ValueError, match="workers = 1000000: must be from 0 to 1024"),
+        choose_workers(9, 10**6),
+    ):
+        pass
+
+
+def test_a_sample_time_that_is_next_to_nothing_is_refused():
+    with pytest.raises(ValueError, match=r"^sample_time = 1e-300: must be from 1e-06 to 1000 s$"):
+        Protocol(sample_time_s=1e-300)

@@ -1,0 +1,273 @@
+"""Every reader of a file that others wrote: it takes a hostile version or refuses it in one line."""
+
+import json
+import time
+
+import numpy as np
+import onnx
+import pytest
+import yaml
+from hostile import mutated, refusal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from models import BOUC_WEN, COLEMAN_HODGDON
+
+from twin.dataset.recipe_file import load_recipe
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.load import load_estimator, model_of
+from twin.evaluation.score import Score, read_scores, to_rows
+from twin.evaluation.track import Track, load_tracks, save_tracks
+from twin.files.dataset_json import read_contents
+from twin.hysteresis import PrandtlIshlinskii, load_model, model_to_dict
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import load_ranges
+from twin.recording.facts import check_facts
+
+FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
+FEATURE = {"topic": "/truth", "field": "bend_deg", "unit": "deg", "shape": [], "meaning": "bend"}
+PRESET = Preset("mine").to_dict() | {"ranges": {"pretension": [1.0, 6.0]}}
+RECIPE = {
+    "preset": Preset("mine").to_dict(),
+    "ranges": {"pretension": [1.0, 6.0]},
+    "seeds": [1, 2],
+    "seconds": 0.5,
+    "strokes_mm": [[0.0, 1.0]],
+    "sheath_bends_deg": [90, [0, 90]],
+    "signals": ["sine"],
+    "sensor": {"variance_deg2": 0.1},
+    "camera": {"pictures_per_second": 5.0, "width": 160, "height": 120},
+}
+MODELS = [
+    model_to_dict(model) for model in (COLEMAN_HODGDON, BOUC_WEN, PrandtlIshlinskii((8.0, 4.0), (0.0, 0.5)))
+]
+SCORE = Score(
+    noise="gaussian",
+    level=1.0,
+    sample_time_s=0.1,
+    stroke_mm=(-1.0, 1.0),
+    method="RAM",
+    oracle=False,
+    mae_deg=0.5,
+    rmse_deg=0.6,
+    md_deg=0.4,
+    var_deg2=0.2,
+    bias_deg=-0.1,
+    rmse_steady_deg=0.55,
+    rmse_ci95_deg=(0.58, 0.62),
+    seeds=20,
+)
+DATASET = {
+    "source": "measured",
+    "endotwin": "1",
+    "episodes": 1,
+    "seconds": 0.2,
+    "bytes": 99,
+    "features": {"bend_deg": FEATURE},
+    "statistics": {"bend_deg": FIGURES},
+    "files": [
+        {
+            "name": "a.mcap",
+            "samples": 2,
+            "seconds": 0.2,
+            "bytes": 99,
+            "sha256": "0" * 64,
+            "statistics": {"bend_deg": FIGURES},
+            "csv": "a.csv",
+            "csv_sha256": "1" * 64,
+        }
+    ],
+}
+FACTS = {
+    "preset": Preset("mine").to_dict(),
+    "name": "a",
+    "source": "measured",
+    "seed": 1,
+    "episode": 2,
+    "signal": "sine",
+    "stroke_mm": [-1.0, 1.0],
+    "sheath_bend_deg": [0.0, 90.0],
+    "statistics": {"bend_deg": FIGURES},
+    "pulley_radius": 0.01,
+}
+READERS = {
+    "preset.yaml": (load_preset, PRESET),
+    "ranges.yaml": (load_ranges, PRESET),
+    "recipe.yaml": (load_recipe, RECIPE),
+    "coleman_hodgdon.json": (load_model, MODELS[0]),
+    "bouc_wen.json": (load_model, MODELS[1]),
+    "prandtl_ishlinskii.json": (load_model, MODELS[2]),
+    "evaluation.json": (read_scores, {"protocol": {"suite": "paper"}, "rows": to_rows([SCORE])}),
+    "dataset.json": (lambda path: read_contents(path.parent), DATASET),
+}
+TRACK = Track("gaussian", 1.0, np.arange(4.0), np.ones(4), np.ones(4), {"RAM": np.ones(4)})
+HEAD = '[{"noise": "n", "level": 1.0, "methods": []}]'
+DESCRIPTION = {"agent": "ram", "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("hostile")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_the_valid_file_is_taken(name, folder):
+    read, valid = READERS[name]
+    path = folder / name
+    path.write_text(json.dumps(valid) if name.endswith("json") else yaml.safe_dump(valid))
+    assert refusal(read, path) is None
+
+
+@pytest.mark.parametrize("name", READERS)
+@given(data=st.data())
+@settings(max_examples=40)
+def test_a_mutated_file_is_taken_or_refused_in_one_line(name, folder, data):
+    read, valid = READERS[name]
+    path = folder / name
+    changed = data.draw(mutated(valid))
+    path.write_text(json.dumps(changed) if name.endswith("json") else yaml.safe_dump(changed))
+    begin = time.process_time()
+    refusal(read, path)
+    assert time.process_time() - begin < 5
+
+
+@pytest.mark.parametrize("name", [*READERS, "tracks.npz", "policy.onnx", "a.mcap"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\x00",
+        b"\xff\xfe",
+        b"[" * 200_000,
+        b'{"a":' * 200_000,
+        b"- " * 200_000,
+        b"a: &a [*a]",
+        b"\x80" * 999,
+    ],
+    ids=range(8),
+)
+def test_what_is_no_such_file_at_all_is_refused_in_one_line(name, content, folder):
+    from twin.recording import read_episode
+
+    others = {"tracks.npz": load_tracks, "policy.onnx": load_estimator, "a.mcap": read_episode}
+    read = others[name] if name in others else READERS[name][0]
+    (folder / name).write_bytes(content)
+    taken = {"recipe.yaml": (b"",)}  # a recipe may leave every key out
+    assert (refusal(read, folder / name) is None) == (content in taken.get(name, ()))
+
+
+@given(data=st.data())
+def test_metadata_of_an_episode_is_taken_or_refused_in_one_line(data):
+    changed = data.draw(mutated(FACTS))
+    said = "metadata "
+    try:
+        check_facts(changed if isinstance(changed, dict) else {})
+    except InputError as error:
+        said = str(error)
+    assert said.startswith("metadata ")
+    assert len(said) <= 220
+    assert said.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"seed": [1]}, r"metadata seed = \[1\]: must be a valid integer"),
+        ({"stroke_mm": "x"}, "metadata stroke_mm = 'x': must be a valid list"),
+        ({"preset": 5}, "metadata preset = 5: must be text"),
+        ({"preset": {"vertebrae": "x"}}, "metadata preset: vertebrae = 'x': must be a valid integer"),
+        ({"name": "a\n# b"}, "must be one line of printable characters"),
+        ({"pulley_radius": 0.0}, "must be greater than 0"),
+    ],
+)
+def test_metadata_of_the_wrong_kind_is_named(change, fault):
+    with pytest.raises(InputError, match=fault):
+        check_facts(FACTS | change)
+
+
+def policy(nodes, sizes=(1, 2), description=DESCRIPTION) -> bytes:
+    """A small network in an ONNX file, of one layer and some operators behind it."""
+    make, kind = onnx.helper, onnx.TensorProto.FLOAT
+    weights = make.make_tensor("w", kind, sizes, [0.1] * (sizes[0] * sizes[1]))
+    graph = make.make_graph(
+        [make.make_node("MatMul", ["observation", "w"], ["y"]), *nodes],
+        "g",
+        [make.make_tensor_value_info("observation", kind, ["n", sizes[0]])],
+        [make.make_tensor_value_info("action", kind, ["n", sizes[1]])],
+        [weights],
+    )
+    model = make.make_model(graph, opset_imports=[make.make_opsetid("", 20)], ir_version=10)
+    make.set_model_props(model, {"endotwin": json.dumps(description)})
+    return model.SerializeToString()
+
+
+def node(operator: str, **attributes):
+    return onnx.helper.make_node(operator, ["y"], ["action"], **attributes)
+
+
+def test_a_trained_file_is_taken(folder):
+    (folder / "p.onnx").write_bytes(policy([node("Tanh")]))
+    assert refusal(load_estimator, folder / "p.onnx") is None
+    assert model_of(folder / "p.onnx") == COLEMAN_HODGDON
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (policy([node("Softplus")]), "has the operator Softplus, which training never writes"),
+        (policy([node("Tanh", domain="evil")]), "has the operator evil Tanh"),
+        (policy([node("Loop", body=onnx.helper.make_graph([], "b", [], []))]), "never writes"),
+        (policy([node("Log")]), "is not finite where"),
+        (policy([node("Tanh")], (2, 2)), "it cannot be run on arrays of the shapes"),
+        (policy([node("Tanh")], (1, 3)), r"has the shape \(2, 3\), not \(2, 2\)"),
+        (policy([node("Tanh")], (1, 9000)), "array of shape"),
+        (policy([node("Tanh")], description={"agent": "ram"}), "active_model = None"),
+        (policy([node("Tanh")], description={"agent": ["ram"]}), "agent = "),
+        (policy([node("Tanh")], description={"agent": "dqn"}), "unknown agent 'dqn'"),
+        (policy([node("Tanh")])[:-40], "is not a trained file"),
+    ],
+    ids=range(11),
+)
+def test_a_network_that_training_never_wrote_is_refused(content, fault, folder):
+    (folder / "p.onnx").write_bytes(content)
+    with pytest.raises(InputError, match=fault):
+        load_estimator(folder / "p.onnx")
+    refusal(load_estimator, folder / "p.onnx")
+
+
+@given(data=st.data())
+@settings(max_examples=30)
+def test_a_description_of_a_network_is_taken_or_refused_in_one_line(folder, data):
+    changed = data.draw(mutated(DESCRIPTION))
+    (folder / "p.onnx").write_bytes(policy([node("Tanh")], description=changed))
+    refusal(load_estimator, folder / "p.onnx")
+
+
+def test_tracks_come_back(folder):
+    save_tracks(folder / "t.npz", [TRACK])
+    (read,) = load_tracks(folder / "t.npz")
+    np.testing.assert_array_equal(read.estimates["RAM"], TRACK.estimates["RAM"])
+
+
+@pytest.mark.parametrize(
+    ("arrays", "fault"),
+    [
+        ({}, "'heads' is missing"),
+        ({"heads": np.array("[1]")}, "heads: input must be|heads: must be"),
+        ({"heads": np.array(HEAD)}, "'track_0' is missing"),
+        (
+            {"heads": np.array('[{"noise": "n", "level": 1, "methods": []}]'), "track_0": np.ones(3)},
+            "of shape",
+        ),
+        ({"heads": np.array("[" * 100_000)}, "nested deeper"),
+        ({"heads": np.array([{}], dtype=object)}, "numbers and text alone are read"),
+        ({"heads": np.zeros(2**24)}, "unpacks to"),
+    ],
+    ids=range(7),
+)
+def test_arrays_that_are_no_tracks_are_refused(arrays, fault, folder):
+    np.savez_compressed(folder / "t.npz", **arrays)
+    with pytest.raises(InputError, match=fault):
+        load_tracks(folder / "t.npz")
+    refusal(load_tracks, folder / "t.npz")

@@ -1,0 +1,58 @@
+"""A run folder belongs to one configuration and one process; what is not the run's stays."""
+
+import os
+
+import pytest
+
+from twin.files.run_folder import claim_folder, open_run
+
+MINE = {"seed": 1}
+
+
+def test_run_is_taken_up_again_and_another_one_is_refused(tmp_path):
+    for _ in range(2):
+        with open_run(tmp_path / "run", MINE, ("net.onnx",)):
+            pass
+    with (
+        pytest.raises(ValueError, match="holds a run of another configuration"),
+        open_run(tmp_path / "run", {"seed": 2}, ("net.onnx",)),
+    ):
+        pass
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["config.yaml"]
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"", b"seed: 1\n" * 300_000])
+def test_foreign_configuration_is_refused_and_kept(tmp_path, content):
+    (tmp_path / "config.yaml").write_bytes(content)
+    with pytest.raises(ValueError, match="holds a run of another configuration"):
+        claim_folder(tmp_path, MINE)
+    assert (tmp_path / "config.yaml").read_bytes() == content
+
+
+def test_configuration_that_is_no_file_is_refused(tmp_path):
+    outside = tmp_path / "outside.yaml"
+    outside.write_text("seed: 1\n")
+    for number, make in enumerate((os.mkdir, os.mkfifo, lambda path: os.symlink(outside, path))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        make(folder / "config.yaml")
+        with pytest.raises(ValueError, match=r"config\.yaml is no file"):
+            claim_folder(folder, MINE)
+    assert outside.read_text() == "seed: 1\n"
+
+
+@pytest.mark.parametrize("name", ["progress.csv", "net.onnx"])
+def test_file_of_no_run_is_not_overwritten(tmp_path, name):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(ValueError, match=f"holds {name} without"), open_run(tmp_path, MINE, ("net.onnx",)):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_one_run_at_a_time(tmp_path):
+    with (
+        open_run(tmp_path, MINE, ()),
+        pytest.raises(ValueError, match="another run is writing into"),
+        open_run(tmp_path, MINE, ()),
+    ):
+        pass

@@ -1,0 +1,166 @@
+"""A stopped training ends with the bytes of an undisturbed one; a checkpoint that is not ours is refused."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+from planted import planted_pickle, planted_zip
+
+from rl.checkpoint import CHECKPOINT, ReplayedEnvironment
+from rl.environment import AGENTS
+from rl.options import TrainingOptions
+from rl.training import train_policy
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.task import TrainingTask, stack_records
+from twin.files import state_file
+from twin.files.state_file import write_state
+
+PLAN = TrainingOptions(episodes=48, environments=16, horizon=256, seed=3)
+STATE = "checkpoint.state"
+
+
+class _Stop(BaseException):
+    pass
+
+
+@pytest.fixture(scope="module")
+def setting(model, records):
+    return [(pull[:90], bend[:90]) for pull, bend in records], ActiveModel(model, 0.1)
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(setting, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    train_policy(*setting, PLAN, folder)
+    return files(folder)
+
+
+def stop_at(setting, folder, write, monkeypatch, plan=PLAN):
+    """Train until the file is written for so many times: what is on the disk then is all that remains."""
+    count = 0
+
+    def counted(path, content):
+        nonlocal count
+        count += 1
+        if count > write:
+            raise _Stop
+        write_whole(path, content)
+
+    write_whole = state_file.write_whole
+    with monkeypatch.context() as patch:
+        for module in ("twin.files.state_file", "rl.training", "rl.export", "twin.files.run_folder"):
+            patch.setattr(f"{module}.write_whole", counted)
+        with pytest.raises(_Stop):
+            train_policy(*setting, plan, folder)
+
+
+@pytest.fixture
+def stopped(setting, tmp_path, monkeypatch):
+    stop_at(setting, tmp_path / "run", 9, monkeypatch)
+    return tmp_path / "run"
+
+
+@pytest.mark.parametrize("writes", [(0,), (2,), (4, 3, 4), (9,), (13,)])
+def test_stopped_training_ends_with_the_bytes_of_an_undisturbed_one(
+    setting, undisturbed, tmp_path, monkeypatch, writes
+):
+    for write in writes:
+        stop_at(setting, tmp_path, write, monkeypatch)
+    started = []
+    train_policy(*setting, PLAN, tmp_path, lambda done, *_: started.append(done))
+    assert files(tmp_path) == undisturbed
+    if writes == (9,):
+        assert started[0] > 16 * 89  # not from the beginning
+
+
+def test_training_stopped_before_it_tidied_up_is_tidied_up(setting, undisturbed, stopped):
+    state = (stopped / STATE).read_bytes()
+    train_policy(*setting, PLAN, stopped)
+    (stopped / STATE).write_bytes(state)
+    train_policy(*setting, PLAN, stopped)
+    assert files(stopped) == undisturbed
+
+
+@pytest.mark.parametrize("planted", [planted_pickle, planted_zip])
+def test_planted_pickle_never_runs(setting, undisturbed, stopped, tmp_path, planted):
+    witness = tmp_path / "it ran"
+    (stopped / "checkpoints").mkdir()
+    old = stopped / "checkpoints" / "0000001000.zip"  # where former versions looked
+    old.write_bytes(planted(witness))
+    shutil.move(stopped / STATE, tmp_path / "kept")
+    (stopped / STATE).write_bytes(planted(witness))
+    with pytest.raises(ValueError, match=rf"{STATE} is no training checkpoint of EndoTwin"):
+        train_policy(*setting, PLAN, stopped)
+    shutil.move(tmp_path / "kept", stopped / STATE)
+    train_policy(*setting, PLAN, stopped)
+    assert not witness.exists()
+    shutil.rmtree(stopped / "checkpoints")
+    assert files(stopped) == undisturbed
+
+
+def with_arrays(path, change):
+    """Write a state again, right but for what is changed: as somebody would who knows the format."""
+    head = state_file.json.loads(path.read_bytes().partition(b"\n")[0])
+    arrays = state_file.read_state(path, CHECKPOINT, head["key"])
+    change(arrays)
+    write_state(path, CHECKPOINT, head["key"], arrays)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda arrays: arrays.pop("counters"),
+        lambda arrays: arrays.pop(next(name for name in arrays if name.startswith("weight"))),
+        lambda arrays: arrays.update(counters=np.array([-1.0, 0, 1])),
+        lambda arrays: arrays.update(counters=np.array([1e300, 0, 1])),
+        lambda arrays: arrays.update(curve=np.zeros((2, 3))),
+        lambda arrays: arrays.update(actions=np.zeros((1000, 16, 1))),
+        lambda arrays: arrays.update({"weight log_std": np.zeros(7)}),
+        lambda arrays: arrays.update({"weight log_std": np.full(1, np.nan)}),
+    ],
+)
+def test_checkpoint_of_other_shapes_or_no_numbers_is_refused(setting, stopped, change):
+    with_arrays(stopped / STATE, change)
+    before = files(stopped)
+    with pytest.raises(ValueError, match=f"{STATE} is damaged: remove it, and the run begins anew"):
+        train_policy(*setting, PLAN, stopped)
+    assert files(stopped) == before
+
+
+def test_checkpoint_of_other_records_is_not_taken_up(setting, stopped, tmp_path):
+    records, active_model = setting
+    other = [(pull, np.where(np.arange(90) == 5, bend + 1, bend)) for pull, bend in records]
+    shutil.copy(stopped / STATE, tmp_path / "kept")
+    whole, mixed = tmp_path / "whole", tmp_path / "mixed"
+    short = dataclasses.replace(PLAN, episodes=16)
+    train_policy(other, active_model, short, whole)
+    shutil.copytree(whole, mixed)
+    (mixed / "policy.onnx").unlink()
+    shutil.copy(tmp_path / "kept", mixed / STATE)
+    train_policy(other, active_model, short, mixed)
+    assert files(mixed) == files(whole)
+
+
+@pytest.mark.parametrize("agent", AGENTS)
+def test_replayed_actions_bring_an_environment_back(setting, agent):
+    records, active_model = setting
+    task = TrainingTask(*stack_records(records))
+    first, second = (ReplayedEnvironment(task, AGENTS[agent](active_model), 3, 7, 0.5) for _ in range(2))
+    rng = np.random.default_rng(0)
+
+    def act(environment, action):
+        return [np.asarray(value) for value in environment.step(action)[:3]]
+
+    first.reset()
+    for _ in range(100):  # past the end of a round
+        act(first, rng.uniform(-1, 1, (3, first.agent.action_size)).astype(np.float32))
+    second.replay(first.rounds, np.array(first.actions_so_far, dtype=float))
+    for _ in range(100):
+        action = rng.uniform(-1, 1, (3, first.agent.action_size)).astype(np.float32)
+        for one, other in zip(act(first, action), act(second, action), strict=True):
+            np.testing.assert_array_equal(one, other)

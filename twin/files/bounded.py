@@ -1,0 +1,69 @@
+"""Bytes of a regular file, up to a limit: what every reader begins with."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from twin.errors import InputError, MissingFileError
+from twin.files.shown import named
+
+MEBIBYTE = 2**20  # [bytes]
+
+_NOT_THERE = (errno.ENOENT, errno.ENOTDIR)
+_UNREADABLE = (errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.ENXIO, errno.ENODEV)
+
+
+def read_limited(path: str | Path, most_bytes: int) -> bytes:
+    """Read a regular file of at most so many bytes.
+
+    A named pipe would block for ever and a device never end: neither is opened for waiting, neither is read.
+
+    Args:
+        path: of the file; a link is followed.
+        most_bytes: limit; of a file that grows while it is read, one byte more is taken at most.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is a folder, a pipe or a device, is larger, or may not be read.
+    """
+    descriptor = open_regular(path)
+    with open(descriptor, "rb") as file:
+        size = os.fstat(descriptor).st_size
+        if size <= most_bytes:
+            content = file.read(most_bytes + 1)
+            size = len(content)
+    if size > most_bytes:
+        raise InputError(f"{named(path)} has {size} bytes or more: at most {most_bytes} are read")
+    return content
+
+
+def open_regular(path: str | Path, wanted: str = "a file") -> int:
+    """Open a regular file for reading; returns its descriptor, which the caller closes.
+
+    Args:
+        path: of the file; a link is followed.
+        wanted: what it should be, for messages.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is a folder, a pipe or a device, or may not be read.
+    """
+    # Without O_NONBLOCK, opening a pipe waits for who writes into it.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+    try:
+        descriptor = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    except OSError as error:
+        if error.errno in _NOT_THERE:
+            raise MissingFileError(f"no file {named(path)}") from error
+        if error.errno in _UNREADABLE:
+            raise InputError(f"{named(path)} cannot be read: {error.strerror}") from error
+        raise
+    except ValueError as error:  # a name that no file can have
+        raise InputError(f"{str(path)!r:.60} is no name of a file: {error}") from error
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        what = f"a folder, not {wanted}" if stat.S_ISDIR(mode) else "no regular file"
+        raise InputError(f"{named(path)} is {what}")
+    return descriptor

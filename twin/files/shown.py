@@ -1,0 +1,33 @@
+"""Values of files in messages: cut before they are written out, so that a message costs little."""
+
+import reprlib
+from typing import Any
+
+LONGEST = 40
+"""Characters of a value in a message."""
+LONGEST_PATH = 180
+"""Characters of a path in a message."""
+
+_REPR = reprlib.Repr()
+_REPR.maxlevel = 2
+_REPR.maxstring = _REPR.maxother = _REPR.maxlong = LONGEST
+_REPR.maxdict = _REPR.maxlist = _REPR.maxtuple = 3
+
+
+def shown(value: Any) -> str:
+    """Return a value as Python writes it, cut to `LONGEST` characters, however large it is."""
+    text = _REPR.repr(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def cut(text: object, most: int = 120) -> str:
+    """Return a text in one line of printable characters, cut."""
+    line = " ".join(str(text)[: 4 * most].split())
+    line = "".join(letter if letter.isprintable() else "?" for letter in line)
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def named(path: object) -> str:
+    """Return a path for a message: its end, in one line of printable characters."""
+    text = "".join(letter if letter.isprintable() else "?" for letter in str(path)[-LONGEST_PATH:])
+    return text if len(str(path)) <= LONGEST_PATH else f"...{text[3:]}"

@@ -1,0 +1,120 @@
+"""Schema of an episode's metadata: the keys that EndoTwin reads, each of its kind; others may be added."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from twin.errors import InputError
+from twin.files.names import check_name, wrong_name
+from twin.files.schema import validated
+
+MOST_ITEMS = 1000
+LONGEST_TEXT = 1000
+
+
+def _printable(name: str) -> str:
+    if rule := wrong_name(name):
+        raise ValueError(rule)
+    return name
+
+
+Name = Annotated[str, AfterValidator(_printable)]
+Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
+Whole = Annotated[int, Field(ge=0, le=2**128)]
+Number = Annotated[float, Field(ge=-1e300, le=1e300)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Length = Annotated[float, Field(ge=0, le=1e9)]
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+class _Figures(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    count: Whole
+    max: Number
+    mean: Number
+    min: Number
+    std: Number
+
+
+class PresetFacts(BaseModel):
+    """Parameters of an endoscope among the metadata of an episode, those that its pictures need."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+    __pydantic_extra__: dict[str, Number | Name]
+
+    name: Name | None = None
+    vertebrae: Annotated[int, Field(ge=0, le=10_000)] | None = None
+    bending_planes: Literal[1, 2] | None = None
+    section_length: Length | None = None
+    wire_offset: Length | None = None
+    sheath_length: Length | None = None
+    pulley_radius: Positive | None = None
+
+
+class EpisodeFacts(BaseModel):
+    """Metadata of an episode, as far as EndoTwin reads it.
+
+    Attributes:
+        preset: parameters of the endoscope, or its name.
+        name: of the record.
+        source: `measured` for a log of a real endoscope.
+        signal: kind of the command's signal.
+        twin: kind of the twin.
+        seed: that the episode was drawn from.
+        episode: its number within the seed.
+        samples: how many there are.
+        stroke_mm: lowest and highest pulling distance [mm].
+        sheath_bend_deg: bend of the sheath, at the start and at the end, or throughout [deg].
+        recipe_sha256: SHA-256 of the recipe.
+        statistics: of each quantity.
+        pulley_radius: by which angles of a measured drive became pulling distances [m].
+        seconds_per_cycle: length of a cycle of a log of phases [s].
+        file: name of the file that a measured log was read from.
+        file_sha256: its SHA-256.
+        endotwin: version that wrote the record.
+        mujoco: version that simulated it.
+    """
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    preset: Any = None
+    name: Name | None = None
+    source: Name | None = None
+    signal: Name | None = None
+    twin: Name | None = None
+    seed: Whole | None = None
+    episode: Whole | None = None
+    samples: Whole | None = None
+    stroke_mm: Pair | None = None
+    sheath_bend_deg: Pair | Number | None = None
+    recipe_sha256: Name | None = None
+    statistics: Annotated[dict[str, _Figures], Field(max_length=100)] | None = None
+    pulley_radius: Positive | None = None
+    seconds_per_cycle: Positive | None = None
+    file: Text | None = None
+    file_sha256: Name | None = None
+    endotwin: Name | None = None
+    mujoco: Name | None = None
+
+
+def check_facts(metadata: Mapping[str, Any]) -> None:
+    """Refuse metadata whose known keys are not of their kind.
+
+    Raises:
+        ValueError: one is not; the text names it, its value and the rule.
+    """
+    if len(metadata) > MOST_ITEMS:
+        raise InputError(f"metadata has {len(metadata)} items: at most {MOST_ITEMS}")
+    try:
+        preset = validated(EpisodeFacts, metadata).preset
+    except ValueError as error:
+        raise InputError(f"metadata {error}") from None
+    if isinstance(preset, Mapping):
+        try:
+            validated(PresetFacts, preset)
+        except ValueError as error:
+            raise InputError(f"metadata preset: {error}") from None
+    elif preset is not None:
+        check_name("metadata preset", preset)
