@@ -105,7 +105,7 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     """Parse the command line; of a mistake, print what tyro says in its box as one line and return None."""
     import tyro  # here, so that what needs no command line does not wait for it
 
-    if "" in (sys.argv[1:] if argv is None else argv):
+    if not all(word.strip() for word in (sys.argv[1:] if argv is None else argv)):
         complain(f"{name}: an argument is empty: is a variable not set?")
         return None
     printed = io.StringIO()

@@ -97,7 +97,9 @@ def _write(args: Generate, out: Path) -> Summary:
     if args.workers < 0:
         raise ValueError(f"--workers {args.workers}: must not be negative")
     values, folder = (read_recipe_file(args.recipe), args.recipe.parent) if args.recipe else ({}, Path())
-    recipe = resolve(change_recipe(values, _changes(args)), folder, args.recipe)
+    changes = _changes(args)
+    origin = f"{args.recipe} with its flags" if args.recipe and changes else args.recipe
+    recipe = resolve(change_recipe(values, changes), folder, origin)
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         output_folder(out)
         csv, progress = args.format == "csv", Progress("generate", "ep")

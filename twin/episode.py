@@ -150,7 +150,7 @@ class Episode:
         step = round(ratio) if np.isfinite(ratio) else 0
         if step < 1 or abs(ratio - step) > 1e-6 * ratio:
             raise InputError(
-                f"sample time {sample_time:g} s: "
+                f"`sample_time` {sample_time:g} s: "
                 f"must be a whole multiple of the record's {self.sample_time:g} s"
             )
         return dataclasses.replace(self, **{name: values[::step] for name, values in self._arrays().items()})

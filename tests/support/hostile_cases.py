@@ -134,7 +134,10 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
         more = hostile_arguments.may_write(words, command.line)
         out = hostile_arguments.out_of(words) or told
         names = (told[:15], repr(told[:15])[1:-1], "argument", PurePosixPath(out).name[:15] or told)
-        names += tuple(word[:15] for word in words if word not in shlex.split(command.line) and word.strip())
+        given = [word for word in words if word not in shlex.split(command.line) and word.strip()]
+        names += tuple(word[:15] for word in given)
+        names += tuple(word.lstrip("-").replace("-", "_") for word in given if word.startswith("--"))
+        names += tuple(repr(word[:15])[1:-1] for word in given)
     return words, Expected(
         command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu
     )

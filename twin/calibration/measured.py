@@ -88,7 +88,10 @@ def measured_loop(
     count = int(time[-1] / sample_time) + 1
     fitted = np.arange(count) < round(fraction * count)
     if fitted.sum() < 10:
-        raise InputError(f"{name}: {fitted.sum()} samples of {sample_time:g} s to fit: needs at least 10")
+        played = "" if pace is None else f", played at the pace of {pace:g},"
+        raise InputError(
+            f"{name}: {fitted.sum()} samples of {sample_time:g} s{played} to fit: needs at least 10"
+        )
     even = even.on_grid(sample_time)
     seen = ~np.isnan(even.measured_bend)
     fitted &= seen

@@ -168,13 +168,13 @@ def parse_recipe(text: str | bytes) -> dict[str, Any]:
     return values
 
 
-def resolve(values: Mapping[str, Any], folder: Path, origin: Path | None = None) -> Recipe:
+def resolve(values: Mapping[str, Any], folder: Path, origin: Path | str | None = None) -> Recipe:
     """Turn keys and values into a recipe: read the preset and the command that they name.
 
     Args:
         values: as in a recipe's file.
         folder: what the paths among them are relative to.
-        origin: file that they were read from, which messages name.
+        origin: of them, which messages name, such as the file.
 
     Raises:
         FileNotFoundError: a file that it names does not exist.
