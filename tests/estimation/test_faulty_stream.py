@@ -64,18 +64,10 @@ def built(name: str, knowledge: Knowledge) -> Estimator:
 
 NAMES = [spec.name for spec in method_specs() if spec.name not in NO_LIVE_FORM]
 UNLEARNED = [name for name in NAMES if find_method(name).agent is None]
-LIES = {
-    *("wild_measurements", "constant_measurement", "stuck_sensor", "shifted_sensor"),
-    *("wild_pulls", "constant_pull", "flipped_pull", "anything"),
-}
-SLOW = {"VB": LIES, "AM with bias": LIES}
-"""Faults after which a method may be astray for longer. Variational Bayes takes a lie of some degrees, which
-no limit can tell from a sensor, for noise: it forgets that by 1 / e in 50 samples, the very 5 s.
-A filter of the sensor's bias takes a lie for a bias, of which it is then sure."""
 
 
 def assert_back(name: str, off: dict[str, float]) -> None:
-    slow = {fault: far for fault, far in off.items() if far > 3 and fault not in SLOW.get(name, ())}
+    slow = {fault: far for fault, far in off.items() if far > 3}
     assert not slow, (name, slow)
 
 

@@ -15,6 +15,7 @@ from twin.estimation.agreement import AgreeingRun, Refused
 from twin.estimation.estimator import Estimator, State
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.outlier_gate import OutlierGate
+from twin.estimation.residual_watch import ResidualWatch
 from twin.estimation.soundness import is_sound
 from twin.estimation.stream_clock import StreamClock, samples_within
 
@@ -26,6 +27,7 @@ HOLD_LIMIT_S = 1.0  # a pull may have moved on for so long while it was held
 FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two that were refused agree
 REFUSED_STEPS = 3  # in a row, after which the estimator begins anew
 GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
+LIES = Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL
 WILD = 10.0  # times the limit of a measurement, beyond which no estimate is sound
 
 
@@ -104,6 +106,9 @@ class OnlineEstimator(Generic[State]):
         self._gate = OutlierGate(sample_time, self.limits)
         enough = samples_within(self.limits.agreement_s, sample_time)
         self._far_pulls, self._outliers = AgreeingRun(enough), AgreeingRun(enough)
+        self._watch = ResidualWatch(sample_time, enough)
+        self._enough = enough
+        self._lies = self._since_lie = 0
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
         """Take in one sample and return the estimate at it [deg].
@@ -145,6 +150,7 @@ class OnlineEstimator(Generic[State]):
             else:
                 self.steps += 1
                 self._advance(elapsed_s, pull_mm, measurement_deg)
+        self._leave_lies_behind()
         self._good_in_a_row = 0 if self.health else self._good_in_a_row + 1
         if self._good_in_a_row == self._stretch:
             self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self._state, 0
@@ -218,6 +224,8 @@ class OnlineEstimator(Generic[State]):
                 return
             measurement_deg = math.nan
         self._step(pull_mm, measurement_deg)
+        if not math.isnan(measurement_deg) and self._watch.is_astray(measurement_deg - self.bend_deg):
+            self._begin_anew(pull_mm, self.bend_deg + self._watch.average_deg)
 
     def _fill(self, elapsed_s: float, pull_mm: float) -> None:
         """Predict the samples of a gap, and all of a way that is too long for one step."""
@@ -269,6 +277,17 @@ class OnlineEstimator(Generic[State]):
             self._step(sample.pull_mm, sample.measurement_deg)
         return True
 
+    def _leave_lies_behind(self) -> None:
+        """Begin anew behind a stretch of lies: what of it passed the gate may have been learned from."""
+        if self.health & LIES:
+            self._lies, self._since_lie = self._lies + 1, 0
+        elif self._lies:
+            self._since_lie += 1
+            if self._since_lie >= self._enough:
+                if self._lies >= self._enough and self._trusted is not None:
+                    self._begin_anew(self._pull_mm, self.bend_deg + self._watch.average_deg)
+                self._lies = 0
+
     def _begin_anew(self, pull_mm: float, bend_deg: float) -> None:
         most = self.limits.bend_deg
         angle = np.array([min(max(bend_deg, -most), most)])
@@ -280,6 +299,7 @@ class OnlineEstimator(Generic[State]):
         self._take(begun, pull_mm)
         self._refused_in_a_row = 0
         self._held_s = 0.0
+        self._watch.clear()
         self.restarts += 1
         self.health |= Health.RESTARTED
 

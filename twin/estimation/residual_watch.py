@@ -1,0 +1,46 @@
+"""Watch over the residual of a live stream: one that lasts, and is not usual, says that the filter is astray.
+
+Lies of some degrees pass every gate. A filter that adapts takes them for noise or for a bias, and is then
+sure of itself for longer than they lasted.
+"""
+
+import math
+
+AVERAGE_S = 0.7  # over which a residual is averaged: noise averages out, an error of the estimate does not
+RISE_S = 8.0  # in which a larger average becomes usual but for 1 / e
+FALL_S = 15.0  # in which a larger one is forgotten but for 1 / e
+FIRST_DEG = 27.0  # average that is usual at the start: a first estimate is 20 deg off
+FACTOR = 4.0  # times the usual average
+LEAST_DEG = 0.4  # and so much beyond it
+
+
+class ResidualWatch:
+    """Average residual, and the usual magnitude of that average.
+
+    Attributes:
+        average_deg: measurement minus estimate, averaged [deg].
+    """
+
+    def __init__(self, sample_time: float, agreement_samples: int):
+        """Begin with nothing known."""
+        self._average, self._rise, self._fall = (
+            1 - math.exp(-sample_time / seconds) for seconds in (AVERAGE_S, RISE_S, FALL_S)
+        )
+        self._enough = agreement_samples
+        self._usual_deg = FIRST_DEG
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin a new average: the estimate has begun anew."""
+        self.average_deg = 0.0
+        self._far_in_a_row = 0
+
+    def is_astray(self, residual_deg: float) -> bool:
+        """Take in the residual of a sample and return whether it has been far too large for a while."""
+        self.average_deg += self._average * (residual_deg - self.average_deg)
+        magnitude = abs(self.average_deg)
+        is_far = magnitude > LEAST_DEG + FACTOR * self._usual_deg
+        self._far_in_a_row = self._far_in_a_row + 1 if is_far else 0
+        further = magnitude - self._usual_deg
+        self._usual_deg += further * (self._rise if further > 0 else self._fall)
+        return self._far_in_a_row >= self._enough
