@@ -1,23 +1,19 @@
 """Export of a trained module of torch to one ONNX file that carries its own description."""
 
-import contextlib
 import json
 import logging
-import os
-import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import onnx
 import torch
 
+from rl.compiled_code import no_folder_of_compiled_code
 from twin.errors import InputError
 from twin.estimation.learned.trained_file import METADATA_KEY
 from twin.files.atomic import write_whole
-
-_CACHE = "TORCHINDUCTOR_CACHE_DIR"
 
 
 def export_module(
@@ -44,7 +40,7 @@ def export_module(
     """
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages not used here
     axes = {name: {axis: torch.export.Dim.DYNAMIC for axis in free.get(name, ())} for name in inputs}
-    with warnings.catch_warnings(), _no_folder_of_compiled_code():
+    with warnings.catch_warnings(), no_folder_of_compiled_code():
         warnings.simplefilter("ignore")  # between torch and its exporter
         try:
             program = torch.onnx.export(
@@ -65,16 +61,3 @@ def export_module(
             first = str(error).strip().partition("\n")[0]
             raise InputError(f"{path}: torch could not export it: {first:.150}") from error
     write_whole(path, graph.SerializeToString())
-
-
-@contextlib.contextmanager
-def _no_folder_of_compiled_code() -> Iterator[None]:
-    """Context manager: torch makes no folder in the temporary one, for code that it never compiles."""
-    before = os.environ.get(_CACHE)
-    os.environ[_CACHE] = before or tempfile.gettempdir()
-    try:
-        yield
-    finally:
-        os.environ.pop(_CACHE)
-        if before is not None:
-            os.environ[_CACHE] = before

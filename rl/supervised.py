@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
 from twin.errors import DivergedError
 from twin.files.atomic import write_whole
@@ -81,7 +82,7 @@ def train_once(
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
-    with open_run(path.parent, configuration, (path.name,)):
+    with open_run(path.parent, configuration, (path.name,)), no_folder_of_compiled_code():
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
             torch.manual_seed(seed)

@@ -23,6 +23,7 @@ from rl.checkpoint import (
     reseed,
     save_checkpoint,
 )
+from rl.compiled_code import no_folder_of_compiled_code
 from rl.environment import AGENTS
 from rl.options import TrainingOptions, check_memory
 from rl.policy import export_policy
@@ -73,7 +74,8 @@ def train_policy(
     check_memory(training, pull.shape[1])
     configuration = run_configuration(records, active_model, training)
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
-    with open_run(folder, configuration, (POLICY_FILE, CHECKPOINT_FILE)):
+    files = (POLICY_FILE, CHECKPOINT_FILE)
+    with open_run(folder, configuration, files), no_folder_of_compiled_code():
         if not policy_path.is_file():
             task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
             environment = ReplayedEnvironment(

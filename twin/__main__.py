@@ -5,18 +5,23 @@ is installed for everybody; here it gets the name that its files call one anothe
 """
 
 import importlib.util
+import os
 import signal
 import sys
 from pathlib import Path
+from types import FrameType
 
 
 def main() -> int:
     """Run the verb that the command line names; returns the exit code."""
-    try:
-        return _run()
-    except KeyboardInterrupt:  # before the command line could see to it
-        print("endotwin: stopped", file=sys.stderr)
-        return 128 + signal.SIGINT
+    signal.signal(signal.SIGINT, _stop_at_once)
+    return _run()
+
+
+def _stop_at_once(number: int, frame: FrameType | None) -> None:
+    """Handle Ctrl-C before the command line can see to it, and again behind its end."""
+    os.write(2, b"endotwin: stopped\n")
+    os._exit(128 + number)
 
 
 def _run() -> int:

@@ -62,7 +62,7 @@ def test_interrupted_calibration_ends_as_an_undisturbed_one(problem, whole, tmp_
         *problem, seed=3, evaluations=24, state_file=state, on_progress=lambda *news: seen.append(news)
     )
     same(resumed, whole)
-    assert seen[0][0] > told[-1][-1][0]  # nothing is simulated again
+    assert seen[0][0] >= told[-1][-1][0]  # nothing is simulated again
 
 
 def test_state_of_another_calibration_is_not_taken_up(problem, whole, tmp_path):

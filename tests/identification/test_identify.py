@@ -41,7 +41,7 @@ def test_records_that_cannot_identify_a_loop_are_refused(name):
         ({"name": "prandtl-ishlinskii", "thresholds_mm": (0.0, -1.0)}, "not negative"),
         ({"name": "prandtl-ishlinskii", "thresholds_mm": (0.5, 0.5)}, "must be different"),
         ({"population": 3}, "population 3"),
-        ({"name": "bouc-wen", "generations": 0}, "generations 0"),
+        ({"name": "bouc-wen", "generations": 0}, "generations = 0"),
     ],
 )
 def test_option_that_a_model_does_not_have_is_refused(options, rule):

@@ -1,6 +1,7 @@
 """Of a damaged file, all that is whole comes back, nothing else, and it is said how much is missing."""
 
 import dataclasses
+import json
 import struct
 
 import mutated
@@ -85,7 +86,7 @@ def test_number_of_samples_that_the_metadata_tells_is_expected(tmp_path):
         f"{found.samples} of 60 samples ({found.seconds:.1f} of 1.2 s) are whole; "
     )
     for wrong in (3, -1, 2**70, "60", True):
-        data = mutated.rewritten(dataclasses.replace(EPISODE, metadata={"samples": wrong}), chunk_size=4000)
+        data = mutated.rewritten(EPISODE, metadata={"samples": json.dumps(wrong)}, chunk_size=4000)
         assert recover(tmp_path / "a.mcap", data[: offsets(data, CHUNK)[4]]).samples_expected is None
 
 

@@ -132,7 +132,7 @@ def test_without_a_measurement_the_network_rests_and_the_last_one_moves_along(tr
     pull, _, measurement = stacked
     state = estimator.start(pull[:, 0], measurement[:, 0])
     missing = np.full(3, np.nan)
-    assert np.isnan(estimator.step(state, pull[:, 1], pull[:, 0], missing).measurement_deg).all()
+    assert not estimator.step(state, pull[:, 1], pull[:, 0], missing).seen.any()
     for k in range(1, 30):
         state = estimator.step(state, pull[:, k], pull[:, k - 1], measurement[:, k])
     rested = state
@@ -189,7 +189,7 @@ def test_file_that_is_no_network_is_refused_in_one_line(trained, tmp_path):
             load(path)
         assert "\n" not in str(e.value)
     graph = onnx.load(trained[1] / "gru.onnx")
-    for change, said in (({"agent": "lstm"}, "holds the agent 'lstm'"), ({"hidden": "8"}, "is no network")):
+    for change, said in (({"agent": "lstm"}, "holds the agent 'lstm'"), ({"hidden": "8"}, "hidden = ")):
         description = json.loads(graph.metadata_props[0].value) | change
         onnx.helper.set_model_props(graph, {"endotwin": json.dumps(description)})
         onnx.save(graph, path)

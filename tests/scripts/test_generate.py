@@ -140,7 +140,7 @@ def test_camera_adds_pictures(told):
         ("--preset ureteroscope --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
         ("recipe.yaml --workers -1 --out x", "--workers -1: must not be negative"),
         ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),
-        ("recipe.yaml --dask tcp --out x", "--dask tcp: must be as in tcp://192.168.0.7:8786"),
+        ("recipe.yaml --dask tcp --out x", "--dask 'tcp': must be as in tcp://192.168.0.7:8786"),
         ("recipe.yaml --verify --replay x --out x", "--replay and --verify: choose one"),
         ("recipe.yaml --camera 0 --out x", "camera: 0 pictures per second: must be positive"),
     ],

@@ -275,7 +275,7 @@ def mistakes(workspace):
         ("generate --episodes 0 --out x", "--episodes 0"),
         ("train data/train --model model.json --out x", "model.json is no Coleman-Hodgdon model"),
         ("train data/train --model coleman_hodgdon.json --noise-level 1 --out x", "--protocol free"),
-        ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "sample time 0.03 s"),
+        ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "--sample-time 0.03 s"),
         ("evaluate data/test --policy table.mcap --out x", "table.mcap is not a trained file"),
         ("evaluate data/test --suite ful --out x", "unknown suite 'ful'"),
         (
@@ -299,7 +299,7 @@ def mistakes(workspace):
             "which is not among the one episode asked for",
         ),
         ("identify data/train --population 0 --out x.json", "population 0"),
-        ("identify data/train --sample-time inf --out x.json", "sample time inf s"),
+        ("identify data/train --sample-time inf --out x.json", "--sample-time inf: must be from"),
         ("train data/train --model coleman_hodgdon.json --clip inf --out x", "--clip inf"),
         ("train data/train --model absurd.json --out x", "the first two positive"),
         (

@@ -25,10 +25,13 @@ CHUNK_CRC = 9 + 8 + 8 + 8  # where it stands in the record of a chunk
 Generator = np.random.Generator
 
 
-def rewritten(episode: Episode, edit: Callable | None = None, **options) -> bytes:
+def rewritten(
+    episode: Episode, edit: Callable | None = None, metadata: dict[str, str] | None = None, **options
+) -> bytes:
     """A file of the same messages, metadata and attachments, these before the messages, by the mcap library.
 
-    `edit(topic, time)` says which messages stay; the options are those of `mcap.writer.Writer`.
+    `edit(topic, time)` says which messages stay, `metadata` what is stated instead; the options are those of
+    `mcap.writer.Writer`.
     """
     with tempfile.TemporaryDirectory() as folder:
         reader = make_reader(io.BytesIO(write_episode(Path(folder) / "a.mcap", episode).read_bytes()))
@@ -36,7 +39,7 @@ def rewritten(episode: Episode, edit: Callable | None = None, **options) -> byte
     writer = Writer(file, **{"enable_data_crcs": True} | options)
     writer.start(library="test")
     for record in reader.iter_metadata():
-        writer.add_metadata(record.name, record.metadata)
+        writer.add_metadata(record.name, record.metadata | (metadata or {}))
     for record in reader.iter_attachments():
         writer.add_attachment(0, 0, record.name, record.media_type, record.data)
     channels: dict[str, int] = {}

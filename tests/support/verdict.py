@@ -199,8 +199,8 @@ def is_output_of(name: str, expected: Expected) -> bool:
 
 
 def is_temporary(name: str) -> bool:
-    last = PurePosixPath(name).name
-    return "partial" in last or ".part" in last or last.endswith((".tmp", ".lock", "~"))
+    parts = PurePosixPath(name).parts
+    return any(".part" in part or part.endswith((".tmp", ".lock", "~")) for part in parts)
 
 
 def unread(ended: Ended) -> list[str]:

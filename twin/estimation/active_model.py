@@ -6,44 +6,20 @@ random walk.
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, condition, propagate
 from twin.estimation.registry import MethodSpec, Style, register_method
-from twin.files.schema import validated
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
 ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
-
-Variance = Annotated[float, Field(ge=0, le=1e9)]
-
-
-class ActiveModelFile(BaseModel):
-    """Parameters of the filter as a trained file holds them; see `ActiveModel`.
-
-    Attributes:
-        model: of hysteresis, by its name and parameters.
-        sample_time: T [s].
-        process_variance: diagonal of Q.
-        measurement_variance: R [deg^2].
-        initial_variance: diagonal of P at the first sample.
-    """
-
-    model_config = ConfigDict(frozen=True, strict=True)
-
-    model: dict[str, Any]
-    sample_time: Annotated[float, Field(ge=1e-6, le=100)]
-    process_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
-    measurement_variance: Annotated[float, Field(gt=0, le=1e9)]
-    initial_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +100,10 @@ class ActiveModel(Estimator[Belief]):
         """
         if not isinstance(values, Mapping):
             raise InputError(f"active_model = {shown(values)}: must be its parameters by name")
+        # Here, so that a table of methods needs none of it.
+        from twin.files.schema import validated
+        from twin.files.trained_schema import ActiveModelFile
+
         try:
             file = validated(ActiveModelFile, values)
             model = model_from_dict(file.model)

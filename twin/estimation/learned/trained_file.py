@@ -3,17 +3,15 @@
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
 from twin.estimation.learned.graph_check import check_graph
 from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.json_text import parse_json_object
-from twin.files.schema import validated
 from twin.files.shown import cut, shown
 
 METADATA_KEY = "endotwin"
@@ -21,22 +19,6 @@ METADATA_KEY = "endotwin"
 LARGEST = 32 * MEBIBYTE
 """Size that no trained file of ours comes near [bytes]."""
 MOST_METADATA = MEBIBYTE
-LARGEST_HIDDEN = 1024
-"""Units of a recurrent layer at most."""
-
-
-class TrainedDescription(BaseModel):
-    """Description in a trained file, as far as it is read; the rest is the configuration of the run.
-
-    Attributes:
-        agent: word that it was trained under.
-        hidden: units of the recurrent layer.
-    """
-
-    model_config = ConfigDict(frozen=True, strict=True)
-
-    agent: Annotated[str, Field(max_length=40)]
-    hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,7 +66,11 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
         content = read_limited(path, LARGEST)
     except MissingFileError as error:
         raise MissingFileError(f"no trained file {path}; `endotwin train` writes one") from error
-    import onnxruntime  # imported when used: a table of methods needs none of it
+    # Imported when used: a table of methods needs none of them.
+    import onnxruntime
+
+    from twin.files.schema import validated
+    from twin.files.trained_schema import TrainedDescription
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -1,0 +1,44 @@
+"""Schemas of what a trained file says of itself."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+LARGEST_HIDDEN = 1024
+"""Units of a recurrent layer at most."""
+
+Variance = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class ActiveModelFile(BaseModel):
+    """Parameters of the filter as a trained file holds them; see `ActiveModel`.
+
+    Attributes:
+        model: of hysteresis, by its name and parameters.
+        sample_time: T [s].
+        process_variance: diagonal of Q.
+        measurement_variance: R [deg^2].
+        initial_variance: diagonal of P at the first sample.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    model: dict[str, Any]
+    sample_time: Annotated[float, Field(ge=1e-6, le=100)]
+    process_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+    measurement_variance: Annotated[float, Field(gt=0, le=1e9)]
+    initial_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+
+
+class TrainedDescription(BaseModel):
+    """Description in a trained file, as far as it is read; the rest is the configuration of the run.
+
+    Attributes:
+        agent: word that it was trained under.
+        hidden: units of the recurrent layer.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    agent: Annotated[str, Field(max_length=40)]
+    hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
