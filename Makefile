@@ -42,7 +42,7 @@ validate: install
 benchmark: install
 	$(BIN)/endotwin benchmark --out $(BENCHMARK)
 
-# Generation killed a hundred times, ten thousand damaged files.
+# Commands killed four hundred times, disks that fill up, five thousand hostile runs, ten thousand damaged files.
 endurance: install
 	$(BIN)/python -m pytest -m endurance -n 0 -s
 

@@ -81,7 +81,7 @@ def build(root: Path, runner: Runner) -> None:
     write_inputs(place.work)
     for line in BUILT:
         (ended,) = runner.run(job(line.split(), place, **PATIENT))
-        assert ended.code == 0, f"endotwin {line}\n{ended.err}\n{ended.stopped}"
+        assert ended.code == 0, f"endotwin {line}\n{ended.err}\n{ended.stopped}\n{ended.stack}"
     lines = {command.name: command.line for command in COMMANDS}
     for name, appears in HALF_DONE:
         kill = {"signal": signal.SIGKILL, "after": 0, "when": appears, "group": True}
@@ -96,7 +96,9 @@ def traced(command: Command, root: Path, runner: Runner) -> Trace:
         with watched(place.work) as opened:
             options = {"trace": str(log), "no_children": command.fails} | PATIENT
             (ended,) = runner.run(job(command.line.split(), place, **options))
-        assert ended.code == 0 or command.fails, f"endotwin {command.line}\n{ended.err}\n{ended.stopped}"
+        assert ended.code == 0 or command.fails, (
+            f"endotwin {command.line}\n{ended.err}\n{ended.stopped}\n{ended.stack}"
+        )
         seen = opened | attempted(log, place.work)
         reads = sorted(name for name in seen if before.get(name, ("",))[0] == "file")
         outputs = snapshot.differences(before, snapshot.taken(place.work))

@@ -20,6 +20,8 @@ from pickles import PICKLES
 from verdict import Expected, Verdict, judge, unread
 from workbench import BY_NAME, COMMANDS
 
+from scripts.ending import one_line
+
 VARIABLE = "HOSTILE"
 """Environment variable that names one case, to run it alone."""
 CONTROL = 60
@@ -138,6 +140,11 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
         names += tuple(word[:15] for word in given)
         names += tuple(word.lstrip("-").replace("-", "_") for word in given if word.startswith("--"))
         names += tuple(repr(word[:15])[1:-1] for word in given)
+        names += tuple(one_line(word)[:12] for word in given)
+        # `thresholds belong to ...` names --thresholds-mm too, and what is missing is named by its own flag.
+        flags = [word for word in given if word.startswith("--")]
+        names += tuple(part for flag in flags for part in flag.split("-") if len(part) > 4)
+        names += ("Missing from", "Unrecognized options", "the command never reverses")
     return words, Expected(
         command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu
     )

@@ -179,7 +179,7 @@ def may_differ(name: str, how: str, failed: bool, expected: Expected) -> bool:
 
 
 def may_write(name: str, expected: Expected) -> bool:
-    below = any(name.startswith(f"{pattern}/") for pattern in expected.command.outputs)
+    below = any(name.startswith(f"{pattern}/") for pattern in (*expected.command.outputs, *expected.more))
     return below or snapshot.matches(name, (*expected.command.outputs, *expected.more))
 
 
