@@ -67,7 +67,9 @@ UNLEARNED = [name for name in NAMES if find_method(name).agent is None]
 
 
 def assert_back(name: str, off: dict[str, float]) -> None:
-    slow = {fault: far for fault, far in off.items() if far > 3}
+    """A model that sees no measurement but where it begins anew stays as far off as it began."""
+    blind = find_method(name).told.endswith("sees no measurement")
+    slow = {fault: far for fault, far in off.items() if far > (4 if blind else 3)}
     assert not slow, (name, slow)
 
 

@@ -137,7 +137,7 @@ def may_write(words: list[str], line: str) -> tuple[str, ...]:
     below = () if name == "." else (name,)
     parents = tuple(parent.as_posix() for parent in path.parents if parent.as_posix() != ".")
     prefix = "" if name == "." else f"{name}/"
-    beside = path.with_suffix("").as_posix()
+    beside = path.with_suffix("").as_posix() if path.name else name
     return (
         *below,
         *parents,

@@ -131,6 +131,8 @@ class Watched:
 
     def is_time(self, wall: float) -> bool:
         """Whether the run is to be killed now: after a time, or when there is a file."""
+        if not Path(self.job["stdout"]).exists():  # until then it is still this process
+            return False
         pattern = self.kill.get("when")
         return wall >= self.kill["after"] and (not pattern or any(Path(self.job["cwd"]).glob(pattern)))
 

@@ -106,7 +106,7 @@ class OnlineEstimator(Generic[State]):
         self._gate = OutlierGate(sample_time, self.limits)
         enough = samples_within(self.limits.agreement_s, sample_time)
         self._far_pulls, self._outliers = AgreeingRun(enough), AgreeingRun(enough)
-        self._watch = ResidualWatch(sample_time, enough)
+        self._watch = ResidualWatch(sample_time)
         self._enough = enough
         self._lies = self._since_lie = 0
 
@@ -225,7 +225,7 @@ class OnlineEstimator(Generic[State]):
             measurement_deg = math.nan
         self._step(pull_mm, measurement_deg)
         if not math.isnan(measurement_deg) and self._watch.is_astray(measurement_deg - self.bend_deg):
-            self._begin_anew(pull_mm, self.bend_deg + self._watch.average_deg)
+            self._begin_anew(pull_mm, self.bend_deg + self._watch.offset_deg)
 
     def _fill(self, elapsed_s: float, pull_mm: float) -> None:
         """Predict the samples of a gap, and all of a way that is too long for one step."""
@@ -285,7 +285,7 @@ class OnlineEstimator(Generic[State]):
             self._since_lie += 1
             if self._since_lie >= self._enough:
                 if self._lies >= self._enough and self._trusted is not None:
-                    self._begin_anew(self._pull_mm, self.bend_deg + self._watch.average_deg)
+                    self._begin_anew(self._pull_mm, self.bend_deg + self._watch.offset_deg)
                 self._lies = 0
 
     def _begin_anew(self, pull_mm: float, bend_deg: float) -> None:

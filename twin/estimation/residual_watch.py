@@ -4,41 +4,50 @@ Lies of some degrees pass every gate. A filter that adapts takes them for noise 
 sure of itself for longer than they lasted.
 """
 
+import collections
 import math
+import statistics
+
+from twin.estimation.stream_clock import samples_within
 
 AVERAGE_S = 0.7  # over which a residual is averaged: noise averages out, an error of the estimate does not
 RISE_S = 8.0  # in which a larger average becomes usual but for 1 / e
 FALL_S = 15.0  # in which a larger one is forgotten but for 1 / e
 FIRST_DEG = 27.0  # average that is usual at the start: a first estimate is 20 deg off
-FACTOR = 4.0  # times the usual average
+FACTOR = 2.7  # times the usual average
 LEAST_DEG = 0.4  # and so much beyond it
+LASTING_S = 1.0  # for which it must be beyond that: longer than noise stays in the average
 
 
 class ResidualWatch:
-    """Average residual, and the usual magnitude of that average.
+    """Average residual, and the usual magnitude of that average."""
 
-    Attributes:
-        average_deg: measurement minus estimate, averaged [deg].
-    """
-
-    def __init__(self, sample_time: float, agreement_samples: int):
+    def __init__(self, sample_time: float):
         """Begin with nothing known."""
         self._average, self._rise, self._fall = (
             1 - math.exp(-sample_time / seconds) for seconds in (AVERAGE_S, RISE_S, FALL_S)
         )
-        self._enough = agreement_samples
+        self._enough = samples_within(LASTING_S, sample_time)
+        self._latest: collections.deque[float] = collections.deque(maxlen=self._enough)
         self._usual_deg = FIRST_DEG
         self.clear()
 
     def clear(self) -> None:
         """Begin a new average: the estimate has begun anew."""
-        self.average_deg = 0.0
+        self._average_deg = 0.0
         self._far_in_a_row = 0
+        self._latest.clear()
+
+    @property
+    def offset_deg(self) -> float:
+        """Measurement minus estimate, the median of the last second; zero if nothing was measured [deg]."""
+        return statistics.median(self._latest) if self._latest else 0.0
 
     def is_astray(self, residual_deg: float) -> bool:
         """Take in the residual of a sample and return whether it has been far too large for a while."""
-        self.average_deg += self._average * (residual_deg - self.average_deg)
-        magnitude = abs(self.average_deg)
+        self._latest.append(residual_deg)
+        self._average_deg += self._average * (residual_deg - self._average_deg)
+        magnitude = abs(self._average_deg)
         is_far = magnitude > LEAST_DEG + FACTOR * self._usual_deg
         self._far_in_a_row = self._far_in_a_row + 1 if is_far else 0
         further = magnitude - self._usual_deg
