@@ -17,7 +17,7 @@ from hostile_runs import Place, Runner, job
 from traced_files import attempted, watched
 from workbench import BUILT, COMMANDS, Command, write_inputs
 
-PATIENT = {"limit": 300, "most_cpu": 60}
+PATIENT = {"limit": 300, "most_cpu": 60, "idle": 120}
 """For a good run, however busy the machine."""
 HALF_DONE = (
     ("train again", "stopped/checkpoint.state"),

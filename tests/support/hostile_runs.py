@@ -18,6 +18,8 @@ from repository import REPOSITORY
 SUPPORT = Path(__file__).parent
 LIMIT_SECONDS = 120.0
 """When a run is stopped by the clock: a busy machine is no fault of it."""
+IDLE_SECONDS = 10
+"""A run that sleeps so long, without a child at work, waits for something that never comes."""
 MOST_CPU_SECONDS = 15.0
 """When it is stopped by what it has used of the processor."""
 
@@ -108,6 +110,7 @@ def job(words: list[str], place: "Place", **options: Any) -> dict[str, Any]:
         "environment": {"TMPDIR": str(place.temporary), "PYTHONPATH": str(REPOSITORY)},
         "limit": LIMIT_SECONDS,
         "most_cpu": MOST_CPU_SECONDS,
+        "idle": IDLE_SECONDS,
         "threads": True,
     } | options
 

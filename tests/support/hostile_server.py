@@ -38,8 +38,6 @@ LAZY = (
 """What the packages import only when it is used."""
 MOST_BYTES = 3 * 2**30
 """Of a run: one that takes more is killed, or it would take the machine with it."""
-IDLE_SECONDS = 10
-"""A run that sleeps so long, without a child at work, waits for something that never comes."""
 GRACE_SECONDS = 5
 """Within which what a run has started ends after it."""
 
@@ -141,15 +139,15 @@ class Watched:
         try:
             process = psutil.Process(self.pid)
             spent, held = sum(process.cpu_times()[:4]), process.memory_info().rss
-            asleep = process.status() == psutil.STATUS_SLEEPING and not process.children()
-        except psutil.NoSuchProcess:
+            asleep = sleeps(self.pid) and not process.children()
+        except (psutil.NoSuchProcess, FileNotFoundError):
             return
         if not asleep or spent > self.spent + 0.02:
             self.awake, self.spent = wall, spent
         if held > MOST_BYTES:
             self.stopped = f"took {held / 2**30:.1f} GiB"
-        elif wall - self.awake > IDLE_SECONDS:
-            self.stopped = f"waited for {IDLE_SECONDS} s for nothing"
+        elif wall - self.awake > self.job["idle"]:
+            self.stopped = f"waited for {self.job['idle']} s for nothing"
         elif wall > self.job["limit"] or spent > self.job["most_cpu"]:
             self.stopped = f"had not ended after {wall:.0f} s ({spent:.1f} s of the processor)"
         if self.stopped:
@@ -172,6 +170,15 @@ class Watched:
         for pid in left:
             os.kill(pid, signal.SIGKILL)
         return list(left.values())
+
+
+def sleeps(pid: int) -> bool:
+    """Whether each thread of a process waits, and none of them for a disk."""
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            if (task / "stat").read_text().rpartition(")")[2].split()[0] != "S":
+                return False
+    return True
 
 
 def running() -> list[tuple[int, str]]:
