@@ -32,7 +32,7 @@ LAZY = (
     "yaml",
     "tyro",
     "pyarrow.parquet",
-    "imageio_ffmpeg",
+    "av",
     "PIL.PngImagePlugin",
 )
 """What the packages import only when it is used."""
