@@ -81,12 +81,10 @@ def read_picture(path: Path) -> None:
 
 
 def read_film(path: Path) -> None:
-    import imageio_ffmpeg
+    import av
 
-    frames = imageio_ffmpeg.read_frames(str(path))
-    size = next(frames)["size"]
-    count = sum(len(frame) == 3 * size[0] * size[1] for frame in frames)
-    assert count > 0, "has no frame"
+    with av.open(str(path)) as film:
+        assert sum(frame.width > 0 for frame in film.decode(video=0)) > 0, "has no frame"
 
 
 def read_network(path: Path) -> None:
