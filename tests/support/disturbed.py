@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import snapshot
 from built_workbench import Workbench, one_place
-from hostile_runs import Ended, Place, Runner, job
+from hostile_runs import Ended, Place, Runner, console, job
 from snapshot import Snapshot
 from verdict import Expected, is_temporary, judge
 from workbench import Command
@@ -55,7 +55,10 @@ def undisturbed(command: Command, bench: Workbench, runner: Runner) -> Undisturb
 
 
 def again(command: Command, place: Place, runner: Runner, **options: object) -> Ended:
-    return runner.run(job(shlex.split(command.line), place, **options))[0]
+    (ended,) = runner.run(job(shlex.split(command.line), place, **options))
+    if ended.hangs and "kill" not in options:
+        return console(shlex.split(command.line), place)
+    return ended
 
 
 def faults_of_a_kill(

@@ -156,6 +156,8 @@ def run_case(case: Case, bench: Workbench, runner: Runner, by_console: bool = Fa
         words, expected = prepared(case, bench, place)
         before = snapshot.taken(place.around)
         ended = run(words, place, runner, by_console, expected)
+        if ended.hangs and not by_console:
+            return run_case(case, bench, runner, by_console=True)
         after = snapshot.taken(place.around)
         verdict = judge(ended, expected, place, before, after)
         if ended.code == 0 and not ended.stopped:

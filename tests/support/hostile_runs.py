@@ -51,6 +51,14 @@ class Ended:
     stack: str = ""
 
     @property
+    def hangs(self) -> bool:
+        """Whether it slept for ever: a fork of a process with threads may find a lock that nobody releases.
+
+        A fresh process says whether the command itself does.
+        """
+        return self.stopped.startswith("waited")
+
+    @property
     def said(self) -> list[str]:
         """Lines on stderr that are no bar of progress."""
         lines = re.split(r"[\r\n]+", self.err)
