@@ -14,10 +14,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.utils import set_random_seed
 
 from rl.environment import BatchEnvironment
-from twin.errors import DivergedError, InputError
+from twin.errors import DivergedError
 from twin.estimation.learned.policy import Agent
 from twin.estimation.task import TrainingTask
-from twin.files.state_file import read_state, write_state
+from twin.files.state_file import damaged_state, read_state, write_state
 
 Array = NDArray[np.float64]
 Curve = list[tuple[int, float]]
@@ -97,7 +97,7 @@ def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
     saved = read_state(path, CHECKPOINT, key)
     if saved is None:
         return []
-    damaged = InputError(f"{path} is damaged: remove it, and the run begins anew")
+    damaged = damaged_state(path)
     _begin_moments(ppo)
     expected = _tensors(ppo)
     lacking = {"counters", "curve", "actions", *expected} - set(saved)

@@ -4,9 +4,7 @@ The filters are trained with the truth of the training records as the answer. Wh
 they minimise is theirs.
 """
 
-import csv
 import dataclasses
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
+from rl.run import write_curve
 from twin.errors import DivergedError
-from twin.files.atomic import write_whole
-from twin.files.run_folder import CURVE_FILE, open_run
+from twin.files.run_folder import open_run
 
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int, float], None]
@@ -87,10 +85,7 @@ def train_once(
             torch.set_num_threads(1)  # the networks are small
             torch.manual_seed(seed)
             curve, export = train()
-            rows = [("samples", "mean_reward"), *((samples, f"{reward:.6g}") for samples, reward in curve)]
-            text = io.StringIO()
-            csv.writer(text).writerows(rows)
-            write_whole(path.parent / CURVE_FILE, text.getvalue())
+            write_curve(path.parent, curve)
             export()  # the last: where the file is, the run is finished
     return path
 

@@ -1,7 +1,5 @@
 """Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, into one run folder."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +25,7 @@ from rl.compiled_code import no_folder_of_compiled_code
 from rl.environment import AGENTS
 from rl.options import TrainingOptions, check_memory
 from rl.policy import export_policy
-from rl.run import run_configuration
+from rl.run import run_configuration, write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
 from twin.estimation.active_model import ActiveModel
@@ -35,8 +33,7 @@ from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
-from twin.files.atomic import write_whole
-from twin.files.run_folder import CURVE_FILE, open_run
+from twin.files.run_folder import open_run
 from twin.files.state_file import remove_state, state_key
 
 Array = NDArray[np.float64]
@@ -90,7 +87,7 @@ def train_policy(
             run = _Run(folder, key, training, environment, on_progress)
             run.curve = load_checkpoint(checkpoint, key, ppo, environment)
             _learn(ppo, run)
-            run.write_curve()
+            write_curve(folder, run.curve)
             export_policy(ppo, training.agent, configuration, policy_path)
             if on_progress:
                 on_progress(run.total, run.total, run.latest)
@@ -156,13 +153,6 @@ class _Run(BaseCallback):
         """Mean reward per sample of the last episodes [deg^2]."""
         return self.curve[-1][1] if self.curve else float("nan")
 
-    def write_curve(self) -> None:
-        """Write `progress.csv`."""
-        text = io.StringIO()
-        rows = [(samples, f"{reward:.6g}") for samples, reward in self.curve]
-        csv.writer(text).writerows([("samples", "mean_reward"), *rows])
-        write_whole(self.folder / CURVE_FILE, text.getvalue())
-
     def _on_rollout_start(self) -> None:
         if self.num_timesteps % self.between == 0:
             if self.num_timesteps:
@@ -177,7 +167,7 @@ class _Run(BaseCallback):
         ]
         if rewards:
             self.curve.append((self.num_timesteps, float(np.mean(rewards))))
-            self.write_curve()
+            write_curve(self.folder, self.curve)
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
         return True

@@ -51,7 +51,7 @@ def run_calibration(args: Calibrate) -> Summary:
     """Write the preset and its fit report."""
     require_extra("sim")
     from twin.calibration import calibrate, free_parameters
-    from twin.calibration.files import log_summary, read_loops, write_fit
+    from twin.calibration.files import log_summary, read_loops, report_files, write_fit
     from twin.calibration.search import STATE, check_effort
     from twin.files.ours import MADE_BY
     from twin.files.state_file import remove_state
@@ -61,7 +61,8 @@ def run_calibration(args: Calibrate) -> Summary:
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
     check_effort(args.evaluations, args.seed)
-    beside = {f"{args.out.stem}_fit.png": MADE_BY, f"{args.out.stem}_fit.json": '"standard_deviation"'}
+    report, figure = report_files(args.out)
+    beside = {figure.name: MADE_BY, report.name: '"standard_deviation"'}
     inputs = [*args.data, *args.predict, Path(args.preset)]
     out = output_file(args.out, (".yaml", ".yml"), "`endotwin calibrate`", beside=beside, inputs=inputs)
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)

@@ -21,6 +21,7 @@ from scripts.outputs import output_folder
 from twin import __version__
 from twin.errors import InputError
 from twin.files.atomic import write_whole
+from twin.files.json_text import read_json
 
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
 MARK = "demo.json"
@@ -129,7 +130,7 @@ def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
 
 def _settings_of(mark: Path) -> Any:
     try:
-        return json.loads(mark.read_text())["settings"]
+        return read_json(mark)["settings"]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{mark} is not what a demo wrote: choose another folder, or remove it") from error
 

@@ -130,8 +130,8 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
+    from rl.options import LIMITS
     from rl.suite.paper import PaperSuite, given_files, run_paper_suite
-    from rl.suite.settings import MOST_TRAINING_EPISODES
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, common_variance
@@ -144,7 +144,7 @@ def _paper(args: Evaluate) -> Summary:
 
     for name in args.methods:
         find_method(name)
-    check_between("episodes", args.episodes, 1, MOST_TRAINING_EPISODES)
+    check_between("episodes", args.episodes, *LIMITS["episodes"])
     recorded = args.measurements == "recorded"
     T = args.sample_time[0] if args.sample_time else PAPER_SAMPLE_TIME
     protocol = Protocol(args.suite, args.seeds, T, args.initial_error_deg, args.seed)

@@ -10,7 +10,6 @@ from twin.errors import require_extra
 
 MOST_EPISODES = 1000
 LARGEST_TARGET = 1e4
-LARGEST_PULL_MM = 200.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +39,7 @@ def match_paper(args: MatchPaper) -> Summary:
     from twin.calibration.parameters import FreeParameters
     from twin.files.bounds import LONGEST_SECONDS, check_between
     from twin.preset.file import load_preset
+    from twin.signals.plausible import LARGEST_PULL_MM
 
     check_between("episodes", args.episodes, 1, MOST_EPISODES)
     check_between("seconds", args.seconds, 1, LONGEST_SECONDS, "s")

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-from rl.options import TrainingOptions
+from rl.options import LIMITS, TrainingOptions
 from twin.errors import InputError
 from twin.estimation.registry import MethodSpec, method_specs
 from twin.evaluation.protocol import Protocol
@@ -20,8 +20,6 @@ PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
 TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's
 MOST_MEMBERS = 10_000
 """Largest number of twins in an ensemble."""
-MOST_TRAINING_EPISODES = 10_000_000
-"""Largest number of episodes of a training, five thousand times the paper's."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +70,7 @@ class FullSuite:
             raise InputError(f"members = {self.members}: an ensemble needs at least 8")
         check_between("members", self.members, 8, MOST_MEMBERS)
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
-        check_between("episodes", self.episodes, 1, MOST_TRAINING_EPISODES)
+        check_between("episodes", self.episodes, *LIMITS["episodes"])
         check_between("workers", self.workers, 1, MOST_WORKERS)
         if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
             raise InputError(

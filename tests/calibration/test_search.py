@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from calibrating import TRUTH, loops, start_of
-from planted import planted_pickle
+from pickles import planted_pickle
 
 from twin.calibration import calibrate, free_parameters
 

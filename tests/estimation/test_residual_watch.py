@@ -43,3 +43,19 @@ def test_nothing_is_far_just_after_a_new_beginning():
     assert [watch.is_astray(5.0) for _ in range(40)].count(True) > 0
     watch.clear()
     assert not watch.is_astray(0.1)
+
+
+def test_what_follows_a_lie_does_not_become_usual():
+    """Else a filter that the lie led astray would take the way back for its usual error."""
+
+    def noticed(doubted: bool) -> bool:
+        watch, _ = watched(0.3 * np.random.default_rng(2).standard_normal(1000))
+        if doubted:
+            watch.doubt()
+        for _ in range(30):
+            watch.is_astray(-17.0)
+        watch.clear()
+        return any(watch.is_astray(-2.0) for _ in range(30))
+
+    assert noticed(True)
+    assert not noticed(False)

@@ -1,4 +1,4 @@
-"""What a command did not make, it does not replace."""
+"""Files that a command did not make stay: it replaces its own alone."""
 
 import os
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
-from planted import planted_pickle, planted_zip
+from pickles import planted_pickle, planted_zip
 
 from twin.files import state_file
 from twin.files.state_file import read_state, remove_state, state_key, write_state

@@ -152,7 +152,7 @@ def expected(text):
 
 
 def number(text):
-    """What a text of a column that may miss stands for; None where it is no number."""
+    """Number that a text of a column with gaps stands for; None where it is none."""
     if text.strip().lower() in MISSING:
         return math.nan
     plain = re.fullmatch(r"[ \t]*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?[ \t]*", text)

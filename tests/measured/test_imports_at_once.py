@@ -29,7 +29,7 @@ def start(csv, folder):
 
 
 def leave_unlisted(monkeypatch, folder, name, log):
-    """What an import leaves that is killed between its file and the index."""
+    """State of a folder after an import that was killed between its file and the index."""
     with monkeypatch.context() as patch:
         patch.setattr(measured_folder, "write_contents", lambda *_: None)
         return write_measured(folder, name, log)

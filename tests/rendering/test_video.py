@@ -1,9 +1,10 @@
 """Films are whole or not there, and one that is damaged is told in one line."""
 
+import av
 import numpy as np
 import pytest
 
-from twin.rendering.video import count_frames, frame_rate, read_frames, write_video
+from twin.rendering.video import count_frames, read_frames, write_video
 
 
 def pictures(count: int) -> list[np.ndarray]:
@@ -19,7 +20,8 @@ def test_every_frame_comes_back_in_order(tmp_path):
     written = pictures(7)
     write(tmp_path / "a.mp4", written)
     assert count_frames(tmp_path / "a.mp4") == 7
-    assert frame_rate(tmp_path / "a.mp4") == 10
+    with av.open(tmp_path / "a.mp4") as film:
+        assert film.streams.video[0].average_rate == 10
     read = read_frames(tmp_path / "a.mp4", 7)
     np.testing.assert_allclose(np.array(read), np.array(written), atol=4)
     ends = read_frames(tmp_path / "a.mp4", 2)

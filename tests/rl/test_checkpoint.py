@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from planted import planted_pickle, planted_zip
+from pickles import planted_pickle, planted_zip
 
 from rl.checkpoint import CHECKPOINT, ReplayedEnvironment
 from rl.environment import AGENTS
@@ -53,7 +53,7 @@ def stop_at(setting, folder, write, monkeypatch, plan=PLAN):
 
     write_whole = state_file.write_whole
     with monkeypatch.context() as patch:
-        for module in ("twin.files.state_file", "rl.training", "rl.export", "twin.files.run_folder"):
+        for module in ("twin.files.state_file", "rl.run", "rl.export", "twin.files.run_folder"):
             patch.setattr(f"{module}.write_whole", counted)
         with pytest.raises(_Stop):
             train_policy(*setting, plan, folder)

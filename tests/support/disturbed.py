@@ -24,7 +24,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """What a command leaves that nothing disturbs.
+    """Files that a command leaves if nothing disturbs it.
 
     Attributes:
         contents: hashes of all files of the working folder, by name.
@@ -109,7 +109,7 @@ def of_the_killed(
 
 
 def of_the_next(ended: Ended, whole: Undisturbed, place: Place) -> list[str]:
-    """What is wrong with the run after one that was disturbed."""
+    """Faults of the run after one that was disturbed."""
     if ended.code == 2 and not ended.stopped and "Traceback" not in ended.err and len(ended.said) == 1:
         return [] if len(ended.said[0]) <= 300 else ["a line that is too long"]
     if ended.code != 0:

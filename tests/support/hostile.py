@@ -64,7 +64,7 @@ def mutated(draw: st.DrawFn, valid: Any) -> Any:
 
 
 def refusal(read, path) -> str | None:
-    """What a reader says of a file in one line that names it; None if it takes it."""
+    """Message of a reader that refuses a file, in one line that names it; None if it takes it."""
     try:
         read(path)
     except (InputError, MissingFileError) as error:

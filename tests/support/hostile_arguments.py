@@ -123,7 +123,7 @@ def instead_of_positional(rng: np.random.Generator, words: list[str], value: str
 
 
 def out_of(words: list[str]) -> str | None:
-    """What `--out` names."""
+    """Target that `--out` names."""
     return words[words.index("--out") + 1] if "--out" in words[:-1] else None
 
 

@@ -152,7 +152,7 @@ REPLACED: dict[str, Change] = {
     "old": lambda path, place, rng: os.utime(path, (0, 0)),
     "of the year 2200": lambda path, place, rng: os.utime(path, (7.3e9, 7.3e9)),
 }  # fmt: skip
-"""What stands where the file was."""
+"""Bytes or object put where the file was."""
 if os.geteuid() != 0:
     REPLACED["unreadable"] = lambda path, place, rng: path.chmod(0)
 

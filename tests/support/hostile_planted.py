@@ -1,4 +1,4 @@
-"""What a user, or somebody else, has left where a command writes: links, folders and files of its names."""
+"""Foreign links, folders and files under the names that a command writes to."""
 
 import itertools
 import os
@@ -41,7 +41,7 @@ THINGS: dict[str, Callable[[Path, Place], None]] = {
     "a pickle": make_canary,
     "a pipe": lambda path, place: os.mkfifo(path),
 }
-"""What stands there."""
+"""Kind of the planted thing."""
 PLANTS = [f"{thing} as {name}" for thing, name in itertools.product(THINGS, NAMES)]
 
 

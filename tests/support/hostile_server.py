@@ -35,7 +35,7 @@ LAZY = (
     "av",
     "PIL.PngImagePlugin",
 )
-"""What the packages import only when it is used."""
+"""Modules that the packages import only when they are used."""
 MOST_BYTES = 3 * 2**30
 """Of a run: one that takes more is killed, or it would take the machine with it."""
 GRACE_SECONDS = 5

@@ -18,8 +18,21 @@ class Canary:
         return open, (self.path, "w")
 
 
-def plain(data: bytes, canary: Path) -> bytes:
+def planted_pickle(canary: Path) -> bytes:
     return pickle.dumps(Canary(canary))
+
+
+def planted_zip(canary: Path) -> bytes:
+    """As torch and stable-baselines3 save: an archive of pickles."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name in ("data", "policy.pth", "archive/data.pkl", "weights.npy"):
+            archive.writestr(name, planted_pickle(canary))
+    return buffer.getvalue()
+
+
+def plain(data: bytes, canary: Path) -> bytes:
+    return planted_pickle(canary)
 
 
 def old_protocol(data: bytes, canary: Path) -> bytes:

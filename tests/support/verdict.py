@@ -33,7 +33,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a run may do.
+    """Rules that a run must keep.
 
     Attributes:
         command: that is run.
@@ -135,7 +135,7 @@ def of_what_it_said(ended: Ended, outcome: str, expected: Expected) -> list[str]
 
 
 def of_the_line(ended: Ended, expected: Expected) -> list[str]:
-    """What is wrong with the line that a refusal is."""
+    """Faults of the line of a refusal."""
     if not ended.said:
         return ["exit status 2 and not a word"]
     *others, line = ended.said

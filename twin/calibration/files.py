@@ -15,8 +15,7 @@ from twin.calibration.uncertainty import likely_ranges, uncertainty
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import write_whole
-from twin.files.names import in_comment
-from twin.files.shown import cut
+from twin.files.shown import cut, printable
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
@@ -127,7 +126,7 @@ def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
     """
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
     rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
-    named_logs = cut(in_comment(", ".join(logs)), 400)
+    named_logs = cut(", ".join(logs), 400)
     head = f"# Calibrated by `endotwin calibrate` on {named_logs}. SI units; see twin/preset/preset.py.\n"
     return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
 
@@ -146,4 +145,4 @@ def log_summary(log: dict[str, Any]) -> str:
 def _name(path: Path, episode: Episode) -> str:
     """Return the name of a log, on one line and without what a YAML file cannot hold."""
     name = str(episode.metadata.get("name") or path.name)
-    return "".join(letter if letter.isprintable() else "?" for letter in name)[:_LONGEST_NAME]
+    return printable(name)[:_LONGEST_NAME]

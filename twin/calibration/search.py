@@ -16,7 +16,7 @@ from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import residuals
 from twin.calibration.parameters import FreeParameters
 from twin.errors import InputError
-from twin.files.state_file import read_state, state_key, write_state
+from twin.files.state_file import damaged_state, read_state, state_key, write_state
 from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
@@ -90,8 +90,8 @@ def calibrate(
         strategy = _new_strategy(free, seed + start, evaluations // STARTS)
         name = f"costs of start {start + 1}"
         known = saved.get(name, np.empty((0, strategy.popsize)))
-        if known.shape[1:] != (strategy.popsize,):
-            raise InputError(f"{state_file} is damaged: remove it, and the run begins anew")
+        if state_file and known.shape[1:] != (strategy.popsize,):
+            raise damaged_state(state_file)
         costs[name] = known
         generation = 0
         while not strategy.stop():

@@ -281,6 +281,7 @@ class OnlineEstimator(Generic[State]):
         """Begin anew behind a stretch of lies: what of it passed the gate may have been learned from."""
         if self.health & LIES:
             self._lies, self._since_lie = self._lies + 1, 0
+            self._watch.doubt()
         elif self._lies:
             self._since_lie += 1
             if self._since_lie >= self._enough:

@@ -16,6 +16,7 @@ FALL_S = 15.0  # in which a larger one is forgotten but for 1 / e
 FIRST_DEG = 27.0  # average that is usual at the start: a first estimate is 20 deg off
 FACTOR = 2.7  # times the usual average
 LEAST_DEG = 0.4  # and so much beyond it
+DOUBT_S = 20.0  # behind a lie, in which no larger average becomes usual
 LASTING_S = 1.0  # for which it must be beyond that: longer than noise stays in the average
 
 
@@ -30,6 +31,8 @@ class ResidualWatch:
         self._enough = samples_within(LASTING_S, sample_time)
         self._latest: collections.deque[float] = collections.deque(maxlen=self._enough)
         self._usual_deg = FIRST_DEG
+        self._doubt = math.ceil(min(DOUBT_S / sample_time, 1e9))
+        self._in_doubt = 0  # samples for which it lasts still
         self.clear()
 
     def clear(self) -> None:
@@ -37,6 +40,10 @@ class ResidualWatch:
         self._average_deg = 0.0
         self._far_in_a_row = 0
         self._latest.clear()
+
+    def doubt(self) -> None:
+        """Take what comes next for a consequence of a lie: it is not usual."""
+        self._in_doubt = self._doubt
 
     @property
     def offset_deg(self) -> float:
@@ -51,5 +58,7 @@ class ResidualWatch:
         is_far = magnitude > LEAST_DEG + FACTOR * self._usual_deg
         self._far_in_a_row = self._far_in_a_row + 1 if is_far else 0
         further = magnitude - self._usual_deg
-        self._usual_deg += further * (self._rise if further > 0 else self._fall)
+        self._in_doubt = max(self._in_doubt - 1, 0)
+        if further < 0 or not self._in_doubt:
+            self._usual_deg += further * (self._rise if further > 0 else self._fall)
         return self._far_in_a_row >= self._enough

@@ -6,9 +6,8 @@ from twin.estimation.health import Health, StreamLimits
 
 FEWEST, MOST = 5, 500
 """Samples that must agree before they are believed, whatever the sample time."""
-CLOCK_AGREEMENT_S = (
-    1.0  # stamps that go back for less time than this may be late packets, sent again in order
-)
+# Stamps that go back for less time than this may be late packets, sent again in order.
+CLOCK_AGREEMENT_S = 1.0
 USUAL_STEPS = 10.0  # sample times, or seconds, that two stamps of one clock lie apart at most, to agree
 
 

@@ -2,8 +2,10 @@
 
 import contextlib
 import errno
+import glob
 import os
 import secrets
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -12,6 +14,9 @@ from twin.errors import InputError, MissingFileError
 
 _NO_NAMELESS_FILES = (errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL, errno.ENOENT)
 """Error numbers of systems that make no file without a name: another kernel, NFS."""
+
+_LONGEST_NAME = 200
+"""Characters of a name that a temporary name holds: file systems take 255 in all."""
 
 
 class WholeFile:
@@ -47,7 +52,7 @@ class WholeFile:
         refuse_no_file(self.path)
         descriptor = _open_nameless(self.path.parent)
         if descriptor is None:
-            self._named = self._temporary_name()
+            self._named = temporary_name(self.path)
             self._file: BinaryIO = self._named.open("xb")
             self.open_path = str(self._named)
         else:
@@ -87,13 +92,20 @@ class WholeFile:
             with contextlib.suppress(FileExistsError):
                 _link(self._file.fileno(), self.path)
                 return
-            self._named = self._temporary_name()
+            self._named = temporary_name(self.path)
             _link(self._file.fileno(), self._named)
         self._file.close()  # Windows renames no open file
         os.replace(self._named, self.path)
 
-    def _temporary_name(self) -> Path:
-        return self.path.with_name(f".{self.path.name[:200]}.{secrets.token_hex(4)}.partial")
+
+def temporary_name(path: Path) -> Path:
+    """Return a hidden name beside a path, `.NAME.XXXXXXXX.partial`, which no file has by chance."""
+    return path.with_name(f".{path.name[:_LONGEST_NAME]}.{secrets.token_hex(4)}.partial")
+
+
+def temporary_names(path: Path) -> Iterator[Path]:
+    """Yield all that is there under temporary names of a path, whoever made it."""
+    return path.parent.glob(f".{glob.escape(path.name[:_LONGEST_NAME])}.????????.partial")
 
 
 def write_whole(path: str | Path, content: bytes | str) -> None:

@@ -3,15 +3,14 @@
 import re
 
 from twin.errors import InputError
-from twin.files.shown import shown
+from twin.files.shown import printable, shown
 
 LONGEST_NAME = 120
 """Characters of a name: longer ones do not fit into the names of files."""
 
 _MOST_BYTES = 200  # of a file's name in UTF-8, without its ending: file systems take 255 with endings
-_RESERVED = (
-    '<>"|?*'  # read as more than a letter by a page or a shell; loggers put times with colons into names
-)
+# Read as more than a letter by a page or a shell. Colons are free: loggers put times into names.
+_RESERVED = '<>"|?*'
 
 
 def wrong_name(name: object) -> str:
@@ -64,9 +63,4 @@ def in_code(text: str) -> str:
     runs = re.findall("`+", text)
     fence = "`" * (max(map(len, runs), default=0) + 1)
     space = " " if runs else ""
-    return f"{fence}{space}{in_comment(text)}{space}{fence}"
-
-
-def in_comment(text: str) -> str:
-    """Return a text for a comment of one line: what is no printable character becomes a question mark."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    return f"{fence}{space}{printable(text)}{space}{fence}"

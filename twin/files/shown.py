@@ -20,14 +20,18 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
+def printable(text: str) -> str:
+    """Return a text with a question mark for each character that cannot be printed: it is one line."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
 def cut(text: object, most: int = 120) -> str:
     """Return a text in one line of printable characters, cut."""
-    line = " ".join(str(text)[: 4 * most].split())
-    line = "".join(letter if letter.isprintable() else "?" for letter in line)
+    line = printable(" ".join(str(text)[: 4 * most].split()))
     return line if len(line) <= most else f"{line[: most - 3]}..."
 
 
 def named(path: object) -> str:
     """Return a path for a message: its end, in one line of printable characters."""
-    text = "".join(letter if letter.isprintable() else "?" for letter in str(path)[-LONGEST_PATH:])
+    text = printable(str(path)[-LONGEST_PATH:])
     return text if len(str(path)) <= LONGEST_PATH else f"...{text[3:]}"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.atomic import write_whole
+from twin.files.json_text import parse_json_object
 
 Array = NDArray[np.float64]
 
@@ -71,14 +72,19 @@ def read_state(path: Path, kind: str, key: str) -> dict[str, Array] | None:
     line, _, numbers = content[:_MOST_HEADER].partition(b"\n")
     numbers = content[len(line) + 1 :]
     try:
-        head = json.loads(line)
+        head = parse_json_object(line, _MOST_HEADER)
         if set(head) != _HEADER_KEYS or head.pop("sha256") != _seal(head, numbers):
             raise ValueError("its checksum is another")
         if (head["endotwin"], head["key"]) != (kind, key):
             return None
         return _split(head["arrays"], numbers)
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{path} is damaged: remove it, and the run begins anew") from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise damaged_state(path) from error
+
+
+def damaged_state(path: Path) -> InputError:
+    """Return the error for a state that is ours, but holds what no run has written."""
+    return InputError(f"{path} is damaged: remove it, and the run begins anew")
 
 
 def remove_state(path: Path, kind: str) -> None:

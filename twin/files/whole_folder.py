@@ -2,14 +2,13 @@
 
 import contextlib
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
 from twin.errors import InputError
-from twin.files.atomic import write_whole
+from twin.files.atomic import temporary_name, temporary_names, write_whole
 from twin.files.lock import claim
 
 MARK = ".endotwin"
@@ -56,8 +55,7 @@ class WholeFolder:
         for left in self._left_behind():
             with claim(left):
                 shutil.rmtree(left)
-        name = self.path.name[:200]
-        self._partial = self.path.with_name(f".{name}.{secrets.token_hex(4)}.partial")
+        self._partial = temporary_name(self.path)
         self._partial.mkdir()
         self._claim.enter_context(claim(self._partial))
         write_whole(self._partial / MARK, os.fsencode(self.path.name))
@@ -89,7 +87,7 @@ class WholeFolder:
 
     def _left_behind(self) -> Iterator[Path]:
         """Yield the folders that killed processes, or running ones, have made for the same name."""
-        for path in self.path.parent.glob(f".{_literal(self.path.name[:200])}.????????.partial"):
+        for path in temporary_names(self.path):
             mark = path / MARK
             if path.is_symlink() or mark.is_symlink() or not mark.is_file():
                 continue
@@ -111,11 +109,6 @@ class WholeFolder:
 
     def _named(self, error: OSError) -> OSError:
         return OSError(error.errno, error.strerror, str(self.path))
-
-
-def _literal(name: str) -> str:
-    """Return a name such that a search for it takes no character of it as a wildcard."""
-    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)
 
 
 def _to_disk(folder: Path) -> None:

@@ -15,7 +15,8 @@ SECONDS_PER_CYCLE = 20.0
 """Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
 
 _COMMANDS = ("pull_mm", "command_deg")
-_TIMES = ("time_s", "phase_rad")
+TIME_COLUMNS = ("time_s", "phase_rad")
+"""Names of the column of the time, the first of which counts."""
 
 
 def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
@@ -29,8 +30,8 @@ def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
         FileNotFoundError: there is no such file.
         ValueError: a column is missing, a value is no finite number, or time runs backwards.
     """
-    table = read_columns(path, (*_COMMANDS, *_TIMES), "command file")
-    command_name, time_name = table.first_of(_COMMANDS), table.first_of(_TIMES)
+    table = read_columns(path, (*_COMMANDS, *TIME_COLUMNS), "command file")
+    command_name, time_name = table.first_of(_COMMANDS), table.first_of(TIME_COLUMNS)
     command, time = table.column(command_name), table.time(time_name)
     if time_name == "phase_rad":
         time = time * SECONDS_PER_CYCLE / (2 * np.pi)

@@ -3,12 +3,11 @@
 import contextlib
 import hashlib
 import io
-import os
-import stat
 from collections.abc import Iterator
 from pathlib import Path
 
 from twin.errors import InputError, MissingFileError
+from twin.files.bounded import open_regular
 
 MOST_BYTES = 4 * 2**30
 """Largest size of a file [bytes]."""
@@ -154,8 +153,5 @@ def open_lines(path: Path, what: str = "file") -> Iterator[CsvLines]:
         kind = "a folder" if path.is_dir() else "a pipe or a device"
         raise InputError(f"{path} is {kind}: must be a CSV file")
     # What stands under the name may have become a pipe since: opening one must not wait either.
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with open(descriptor, "rb", buffering=0) as file:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise InputError(f"{path} is a folder, a pipe or a device: must be a CSV file")
+    with open(open_regular(path, "a CSV file"), "rb", buffering=0) as file:
         yield CsvLines(path, file)

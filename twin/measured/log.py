@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.measured.command import TIME_COLUMNS
 from twin.measured.csv_columns import CsvColumns, average_repeats, hold
 from twin.measured.csv_reader import read_columns
 from twin.measured.log_format import (
@@ -20,7 +21,6 @@ from twin.measured.log_format import (
     LARGEST_SHEATH_BEND_DEG,
     LENGTH_UNITS,
     SHEATH_BEND_COLUMN,
-    TIME_COLUMNS,
     TIME_UNITS,
     LogFormat,
 )

@@ -5,13 +5,11 @@ import dataclasses
 import numpy as np
 
 from twin.errors import InputError
-from twin.measured.command import SECONDS_PER_CYCLE
+from twin.measured.command import SECONDS_PER_CYCLE, TIME_COLUMNS
 
 ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}  # [rad]
 LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
-TIME_COLUMNS = ("time_s", "phase_rad")
-"""Names of the column of the time, the first of which counts."""
 SHEATH_BEND_COLUMN = "sheath_bend_deg"
 """Name of the column of the angle that the sheath is bent by."""
 

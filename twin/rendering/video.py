@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -82,17 +81,6 @@ def read_frames(path: Path, count: int) -> list[Picture]:
     with _opened(path) as film:
         decoded = enumerate(film.decode(video=0))
         return [frame.to_ndarray(format="rgb24") for number, frame in decoded if number in wanted]
-
-
-def frame_rate(path: Path) -> Fraction | None:
-    """Return the frames per second of a film.
-
-    Raises:
-        ValueError: it is no film.
-    """
-    with _opened(path) as film:
-        rate: Fraction | None = film.streams.video[0].average_rate
-        return rate
 
 
 @contextlib.contextmanager
