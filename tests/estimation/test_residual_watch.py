@@ -45,17 +45,26 @@ def test_nothing_is_far_just_after_a_new_beginning():
     assert not watch.is_astray(0.1)
 
 
-def test_what_follows_a_lie_does_not_become_usual():
+@pytest.mark.parametrize("flagged", [True, False])
+def test_what_follows_a_lie_does_not_become_usual(flagged):
     """Else a filter that the lie led astray would take the way back for its usual error."""
+    watch, _ = watched(0.3 * np.random.default_rng(2).standard_normal(1000))
+    if flagged:
+        watch.doubt()
+    for _ in range(30):
+        watch.is_astray(-17.0)
+    watch.clear()
+    assert any(watch.is_astray(-2.0) for _ in range(30))
 
-    def noticed(doubted: bool) -> bool:
-        watch, _ = watched(0.3 * np.random.default_rng(2).standard_normal(1000))
-        if doubted:
-            watch.doubt()
-        for _ in range(30):
-            watch.is_astray(-17.0)
-        watch.clear()
-        return any(watch.is_astray(-2.0) for _ in range(30))
 
-    assert noticed(True)
-    assert not noticed(False)
+def test_a_model_that_is_wrong_from_now_on_is_usual_within_a_minute():
+    quiet, wrong = np.zeros(1000), 8 * np.sin(2 * np.pi * np.arange(1200) * T / 10)
+    watch, _ = watched(quiet)
+    far = [watch.is_astray(float(residual)) for residual in wrong]
+    assert any(far[:200])
+    assert not any(far[600:])
+
+
+def test_the_offset_is_that_of_now_where_the_residual_shrinks():
+    watch, _ = watched(20 - 2 * np.arange(9.0))
+    assert watch.offset_deg == pytest.approx(4.0)

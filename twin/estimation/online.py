@@ -27,7 +27,7 @@ HOLD_LIMIT_S = 1.0  # a pull may have moved on for so long while it was held
 FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two that were refused agree
 REFUSED_STEPS = 3  # in a row, after which the estimator begins anew
 GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
-LIES = Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL
+LIES = Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL | Health.NO_PULL
 WILD = 10.0  # times the limit of a measurement, beyond which no estimate is sound
 
 
