@@ -199,8 +199,8 @@ def session(pid: int) -> int:
 def become(job: dict[str, Any]) -> None:
     """Turn this fork into the run."""
     os.setsid()
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGTERM):  # until the command line sees to them
+        signal.signal(number, signal.SIG_DFL)
     for descriptor, name in ((1, job["stdout"]), (2, job["stderr"])):
         file = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         os.dup2(file, descriptor)
