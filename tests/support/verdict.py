@@ -9,6 +9,8 @@ import snapshot
 from hostile_runs import Ended, Place
 from workbench import Command
 
+from twin.files.shown import printable
+
 LONGEST_SECONDS = 10.0
 MOST_BYTES = 2**30
 LONGEST_LINE = 300
@@ -149,7 +151,8 @@ def of_the_line(ended: Ended, expected: Expected) -> list[str]:
         faults.append(f"{len(strange)} more lines than one: {strange[0][:100]}")
     if "a fault of the program" in line:
         faults.append(line[:200])
-    if expected.names and not any(" ".join(name.split()) in line for name in expected.names if name.split()):
+    words = [" ".join(spelled.split()) for name in expected.names for spelled in (name, printable(name))]
+    if any(words) and not any(word in line for word in words if word):
         faults.append(f"names none of {', '.join(expected.names)[:80]}: {line[:160]}")
     if len(line.partition(": ")[2]) < 8:
         faults.append(f"says nothing: {line!r}")
