@@ -1,6 +1,7 @@
 """`endotwin generate`: simulate episodes of an endoscope into MCAP files, verify or replay them."""
 
 import dataclasses
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -131,14 +132,14 @@ def _changes(args: Generate) -> dict[str, Any]:
         "sample_time_s": args.sample_time,
         "signals": args.signal and (list(SIGNALS) if args.signal == "all" else [args.signal]),
         # Paths on the command line are relative to where it is typed, not to the recipe.
-        "command_csv": args.command_csv and str(args.command_csv.resolve()),
+        "command_csv": args.command_csv and os.path.abspath(args.command_csv),
         "sheath_bends_deg": None if start is end is None else [start if end is None else (start, end)],
         "sensor": None if args.sensor_variance is None else {"variance_deg2": args.sensor_variance},
         "camera": None if args.camera is None else {"pictures_per_second": args.camera},
         "seeds": None if args.seed is None else [args.seed],
     }
     if args.preset and args.preset.endswith((".yaml", ".yml")):
-        given["preset"] = str(Path(args.preset).resolve())
+        given["preset"] = os.path.abspath(args.preset)
     return {key: value for key, value in given.items() if value is not None}
 
 

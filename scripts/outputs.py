@@ -23,15 +23,22 @@ def output_folder(path: Path, files: Mapping[str, str] | None = None) -> Path:
             is there without it is not replaced.
 
     Raises:
-        ValueError: it cannot be made or written, or holds a file that would be replaced and is not ours.
+        ValueError: it is a link, cannot be made or written, or holds a file that would be replaced and is not
+            ours.
     """
+    if path.is_symlink():
+        raise InputError(f"--out {path} is a link, which is not followed: name the folder itself")
+    return _writable(path, files or {})
+
+
+def _writable(path: Path, files: Mapping[str, str]) -> Path:
     try:
         _make(path)
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
         raise InputError(f"cannot write to the folder {path}: {os.strerror(error.errno or 0)}") from error
-    for name, sign in (files or {}).items():
+    for name, sign in files.items():
         refuse_foreign(path / name, sign)
     return path
 
@@ -64,7 +71,7 @@ def output_file(
     for given in inputs:
         if _same(path, given):
             raise InputError(f"--out {path} is what is read: name another file")
-    output_folder(path.parent, {path.name: sign, **(beside or {})})
+    _writable(path.parent, {path.name: sign, **(beside or {})})
     return path
 
 

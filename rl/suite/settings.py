@@ -1,6 +1,7 @@
 """Settings of the full benchmark, checked before any work."""
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -72,7 +73,7 @@ class FullSuite:
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
         check_between("episodes", self.episodes, *LIMITS["episodes"])
         check_between("workers", self.workers, 1, MOST_WORKERS)
-        if self.train and self.train.resolve() in {path.resolve() for path in self.data}:
+        if self.train and os.path.realpath(self.train) in map(os.path.realpath, self.data):
             raise InputError(
                 f"training set {self.train} is test data too: what is trained there proves nothing"
             )

@@ -122,6 +122,18 @@ def instead_of_positional(rng: np.random.Generator, words: list[str], value: str
     return [*words[:at], value, *words[at + 1 :]]
 
 
+def as_read(word: str) -> tuple[str, ...]:
+    """Ways to write a word once it is read as a path or a number; no lone letter, which any line has."""
+    path = Path(word)
+    spelled = [str(path)[:40], path.stem[:40], path.name[:40]]
+    try:
+        spelled.append(f"{float(word):g} s")
+        spelled.append(f"{float(word):g}")
+    except ValueError:
+        pass
+    return tuple(text for text in spelled if len(text) > 1 or not text.isalnum())
+
+
 def out_of(words: list[str]) -> str | None:
     """Target that `--out` names."""
     return words[words.index("--out") + 1] if "--out" in words[:-1] else None
@@ -130,7 +142,7 @@ def out_of(words: list[str]) -> str | None:
 def may_write(words: list[str], line: str) -> tuple[str, ...]:
     """Patterns of what a command with another `--out` may write in its working folder."""
     out = out_of(words)
-    if out is None or out == out_of(shlex.split(line)) or out.startswith(("/", "..", "--")):
+    if out is None or out == out_of(shlex.split(line)) or out == ".." or out.startswith(("/", "../", "--")):
         return ()
     path = Path(out)
     name = path.as_posix()

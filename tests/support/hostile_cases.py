@@ -23,7 +23,9 @@ from workbench import BY_NAME, COMMANDS
 from scripts.ending import one_line
 
 VARIABLE = "HOSTILE"
-"""Environment variable that names one case, to run it alone."""
+"""Environment variable that names cases, one in a line, to run them alone."""
+FIRST = "HOSTILE_FIRST"
+"""Environment variable with the number of the first case to run: a long run goes on there."""
 CONTROL = 60
 """Each case of this number is run by the real console command instead of a fork."""
 
@@ -52,13 +54,13 @@ class Case(NamedTuple):
         return "|".join(map(str, self))
 
 
-def named_case() -> Case | None:
-    """The case that the environment names."""
-    text = os.environ.get(VARIABLE)
-    if not text:
-        return None
-    *parts, seed = text.split("|")
-    return Case(*parts, int(seed))
+def named_cases() -> list[Case]:
+    """The cases that the environment names, one in a line."""
+    named = []
+    for line in os.environ.get(VARIABLE, "").splitlines():
+        *parts, seed = line.split("|")
+        named.append(Case(*parts, int(seed)))
+    return named
 
 
 def file_cases(bench: Workbench, count: int, quick: bool) -> Iterator[Case]:
@@ -137,14 +139,18 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
         out = hostile_arguments.out_of(words) or told
         names = (told[:15], repr(told[:15])[1:-1], "argument", PurePosixPath(out).name[:15] or told)
         given = [word for word in words if word not in shlex.split(command.line) and word.strip()]
+        if told in words[:-1]:  # its value may be a word of the line, too
+            given.append(words[words.index(told) + 1])
         names += tuple(word[:15] for word in given)
         names += tuple(word.lstrip("-").replace("-", "_") for word in given if word.startswith("--"))
         names += tuple(repr(word[:15])[1:-1] for word in given)
         names += tuple(one_line(word)[:12] for word in given)
+        names += tuple(spelled for word in given for spelled in hostile_arguments.as_read(word))
         # `thresholds belong to ...` names --thresholds-mm too, and what is missing is named by its own flag.
         flags = [word for word in given if word.startswith("--")]
         names += tuple(part for flag in flags for part in flag.split("-") if len(part) > 4)
-        names += ("Missing from", "Unrecognized options", "the command never reverses")
+        names += ("Missing from", "Unrecognized options", "the command never reverses", "no data given")
+        names += ("--out: name the folder",)
     return words, Expected(
         command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu
     )
@@ -225,9 +231,7 @@ def alike(fault: str) -> str:
 
 def run_all(cases: list[Case], bench: Workbench, runner: Runner) -> Tally:
     """Run cases, some at a time."""
-    case = named_case()
-    if case is not None:
-        cases = [case]
+    cases = named_cases() or cases[int(os.environ.get(FIRST, "0")) :]
 
     def one(numbered: tuple[int, Case]) -> Verdict:
         number, case = numbered

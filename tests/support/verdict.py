@@ -173,7 +173,8 @@ def may_differ(name: str, how: str, failed: bool, expected: Expected) -> bool:
         kept = snapshot.matches(name, command.kept) or is_kept_elsewhere(name, expected)
         return kept or (how == "new folder" and may_write(name, expected))
     if how.startswith("new"):
-        return may_write(name, expected) and not is_temporary(name)
+        named = any(part in expected.more for part in (name, *map(str, PurePosixPath(name).parents)))
+        return may_write(name, expected) and (named or not is_temporary(name))
     if snapshot.matches(name, command.outputs) and not expected.more:
         return True  # its own, such as a damaged episode that is made anew
     if name in expected.inputs and name not in expected.outputs:

@@ -37,6 +37,8 @@ def refuse_foreign_files(
     for path in [folder / NAME, folder / CARD, folder / FIGURE, *episodes, *tables]:
         if path.is_symlink():
             raise InputError(f"{path} is a link, which `generate` did not make: {_ADVICE}")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path} is there and is no file: {_ADVICE}")
     there = [path for path in episodes if os.path.lexists(path)]
     if former is None and own_file:
         for path in there:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.dataset.card import CARD, FIGURE
-from twin.dataset.files import file_name, make_files
+from twin.dataset.files import file_name, make_files, most_table_bytes
 from twin.dataset.origin import wrong_origin
 from twin.dataset.recipe import EpisodeKey, of_each_episode
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
@@ -25,7 +25,7 @@ from twin.files.dataset_json import (
     read_contents,
     to_json_values,
 )
-from twin.files.hashes import sha256_of
+from twin.files.hashes import has_sha256, sha256_of
 from twin.recording import read_episode
 from twin.recording.features import describe_features, recorded, wrong_statistics
 from twin.recording.listing import length, totals
@@ -90,20 +90,19 @@ def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | N
     path = folder / file.name
     if not path.is_file():
         return [f"{path} is missing"]
-    same = sha256_of(path) == file.sha256
+    size = path.stat().st_size
+    same = size == file.bytes and has_sha256(path, file.sha256, size)
     faults = _wrong_table(path.with_suffix(".csv"), file) if same and isinstance(file, SimulatedFile) else []
     try:
         episode = read_episode(path)
     except (ValueError, OSError) as error:
         return [*faults, str(error)]
+    if size != file.bytes:
+        return [f"{path} has {size} bytes, dataset.json says {file.bytes}"]
     if not same:
         return [f"{path} has another SHA-256 than dataset.json says"]
-    found = {"samples": len(episode.time), "bytes": path.stat().st_size}
-    faults += [
-        f"{path} has {number} {name}, dataset.json says {getattr(file, name)}"
-        for name, number in found.items()
-        if number != getattr(file, name)
-    ]
+    if len(episode.time) != file.samples:
+        faults.append(f"{path} has {len(episode.time)} samples, dataset.json says {file.samples}")
     if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
         faults.append(f"{path} lasts {length(episode):g} s, dataset.json says {file.seconds:g} s")
     stated = to_json_values(contents)["features"]
@@ -129,7 +128,7 @@ def _wrong_table(table: Path, file: SimulatedFile) -> list[str]:
         return []
     if not table.is_file():
         return [f"{table} is missing"]
-    if sha256_of(table) != file.table_sha256:
+    if not has_sha256(table, file.table_sha256, most_table_bytes(file.samples)):
         return [f"{table} has another SHA-256 than dataset.json says"]
     return []
 

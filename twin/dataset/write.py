@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
 from pathlib import Path
@@ -84,7 +85,7 @@ def write_dataset(
         BrokenExecutor: a worker was killed; the same holds.
     """
     recipe.check()
-    folder = folder.resolve()
+    folder = Path(os.path.realpath(folder))
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
         former = _former(folder)

@@ -1,6 +1,7 @@
 """Names of exported records: those of their files, with their folders' where two files are called alike."""
 
 import collections
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def named_files(paths: Sequence[Path]) -> dict[str, Path]:
         if not path.exists():
             raise MissingFileError(f"no file or folder {path}")
     files = [file for path in paths for file in episode_files(path)]
-    parts = [(*file.resolve().parent.parts, file.name.removesuffix(".mcap")) for file in files]
+    parts = [(*Path(os.path.realpath(file)).parent.parts, file.name.removesuffix(".mcap")) for file in files]
     twice = [file for file, count in collections.Counter(parts).items() if count > 1]
     if twice:
         raise InputError(f"{files[parts.index(twice[0])]} is given twice")

@@ -1,6 +1,7 @@
 """A trained network in one ONNX file that carries its own description, read and run without torch."""
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,8 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
         content = read_limited(path, LARGEST)
     except MissingFileError as error:
         raise MissingFileError(f"no trained file {path}; `endotwin train` writes one") from error
+    # Else newer versions report their use to Microsoft, and leave a file that names the machine.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     # Imported when used: a table of methods needs none of them.
     import onnxruntime
 
