@@ -52,6 +52,8 @@ class Generate:
     """Bend the sheath by this instead of the preset's angle [deg]."""
     sheath_bend_to_deg: float | None = None
     """Bend it further, or less, evenly during each episode, to this angle [deg]."""
+    physics: str | None = None
+    """mujoco, or reduced: quasi-static, far faster, without gravity; mujoco, if not given."""
     sample_time: float | None = None
     """Time between two samples [s]; 0.02, if not given."""
     sensor_variance: float | None = None
@@ -137,6 +139,7 @@ def _changes(args: Generate) -> dict[str, Any]:
         "sensor": None if args.sensor_variance is None else {"variance_deg2": args.sensor_variance},
         "camera": None if args.camera is None else {"pictures_per_second": args.camera},
         "seeds": None if args.seed is None else [args.seed],
+        "physics": args.physics,
     }
     if args.preset and args.preset.endswith((".yaml", ".yml")):
         given["preset"] = os.path.abspath(args.preset)

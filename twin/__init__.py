@@ -28,6 +28,7 @@ _HOME = {
     "OnlineEstimator": "twin.estimation.online",
     "Preset": "twin.preset",
     "Recipe": "twin.dataset.recipe",
+    "ReducedTwins": "twin.reduced",
     "Sensor": "twin.estimation.estimator",
     "error_indices": "twin.evaluation.metrics",
     "evaluate": "twin.evaluation.evaluate",
@@ -42,8 +43,8 @@ _HOME = {
     "read_episode": "twin.recording",
     "recover_episode": "twin.recording",
     "render": "twin.rendering.render",
-    "simulate": "twin.physics",
-    "simulate_batch": "twin.physics",
+    "simulate": "twin.simulation",
+    "simulate_batch": "twin.simulation",
     "write_dataset": "twin.dataset.write",
     "write_episode": "twin.recording",
 }
@@ -66,8 +67,6 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.hysteresis import load_model as load_model
     from twin.identification import identify as identify
     from twin.physics import Endoscope as Endoscope
-    from twin.physics import simulate as simulate
-    from twin.physics import simulate_batch as simulate_batch
     from twin.preset import Preset as Preset
     from twin.preset import load_preset as load_preset
     from twin.preset import preset_names as preset_names
@@ -75,7 +74,10 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.recording import read_episode as read_episode
     from twin.recording import recover_episode as recover_episode
     from twin.recording import write_episode as write_episode
+    from twin.reduced import ReducedTwins as ReducedTwins
     from twin.rendering.render import render as render
+    from twin.simulation import simulate as simulate
+    from twin.simulation import simulate_batch as simulate_batch
 else:
 
     def __getattr__(name: str) -> Any:

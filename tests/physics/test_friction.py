@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from twin.mechanics.friction import element_friction, friction_per_tension, hinge_friction
 from twin.physics import Endoscope, simulate
-from twin.physics.friction import element_friction, friction_per_tension, hinge_friction
 from twin.physics.load import Loads
 from twin.preset.preset import Preset
 from twin.signals.excitation import approach

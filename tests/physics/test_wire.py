@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from twin.mechanics.friction import element_friction, friction_per_tension
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
 from twin.physics import Endoscope, simulate
-from twin.physics.friction import element_friction, friction_per_tension
-from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
 from twin.preset.preset import Preset
 
 SAMPLE_TIME = 0.02  # [s]

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.dataset.recipe import Conditions, EpisodeKey, Recipe, in_metres, of_each_episode
+from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
 from twin.errors import DivergedError
-from twin.physics import simulate_batch
 from twin.preset.preset import Preset
 from twin.recording.features import statistics
 from twin.signals.excitation import command
 from twin.signals.noise import draw_noise
 from twin.signals.sensor import measure
+from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,7 @@ def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | 
         [one.preset for one in drawn],
         [one.pull for one in drawn],
         recipe.sample_time_s,
+        physics=recipe.physics,
         sheath_bends=[one.sheath_bend for one in drawn],
         lateral_pulls=[one.lateral_pull for one in drawn],
         threads=1,
@@ -131,6 +133,6 @@ def _with_sensor(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
         origin["sheath_bend_deg"] = list(drawn.conditions.sheath_bend_deg)
     return dataclasses.replace(
         episode,
-        metadata=episode.metadata | origin,
+        metadata=episode.metadata | VERSIONS | origin,
         attachments=episode.attachments | {"recipe.yaml": text.encode()},
     )

@@ -18,6 +18,7 @@ from twin.preset.randomization import Ranges
 from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS, command
+from twin.simulation import PHYSICS, check_physics
 
 Interval = tuple[float, float]
 MOST_EPISODES = 10_000
@@ -84,6 +85,7 @@ class Recipe:
         episodes: number of episodes of each seed.
         seeds: seeds.
         given_pull_m: (N,) command of wire a to follow instead of a drawn one [m].
+        physics: the twin that simulates, `mujoco` or `reduced`.
     """
 
     preset: Preset
@@ -99,6 +101,7 @@ class Recipe:
     episodes: int = 5
     seeds: tuple[int, ...] = (0,)
     given_pull_m: tuple[float, ...] | None = None
+    physics: str = PHYSICS[0]
 
     @property
     def keys(self) -> list[EpisodeKey]:
@@ -130,6 +133,7 @@ class Recipe:
             raise InputError(
                 f"episodes = {shown(self.episodes)}: must be from 1 to {MOST_EPISODES}, of each seed"
             )
+        check_physics(self.physics)
         for name in ("seeds", "signals", "strokes_mm"):
             if not getattr(self, name):
                 raise InputError(f"{name}: none is given, at least one is needed")
@@ -208,6 +212,8 @@ class Recipe:
             "camera": None if self.camera is None else dataclasses.asdict(self.camera),
             "preset": self.preset.to_dict(),
             "given_pull_m": None if self.given_pull_m is None else _floats(self.given_pull_m),
+            # Left out where it is the default: recipes of earlier versions keep their hash.
+            "physics": None if self.physics == PHYSICS[0] else self.physics,
         }
         return {name: value for name, value in values.items() if value is not None and value != []}
 

@@ -20,6 +20,7 @@ from twin.preset.randomization import Ranges, load_ranges
 from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS
+from twin.simulation import PHYSICS
 
 LEAST_EPISODES = 5
 """Number of episodes where a recipe does not state it, even if it has fewer combinations."""
@@ -87,6 +88,7 @@ class RecipeFile(_Strict):
         camera: rate and size of pictures.
         command_csv: recorded command to follow instead of signals.
         given_pull_m: (N,) the same, as pulling distances at each sample [m].
+        physics: mujoco, or reduced: quasi-static, far faster, without gravity.
     """
 
     preset: str | dict[str, Any] = "ureteroscope"
@@ -107,6 +109,7 @@ class RecipeFile(_Strict):
     camera: Camera | None = None
     command_csv: Path | None = None
     given_pull_m: Annotated[list[Number], Field(min_length=2, max_length=MOST_GIVEN)] | None = None
+    physics: str = PHYSICS[0]
 
 
 _FORMS = {
@@ -236,6 +239,7 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
         camera=file.camera,
         seeds=tuple(file.seeds),
         given_pull_m=None if given is None else tuple(given),
+        physics=file.physics,
     )
     episodes = file.episodes
     if episodes is None:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.physics.drive import Drive
+from twin.mechanics.command import Command
+from twin.mechanics.drive import Drive
 from twin.physics.layout import Layout
 from twin.physics.load import Loads
 from twin.physics.model import model_xml
-from twin.physics.simulation import Command, Recorder
+from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]

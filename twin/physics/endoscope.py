@@ -10,9 +10,10 @@ from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError, InputError
-from twin.physics.drive import Drive, DriveState
+from twin.mechanics.drive import Drive, DriveState
+from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import Loads, joint_friction
+from twin.physics.load import Loads
 from twin.physics.model import model_xml
 from twin.preset.preset import Preset
 

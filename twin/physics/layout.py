@@ -7,16 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
+from twin.mechanics.hinges import hinge_groups
 from twin.preset.preset import Preset
 
 Index = NDArray[np.intp]
 PLANES = ("", "lateral_")
 """Prefix of the joints of each bending plane."""
-
-
-def hinge_groups(vertebrae: int) -> list[Index]:
-    """Return the hinges, base to tip, in at most 8 groups of neighbours that share a friction constraint."""
-    return np.array_split(np.arange(vertebrae), min(vertebrae, 8))
 
 
 @dataclasses.dataclass(frozen=True)

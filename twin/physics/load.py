@@ -9,14 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.friction import element_friction, friction_per_tension, hinge_friction
-from twin.physics.layout import Layout, hinge_groups
-from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
+from twin.mechanics.friction import LEAST_FRICTION, element_friction, friction_per_tension, hinge_friction
+from twin.mechanics.hinges import hinge_groups, joint_friction
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
+from twin.physics.layout import Layout
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-LEAST_FRICTION = 1e-9
-"""Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
 NEARLY_TAUT = 1e-6
 """Slack up to which a wire counts as taut [m]."""
 
@@ -156,10 +155,3 @@ def _lengthening(preset: Preset, layout: Layout) -> Array:
         matrix[wire, 0, layout.pulley[plane]] = side
         matrix[wire, -1, layout.hinge[plane]] = -side * preset.wire_offset
     return matrix.reshape(layout.wires * lengths, -1)
-
-
-def joint_friction(preset: Preset) -> Array:
-    """Return the dry friction torque of a hinge of each group, base to tip, (groups,) [N m]."""
-    place = (np.arange(preset.vertebrae) + 0.5) / preset.vertebrae
-    of_hinges = preset.joint_friction * (1 + preset.joint_friction_taper * (1 - 2 * place))
-    return np.array([of_hinges[group].mean() for group in hinge_groups(preset.vertebrae)])

@@ -11,9 +11,10 @@ import mujoco
 
 from twin.episode import WIRES
 from twin.files.assets import assets_folder
-from twin.physics.layout import PLANES, hinge_groups
-from twin.physics.load import LEAST_FRICTION, joint_friction
-from twin.physics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
+from twin.mechanics.friction import LEAST_FRICTION
+from twin.mechanics.hinges import hinge_groups, joint_friction
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
+from twin.physics.layout import PLANES
 from twin.preset.preset import Preset
 
 _PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
@@ -60,7 +61,7 @@ def section_inertia(preset: Preset) -> float:
 
 
 def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
-    """Add a position actuator to a pulley; servo and backlash come before it (`twin/physics/drive.py`).
+    """Add a position actuator to a pulley; servo and backlash come before it (`twin/mechanics/drive.py`).
 
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so

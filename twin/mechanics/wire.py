@@ -10,7 +10,7 @@ polynomial tendon stiffness computes the same force.
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.friction import friction_per_tension
+from twin.mechanics.friction import friction_per_tension
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+LEAST_FRICTION = 1e-9
+"""Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
 # NumPy's tanh depends, by a rounding, on the place of a value in its array; a batch must not.
 _tanh = np.vectorize(math.tanh, otypes=[float])
 

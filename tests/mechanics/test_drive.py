@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from twin.physics.drive import Drive
+from twin.mechanics.drive import Drive
 from twin.preset.preset import Preset
 
 PERIOD = Preset("reference").control_period

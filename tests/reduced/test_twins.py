@@ -1,0 +1,181 @@
+"""Physics and bookkeeping of the reduced twin alone: friction, memory, slack, states, batches, kernels."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.preset.file import load_preset
+from twin.preset.randomization import load_ranges
+from twin.reduced import ReducedEndoscope, ReducedTwins, simulate, simulate_batch
+from twin.signals.excitation import command
+
+T = 0.1
+URETEROSCOPE = load_preset("ureteroscope")
+
+
+def cycle(amplitude: float, period: float, sample_time: float, cycles: int = 2) -> np.ndarray:
+    time = np.arange(round(cycles * period / sample_time) + 1) * sample_time
+    return amplitude * np.sin(2 * np.pi * time / period)
+
+
+def test_without_friction_and_viscosity_there_is_no_loop():
+    preset = URETEROSCOPE.without_friction().without_viscosity()
+    episode = simulate(preset, cycle(3e-3, 8.0, T), T)
+    bend = episode.bend[-81:]
+    rising, falling = bend[:21], bend[20:41][::-1]
+    np.testing.assert_allclose(rising, falling, atol=1e-6)
+
+
+def test_bend_does_not_depend_on_the_rate():
+    preset = URETEROSCOPE.without_viscosity()
+    slow, fast = (simulate(preset, cycle(3e-3, period, period / 80), period / 80) for period in (8.0, 80.0))
+    np.testing.assert_allclose(slow.bend, fast.bend, atol=1e-9)
+
+
+def test_held_command_moves_nothing():
+    preset = URETEROSCOPE.without_viscosity()
+    pull = np.concatenate([cycle(3e-3, 8.0, T)[:35], np.full(300, cycle(3e-3, 8.0, T)[34])])
+    bend = simulate(preset, pull, T).bend
+    np.testing.assert_allclose(bend[35:], bend[35], atol=1e-8)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1e-3, 1e-3), (0.5e-3, 2e-3)])
+def test_minor_loop_closes_and_is_wiped_out(low, high):
+    """Madelung's rules: back at the turning point, the path is that which knows of no minor loop."""
+    preset = URETEROSCOPE.without_viscosity()
+    to = [
+        np.linspace(a, b, 41)[1:]
+        for a, b in ((0, -3e-3), (-3e-3, high), (high, low), (low, high), (high, 3e-3))
+    ]
+    with_loop = simulate(preset, np.concatenate([[0.0], *to]), T).bend
+    without = simulate(preset, np.concatenate([[0.0], to[0], to[1], to[4]]), T).bend
+    away = np.abs(with_loop[-40:] - without[-40:]).max()
+    assert away < 0.005 * np.ptp(without)
+
+
+def test_sliding_wire_obeys_the_capstan_equation():
+    preset = URETEROSCOPE.replace(sheath_friction_floor=0.0, sheath_friction=0.2)
+    episode = simulate(preset, np.linspace(0, 3e-3, 60), T)
+    tension = episode.wire_tension[-1, 0]
+    ratio = tension[-1] / tension[0]
+    assert ratio == pytest.approx(np.exp(-0.2 * preset.sheath_bend), rel=1e-3)
+
+
+def test_work_of_the_pulley_over_a_closed_cycle_is_dissipated_and_never_gained():
+    episode = simulate(URETEROSCOPE, cycle(3e-3, 8.0, 0.02), 0.02)
+    last = slice(-401, None)
+    force = episode.tension[last, 0] - episode.tension[last, 1]
+    assert np.trapezoid(force, episode.pulley[last]) > 0
+
+
+def test_no_wire_pushes_and_a_slack_one_carries_nothing():
+    episode = simulate(URETEROSCOPE, cycle(4e-3, 8.0, T), T)
+    assert episode.wire_tension.min() >= 0
+    assert (episode.wire_slack > 0).any()
+    assert not (episode.wire_tension[episode.wire_slack > 0]).any()
+
+
+@pytest.mark.parametrize("vertebrae", [8, 32])
+def test_loop_does_not_depend_on_the_number_of_vertebrae(vertebrae):
+    pull = cycle(3e-3, 8.0, T)
+    one, other = (simulate(URETEROSCOPE.replace(vertebrae=n), pull, T).bend for n in (16, vertebrae))
+    assert np.abs(one - other).max() < 0.002 * np.ptp(one)
+
+
+def test_batch_is_what_one_after_the_other_gives_whatever_the_number_of_threads():
+    rng = np.random.default_rng(7)
+    presets = [load_ranges("ureteroscope").draw(URETEROSCOPE, rng) for _ in range(6)]
+    pulls = [command("sine", (-2e-3, 2e-3), seconds, T, rng) for seconds in (5, 6, 7, 8, 9, 10)]
+    alone = [simulate(preset, pull, T) for preset, pull in zip(presets, pulls, strict=True)]
+    for threads in (1, 2, 5):
+        for one, other in zip(alone, simulate_batch(presets, pulls, T, threads=threads), strict=True):
+            assert other is not None
+            np.testing.assert_array_equal(one.bend, other.bend)
+            np.testing.assert_array_equal(one.wire_tension, other.wire_tension)
+
+
+def test_steps_give_what_the_record_gives():
+    rng = np.random.default_rng(8)
+    presets = [load_ranges("vio_com").draw(load_preset("vio_com"), rng) for _ in range(5)]
+    pull = cycle(8e-3, 9.0, T)
+    twins = ReducedTwins(presets, T)
+    stepped = np.array([twins.step(value) for value in pull])
+    assert twins.converged.all()
+    records = simulate_batch(presets, [pull] * 5, T)
+    # The record begins at rest for a second, and its first sample is a step of its own.
+    np.testing.assert_allclose(stepped, np.array([record.bend for record in records]).T, atol=2e-3)
+
+
+@pytest.mark.parametrize("changes", [{}, {"backlash": 1e-4, "servo_gain": 9.0}, {"bending_planes": 2}])
+def test_state_restored_into_fresh_twins_continues_bit_for_bit(changes):
+    presets = [URETEROSCOPE.replace(friction_warm_up=0.2, friction_wear=0.1, **changes)] * 2
+    pull = cycle(2e-3, 7.0, T)
+    first, second = ReducedTwins(presets, T), ReducedTwins(presets, T)
+    for value in pull[:50]:
+        first.step(value)
+    second.restore_state(first.save_state())
+    for value in pull[50:]:
+        np.testing.assert_array_equal(first.step(value), second.step(value))
+    np.testing.assert_array_equal(first.wire_tension_and_slack()[0], second.wire_tension_and_slack()[0])
+
+
+def test_state_of_other_endoscopes_is_refused():
+    state = ReducedTwins([URETEROSCOPE] * 2, T).save_state()
+    with pytest.raises(ValueError, match="does not fit"):
+        ReducedTwins([URETEROSCOPE], T).restore_state(state)
+
+
+def test_wrong_inputs_are_refused_in_one_line():
+    twins = ReducedTwins([URETEROSCOPE], T)
+    for inputs, message in (
+        ({"pull": np.nan}, "must be a finite number"),
+        ({"pull": 0.0, "lateral_pull": 1e-3}, "one bending plane"),
+        ({"pull": 0.0, "sheath_bend": -1.0}, "not negative"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            twins.step(**inputs)
+
+
+def test_random_endoscopes_find_their_equilibrium_through_jumps():
+    rng = np.random.default_rng(9)
+    for name, stroke in (("ureteroscope", 3e-3), ("vio_com", 1e-2)):
+        twins = ReducedTwins([load_ranges(name).draw(load_preset(name), rng) for _ in range(100)], T)
+        for _ in range(20):
+            twins.step(rng.uniform(-stroke, stroke, 100))
+        assert twins.converged.all()
+
+
+def test_endoscope_that_finds_none_is_reported(monkeypatch):
+    twins = ReducedEndoscope(URETEROSCOPE)
+    twins._twins.state.missing[0] = 1.0
+    with pytest.raises(FloatingPointError, match="found no equilibrium: 1 N are missing"):
+        twins.advance(0.0)
+
+
+def test_interpreted_kernels_give_the_same_to_rounding():
+    code = (
+        "import numpy as np\n"
+        "from twin.preset.file import load_preset\n"
+        "from twin.reduced import simulate\n"
+        "from twin.reduced.compiled import COMPILED\n"
+        "pull = 2e-3 * np.sin(np.arange(40) / 6)\n"
+        "print(COMPILED, *map(float.hex, simulate(load_preset('ureteroscope'), pull, 0.1).bend.tolist()))\n"
+    )
+    block = "import sys\nsys.modules['numba'] = None\n"
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", text], capture_output=True, text=True, check=True
+        ).stdout.split()
+        for text in (code, block + code)
+    ]
+    assert [words[0] for words in told] == ["True", "False"]
+    compiled, interpreted = (np.array([float.fromhex(word) for word in words[1:]]) for words in told)
+    np.testing.assert_allclose(compiled, interpreted, atol=1e-9)
+
+
+def test_it_imports_no_mujoco():
+    code = "import sys, twin.reduced; sys.exit('mujoco' in sys.modules or 'dm_control' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=Path("/")).returncode == 0

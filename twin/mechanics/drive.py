@@ -1,0 +1,159 @@
+"""Drive train between command and wires: servo, encoder and gear backlash.
+
+Two parts in a row, each exact over one control period: a motor under a position loop with limits, then the
+play of a gear (Brokate and Sprekels 1996, 'Hysteresis and Phase Transitions', chapter 2: play operator).
+"""
+
+import math
+from typing import NamedTuple
+
+from twin.errors import InputError
+from twin.preset.preset import Preset
+
+DriveState = tuple[float, float, float]
+"""Position of the motor, its distance in the last control period, position of the pulley [m]."""
+
+_LEAST_CHANGE = 1e-200
+"""Smallest allowed change of velocity per control period [m]: a smaller one could underflow to zero."""
+
+
+class DriveLaw(NamedTuple):
+    """Constants of a drive, per control period.
+
+    Attributes:
+        share: of the error that the position loop makes good [-].
+        longest: stride [m].
+        change: of the stride [m].
+        encoder_step: one count of the encoder [m]; 0 is continuous.
+        half_play: of the gear [m].
+        stiff: True if the motor follows without lag.
+    """
+
+    share: float
+    longest: float
+    change: float
+    encoder_step: float
+    half_play: float
+    stiff: bool
+
+
+def drive_law(preset: Preset) -> DriveLaw:
+    """Return the constants of a preset's drive."""
+    period = preset.control_period
+    gain, speed, acceleration = preset.servo_gain, preset.servo_speed, preset.servo_acceleration
+    counts = preset.encoder_counts
+    return DriveLaw(
+        share=-math.expm1(-gain * period) if gain else 1.0,
+        longest=speed * period if speed else math.inf,
+        change=max(acceleration * period**2, _LEAST_CHANGE) if acceleration else math.inf,
+        encoder_step=2 * math.pi * preset.pulley_radius / counts if counts else 0.0,
+        half_play=preset.backlash / 2,
+        stiff=not (gain or speed or acceleration),
+    )
+
+
+def is_rigid(law: DriveLaw) -> bool:
+    """Return True if the pulley follows the command exactly: no servo, no encoder, no backlash."""
+    return law.stiff and not law.encoder_step and not law.half_play
+
+
+def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, command: float) -> DriveState:
+    """Return the state of a drive one control period later; plain numbers, so that it can be compiled.
+
+    Args:
+        law: constants.
+        motor: its position [m].
+        stride: its distance in the last control period [m].
+        pulley: its position [m].
+        command: pulling distance that is asked for at the end of the period [m].
+    """
+    if law.stiff:
+        motor = law.encoder_step * round(command / law.encoder_step) if law.encoder_step else command
+    else:
+        if law.encoder_step:
+            counts = round(command / law.encoder_step) - round(motor / law.encoder_step)
+            error = law.encoder_step * counts
+            # The true way is up to half a count shorter than the counted one. Stopping a quarter before its
+            # end, the motor stays clear of the far edge of the count, where it would have to turn back.
+            reach = abs(error) - law.encoder_step / 4 if counts else 0.0
+        else:
+            error = command - motor
+            reach = abs(error)
+
+        size = min(law.share * abs(error), law.longest, reach)
+        if law.change < math.inf:
+            periods = max(1, math.ceil((math.sqrt(1 + 8 * reach / law.change) - 1) / 2))
+            size = min(size, reach / periods + law.change * (periods - 1) / 2)
+        before, stride = stride, math.copysign(size, error)
+        stride = min(max(stride, before - law.change), before + law.change)
+
+        # Arrived without an encoder: motor + (command - motor) may miss the command by its last digit.
+        motor = command if stride == error and not law.encoder_step else motor + stride
+
+    # The pulley rests until a flank of the gear pushes it: wires do not drive a worm gear back.
+    if not law.half_play:
+        pulley = motor
+    elif pulley < motor - law.half_play:
+        pulley = motor - law.half_play
+    elif pulley > motor + law.half_play:
+        pulley = motor + law.half_play
+    return motor, stride, pulley
+
+
+class Drive:
+    """Drive train of one bending plane: motor, encoder, gear and pulley; positions are pulling distances [m].
+
+    The motor moves by one *stride* s in each control period T, by the error e that its encoder counts:
+
+        s = e (1 - exp(-gain T))               position loop: de/dt = -gain e, exact over T
+        |s| <= speed T                         speed limit
+        |s| <= |e| / n + h (n - 1) / 2         stopping distance, with h = acceleration T^2
+        |s - s_before| <= h                    acceleration limit
+
+    Strides that shrink by h each cover s + (s - h) + ... = n s - h n (n - 1) / 2 in n = ceil(s / h) periods
+    until they end. The third line is this with the sum |e|, and in the limit of short periods the usual
+    speed <= sqrt(2 acceleration |e|). A motor that keeps to it arrives without overshoot, and stays.
+
+    There is no feedforward: behind a command that moves with the speed v the motor is late by about v / gain,
+    or by v^2 / (2 acceleration) where that is more.
+    """
+
+    def __init__(self, preset: Preset) -> None:
+        """Set up the drive of a preset, in the state that `reset` leaves."""
+        self._law = drive_law(preset)
+        self.reset()
+
+    @property
+    def rigid(self) -> bool:
+        """True if the pulley follows the command exactly: no servo, no encoder, no backlash."""
+        return is_rigid(self._law)
+
+    def reset(self) -> None:
+        """Reset motor and pulley to rest at 0, in the middle of the backlash."""
+        self._state = (0.0, 0.0, 0.0)
+
+    def state(self) -> DriveState:
+        """Return the complete state of the drive."""
+        return self._state
+
+    def restore(self, state: DriveState) -> None:
+        """Restore a state that `state` returned; the run continues bit for bit."""
+        self._state = state
+
+    def advance(self, command: float) -> float:
+        """Advance the drive by one control period.
+
+        Args:
+            command: pulling distance that is asked for at the end of the period [m].
+
+        Returns:
+            Distance that the pulley has really pulled by then [m]: the command itself, bit for bit, where the
+            preset has no servo, no encoder and no backlash.
+
+        Raises:
+            ValueError: the command is not finite.
+        """
+        if not math.isfinite(command):
+            raise InputError(f"commanded pulling distance {command}: must be a finite number")
+        self._state = advance_drive(self._law, *self._state, command)
+        return self._state[2]

@@ -1,0 +1,128 @@
+"""One door to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+from twin.errors import InputError, require_extra
+from twin.preset.preset import Preset
+
+if TYPE_CHECKING:
+    from twin.physics.endoscope import Endoscope, State
+
+Array = NDArray[np.float64]
+
+PHYSICS = ("mujoco", "reduced")
+"""Names of the twins; the first is the default."""
+
+
+def check_physics(physics: str) -> None:
+    """Refuse the name of a twin that there is not.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if physics not in PHYSICS:
+        raise InputError(f"unknown physics {physics!r:.40}; valid: {', '.join(PHYSICS)}")
+
+
+def simulate(
+    preset: Preset,
+    pull: Array,
+    sample_time: float,
+    *,
+    physics: str = "mujoco",
+    lateral_pull: Array | None = None,
+    sheath_bend: Array | float | None = None,
+    state: "State | None" = None,
+    endoscope: "Endoscope | None" = None,
+    on_sample: "Callable[[Endoscope], None] | None" = None,
+) -> Episode:
+    """Simulate an endoscope along a command signal.
+
+    Args:
+        preset: the endoscope.
+        pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
+        sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
+        physics: `mujoco`, or `reduced`: quasi-static, without MuJoCo and without gravity, far faster.
+        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; without it,
+            zero.
+        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
+            angle; without it, the preset's.
+        state: initial state of a run in MuJoCo. Without it a run begins straight and at rest, and goes to
+            `pull[0]` along a real path that is not part of the record.
+        endoscope: the instance in MuJoCo to drive, where its state at the end is wanted; else a fresh one.
+        on_sample: called with that instance at every sample, to read what the record does not hold.
+
+    Returns:
+        The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
+
+    Raises:
+        ValueError: a command is not finite or of another length, the sheath's bend is negative, the sample
+            time does not fit the control period, or the reduced twin is asked for what it has not.
+        FloatingPointError: the simulation diverged.
+    """
+    check_physics(physics)
+    if physics == "reduced":
+        for name, value in (("state", state), ("endoscope", endoscope), ("on_sample", on_sample)):
+            if value is not None:
+                raise InputError(f"{name}: the reduced twin takes none; advance a `ReducedTwins` instead")
+        from twin.reduced import simulate as simulate_reduced
+
+        return simulate_reduced(preset, pull, sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
+    require_extra("sim")
+    from twin.physics import simulate as simulate_in_mujoco
+
+    return simulate_in_mujoco(
+        preset,
+        pull,
+        sample_time,
+        lateral_pull=lateral_pull,
+        sheath_bend=sheath_bend,
+        state=state,
+        endoscope=endoscope,
+        on_sample=on_sample,
+    )
+
+
+def simulate_batch(
+    presets: Sequence[Preset],
+    pulls: Sequence[Array],
+    sample_time: float,
+    *,
+    physics: str = "mujoco",
+    sheath_bends: Sequence[Array | float | None] | None = None,
+    lateral_pulls: Sequence[Array | None] | None = None,
+    threads: int = 0,
+    on_sample: Callable[[int, int], None] | None = None,
+) -> list[Episode | None]:
+    """Simulate many endoscopes at once, each along its own command.
+
+    Args:
+        presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
+        pulls: B commands, as `simulate` takes them; they may differ in length.
+        sample_time: time between two samples [s], of all.
+        physics: `mujoco` or `reduced`, as `simulate` takes it.
+        sheath_bends: B bends of the sheath, as `simulate` takes them.
+        lateral_pulls: B lateral commands.
+        threads: number of threads; 0 for one per core.
+        on_sample: called with the number of samples done and their total.
+
+    Returns:
+        B records; None in the place of an endoscope whose simulation diverged.
+
+    Raises:
+        ValueError: the endoscopes differ in layout, or a command cannot be.
+    """
+    check_physics(physics)
+    chosen: Callable[..., list[Episode | None]]
+    if physics == "reduced":
+        from twin.reduced import simulate_batch as chosen
+    else:
+        require_extra("sim")
+        from twin.physics import simulate_batch as chosen
+    options: dict[str, Any] = {"sheath_bends": sheath_bends, "lateral_pulls": lateral_pulls}
+    return chosen(presets, pulls, sample_time, threads=threads, on_sample=on_sample, **options)
