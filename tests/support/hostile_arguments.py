@@ -81,7 +81,7 @@ def drawn(line: str, seed: int) -> tuple[list[str], str]:
     flag = "--" + name.replace("_", "-")
     value = value_for(rng, flag, words)
     how = rng.random()
-    if how < 0.1 and name != "only":  # a benchmark of everything is no mistake, and takes minutes
+    if how < 0.1 and name not in ("only", "free"):  # everything is no mistake, and takes minutes
         return without_value(words, flag), flag
     if flag not in words and how < 0.3:  # a word that stands by itself
         return instead_of_positional(rng, words, value), value
@@ -125,7 +125,8 @@ def instead_of_positional(rng: np.random.Generator, words: list[str], value: str
 def as_read(word: str) -> tuple[str, ...]:
     """Ways to write a word once it is read as a path or a number; no lone letter, which any line has."""
     path = Path(word)
-    spelled = [str(path)[:40], path.stem[:40], path.name[:40]]
+    spelled = [str(path)[:40], path.stem[:40], *(part[:40] for part in path.parts)]
+    spelled.append(repr(path.stem[:40])[1:-1])
     try:
         spelled.append(f"{float(word):g} s")
         spelled.append(f"{float(word):g}")

@@ -127,7 +127,8 @@ def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Exp
     target = PurePosixPath(case.target)
     if case.family == "file":
         mutate(place.work / case.target, trace.kinds[case.target], case.what, place, case.seed)
-        names = (target.name, target.stem, *(part for part in target.parts[:-1]))
+        # Of two files that do not belong together, the other one may be named.
+        names = (target.name, target.stem, *(part for part in target.parts[:-1]), "than the one given")
     elif case.family == "plant":
         name = plant(case.target, case.what, place)
         is_folder = any(other.startswith(f"{name}/") for other in trace.outputs)
