@@ -103,8 +103,10 @@ def _write(args: Generate, out: Path) -> Summary:
     changes = _changes(args)
     origin = f"{args.recipe} with its flags" if args.recipe and changes else args.recipe
     recipe = resolve(change_recipe(values, changes), folder, origin)
+    output_folder(out)
+    if recipe.physics == "reduced":
+        _compile_once()
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
-        output_folder(out)
         csv, progress = args.format == "csv", Progress("generate", "ep")
         try:
             written = write_dataset(recipe, out, executor, workers=workers, csv=csv, on_progress=progress)
@@ -113,6 +115,21 @@ def _write(args: Generate, out: Path) -> Summary:
     if warning := unmet_conditions(recipe):
         complain(f"endotwin generate: {warning}")
     return _summary(out, recipe.preset.name, written)
+
+
+def _compile_once() -> None:
+    """Compile the reduced twin here, if it never was: else each worker would, and nobody would say why."""
+    from twin.reduced.compiled import has_machine_code
+
+    if has_machine_code():
+        return
+    import numpy as np
+
+    from twin.preset.file import load_preset
+    from twin.reduced import simulate
+
+    complain("endotwin generate: compiling the reduced twin, once: half a minute")
+    simulate(load_preset("ureteroscope"), np.zeros(2), 0.1)
 
 
 def _changes(args: Generate) -> dict[str, Any]:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from twin.preset.file import load_preset
+from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
+from twin.recording import read_episode
 from twin.reduced import ReducedEndoscope, ReducedTwins, simulate, simulate_batch
 from twin.signals.excitation import command
 
@@ -179,3 +181,28 @@ def test_interpreted_kernels_give_the_same_to_rounding():
 def test_it_imports_no_mujoco():
     code = "import sys, twin.reduced; sys.exit('mujoco' in sys.modules or 'dm_control' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=Path("/")).returncode == 0
+
+
+def test_generate_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
+    """Compiled code of this process serves: nothing is compiled again here."""
+    from scripts import generate
+    from twin.reduced import compiled
+
+    assert compiled.has_machine_code()
+    generate._compile_once()
+    assert not capsys.readouterr().err
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "none")
+    generate._compile_once()
+    assert "compiling the reduced twin, once" in capsys.readouterr().err
+
+
+def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):
+    out = tmp_path / "made"
+    make = f"generate --preset vio_com --physics reduced --stroke -5 5 --episodes 2 --seconds 2 --out {out}"
+    for line in (f"{make} --workers 1", f"generate --verify --out {out}"):
+        subprocess.run([sys.executable, "-m", "twin", *line.split()], check=True, capture_output=True)
+    episode = read_episode(out / "episode_0000.mcap")
+    assert episode.metadata["physics"] == "reduced"
+    again = simulate_batch([Preset(**episode.metadata["preset"])], [episode.pull], 0.02)[0]
+    assert again is not None
+    np.testing.assert_allclose(again.bend, episode.bend, atol=1e-12)

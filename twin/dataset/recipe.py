@@ -134,6 +134,10 @@ class Recipe:
                 f"episodes = {shown(self.episodes)}: must be from 1 to {MOST_EPISODES}, of each seed"
             )
         check_physics(self.physics)
+        if self.physics == "reduced":
+            from twin.reduced.parameters import refuse_gravity
+
+            refuse_gravity(self.preset)
         for name in ("seeds", "signals", "strokes_mm"):
             if not getattr(self, name):
                 raise InputError(f"{name}: none is given, at least one is needed")

@@ -130,6 +130,7 @@ class SimulatedRecipe(_Recipe):
     given_pull_m: str | None = Field(
         None, description="number of samples of a recorded command; left out if none"
     )
+    physics: str | None = Field(None, description="`reduced`; left out where MuJoCo simulated")
 
 
 class BenchmarkRecipe(_Recipe):

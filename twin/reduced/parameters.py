@@ -81,11 +81,7 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
         if len({getattr(preset, name) for preset in presets}) > 1:
             raise InputError(f"the endoscopes of a batch must agree in {name}")
     for preset in presets:
-        for name in ("gravity_x", "gravity_y", "gravity_z"):
-            if getattr(preset, name):
-                raise InputError(
-                    f"{name} = {getattr(preset, name):g}: the reduced twin has no gravity, choose MuJoCo's"
-                )
+        refuse_gravity(preset)
     unique = list(dict.fromkeys(presets))
     place = {preset: index for index, preset in enumerate(unique)}
     order = np.array([place[preset] for preset in presets])
@@ -119,6 +115,18 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
         rigid=np.array([is_rigid(law) for law in laws])[order],
         control_period=presets[0].control_period,
     )
+
+
+def refuse_gravity(preset: Preset) -> None:
+    """Refuse an endoscope that gravity pulls at.
+
+    Raises:
+        ValueError: a component of its gravity is not zero.
+    """
+    for name in ("gravity_x", "gravity_y", "gravity_z"):
+        if getattr(preset, name):
+            value = getattr(preset, name)
+            raise InputError(f"{name} = {value:g}: the reduced twin has no gravity, choose that in MuJoCo")
 
 
 def _rest_stretch(preset: Preset) -> Array:
