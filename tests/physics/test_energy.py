@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from both_twins import TWINS
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest
 from scipy.optimize import minimize_scalar
 
-from twin.physics import Endoscope, simulate, simulate_batch
+from twin.physics import Endoscope
 from twin.preset.preset import Preset
 
+MUJOCO = TWINS[0]
 
-def test_closed_cycles_never_give_energy():
+
+def test_closed_cycles_never_give_energy(twin):
     """Second law: whatever periodic command has settled, the drive puts work in and gets none out."""
     count, rng = 20, np.random.default_rng(0)
     phase = np.linspace(0, 2 * np.pi, 301)
@@ -18,7 +21,7 @@ def test_closed_cycles_never_give_energy():
     waves = (amplitudes * np.sin(harmonics * phase + phases)).sum(axis=0)
     waves *= rng.uniform(0.5e-3, AMPLITUDE, (count, 1)) / np.abs(waves).max(axis=1, keepdims=True)
     twice = np.concatenate([waves, waves[:, 1:]], axis=1)
-    episodes = simulate_batch([PRESET] * count, list(twice), SAMPLE_TIME)
+    episodes = twin.simulate_batch([PRESET] * count, list(twice), SAMPLE_TIME)
     for episode in episodes:
         force = (episode.tension[:, 0] - episode.tension[:, 1])[300:]
         pulley = episode.pulley[300:]
@@ -39,7 +42,7 @@ def test_work_of_the_pulley_is_what_friction_dissipates():
         tension.append(endoscope.wire_tension()[:, 0])
         pulley.append(endoscope.pull())
 
-    loop_of(preset, 8.0, on_sample=note)
+    loop_of(MUJOCO, preset, 8.0, on_sample=note)
     cycle = slice(round(8.0 / SAMPLE_TIME), None)
     force = -np.diff(np.array(tension)[cycle], axis=1)[:, 0]  # of wire a less that of wire b
     work = np.trapezoid(force, np.array(pulley)[cycle])
@@ -68,8 +71,7 @@ def bend_of_least_energy(preset: Preset, pull: float) -> float:
 
 @pytest.mark.parametrize("pull", [0.3e-3, 2e-3, 4e-3])  # with wire b taut, and slack
 @pytest.mark.parametrize("vertebrae", [8, 16, 32])
-def test_friction_free_bend_is_the_one_of_least_energy(pull, vertebrae):
+def test_friction_free_bend_is_the_one_of_least_energy(twin, pull, vertebrae):
     preset = PRESET.without_friction().replace(vertebrae=vertebrae)
-    endoscope = Endoscope.from_preset(preset)
-    episode = simulate(preset, ramp_and_rest(pull), SAMPLE_TIME, endoscope=endoscope)
-    assert episode.bend[-1] == pytest.approx(bend_of_least_energy(preset, endoscope.pull()), rel=1e-3)
+    episode = twin.simulate(preset, ramp_and_rest(pull), SAMPLE_TIME)
+    assert episode.bend[-1] == pytest.approx(bend_of_least_energy(preset, episode.pulley[-1]), rel=1e-3)

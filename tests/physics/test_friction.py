@@ -62,9 +62,9 @@ def test_friction_of_many_endoscopes_is_that_of_each():
 
 @pytest.mark.parametrize("offset", [0.0, 0.8])
 @pytest.mark.parametrize("bend", [0.0, 0.5, np.pi, 2 * np.pi])
-def test_sliding_wire_obeys_the_capstan_equation(bend, offset):
+def test_sliding_wire_obeys_the_capstan_equation(twin, bend, offset):
     preset = SLIDING.replace(sheath_bend=bend, sheath_bend_offset=offset)
-    tension = simulate(preset, np.concatenate([THERE, BACK]), SAMPLE_TIME).wire_tension[:, 0]
+    tension = twin.simulate(preset, np.concatenate([THERE, BACK]), SAMPLE_TIME).wire_tension[:, 0]
     pulled, released = tension[PULLED], tension[RELEASED]
     lost = np.exp(-preset.sheath_friction * (bend + offset))
     np.testing.assert_allclose(pulled[:, -1] / pulled[:, 0], lost, rtol=0.02)
@@ -73,20 +73,20 @@ def test_sliding_wire_obeys_the_capstan_equation(bend, offset):
     np.testing.assert_allclose(pulled[:, 1:] / pulled[:, :-1], per_element, rtol=0.02)
 
 
-def test_bend_of_the_sheath_and_its_offset_add_up():
+def test_bend_of_the_sheath_and_its_offset_add_up(twin):
     pull = np.concatenate([THERE, BACK])
-    whole = simulate(ROUGH.replace(sheath_bend=2.0), pull, SAMPLE_TIME)
-    shared = simulate(ROUGH.replace(sheath_bend=1.5, sheath_bend_offset=0.5), pull, SAMPLE_TIME)
+    whole = twin.simulate(ROUGH.replace(sheath_bend=2.0), pull, SAMPLE_TIME)
+    shared = twin.simulate(ROUGH.replace(sheath_bend=1.5, sheath_bend_offset=0.5), pull, SAMPLE_TIME)
     np.testing.assert_array_equal(shared.bend, whole.bend)
     np.testing.assert_array_equal(shared.wire_tension, whole.wire_tension)
 
 
-def test_sheath_that_has_long_been_bent_further_is_as_if_it_had_always_been():
+def test_sheath_that_has_long_been_bent_further_is_as_if_it_had_always_been(twin):
     """Elements that slide forget: they follow the friction of the bend that the sheath has now."""
     pull = np.linspace(0, 4e-3, 200)
     bend = np.concatenate([np.linspace(0.5, 3.0, 100), np.full(100, 3.0)])
-    changing = simulate(SLIDING, pull, SAMPLE_TIME, sheath_bend=bend)
-    constant = simulate(SLIDING, pull, SAMPLE_TIME, sheath_bend=3.0)
+    changing = twin.simulate(SLIDING, pull, SAMPLE_TIME, sheath_bend=bend)
+    constant = twin.simulate(SLIDING, pull, SAMPLE_TIME, sheath_bend=3.0)
     np.testing.assert_array_equal(changing.sheath_bend, bend)
     ratio = changing.wire_tension[:, 0, -1] / changing.wire_tension[:, 0, 0]
     np.testing.assert_allclose(ratio[105:], np.exp(-SLIDING.sheath_friction * 3.0), rtol=0.01)
@@ -95,21 +95,21 @@ def test_sheath_that_has_long_been_bent_further_is_as_if_it_had_always_been():
     np.testing.assert_allclose(changing.bend[150:], constant.bend[150:], rtol=1e-6)
 
 
-def test_bending_the_sheath_of_a_held_endoscope_moves_nothing_and_straightening_it_does():
+def test_bending_the_sheath_of_a_held_endoscope_moves_nothing_and_straightening_it_does(twin):
     """More friction holds what less friction held; less friction lets the section spring back."""
     pull = np.concatenate([THERE, np.full(100, 4e-3)])
     bends = []
     for end in (4.0, 0.0):
         sheath_bend = np.concatenate([np.full(151, 2.0), np.linspace(2.0, end, 50)])
-        bends.append(simulate(ROUGH, pull, SAMPLE_TIME, sheath_bend=sheath_bend).bend[150:])
+        bends.append(twin.simulate(ROUGH, pull, SAMPLE_TIME, sheath_bend=sheath_bend).bend[150:])
     more, less = bends
     assert np.ptp(more) < 1e-4 * more[0]
     assert np.ptp(less) > 1e-2 * less[0]
 
 
-def test_bend_converges_with_the_number_of_elements():
+def test_bend_converges_with_the_number_of_elements(twin):
     pull = np.concatenate([np.linspace(0, 3e-3, 100), np.linspace(3e-3, 1.5e-3, 50)])
-    bends = [simulate(ROUGH.replace(sheath_elements=n), pull, SAMPLE_TIME).bend for n in (1, 3, 12, 24)]
+    bends = [twin.simulate(ROUGH.replace(sheath_elements=n), pull, SAMPLE_TIME).bend for n in (1, 3, 12, 24)]
     off = [np.abs(bend - bends[-1]).max() / np.ptp(bends[-1]) for bend in bends[:-1]]
     assert (np.diff(off) < 0).all()
     assert off[-1] < 0.02
@@ -223,9 +223,9 @@ def test_friction_in_the_simulation_follows_its_drift(drift):
         np.testing.assert_allclose(episode.sheath_friction[k + 1], expected, rtol=1e-9)
 
 
-def test_sliding_wire_obeys_the_capstan_equation_of_the_drifted_coefficient():
+def test_sliding_wire_obeys_the_capstan_equation_of_the_drifted_coefficient(twin):
     preset = SLIDING.replace(sheath_bend=np.pi, friction_warm_up=1.0, warm_up_time=1.0, friction_wear=100.0)
-    tension = simulate(preset, THERE, SAMPLE_TIME).wire_tension[PULLED, 0]
+    tension = twin.simulate(preset, THERE, SAMPLE_TIME).wire_tension[PULLED, 0]
     time = len(approach(0.0, preset.control_period)) * preset.control_period + np.arange(101) * SAMPLE_TIME
     factor = (1 + np.exp(-time) + 100.0 * THERE)[PULLED]
     ratio = tension[:, -1] / tension[:, 0]

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from both_twins import TWINS
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, sine
 
-from twin.physics import simulate, simulate_batch
+from twin.physics import simulate
 from twin.preset.file import load_preset
+
+MUJOCO = TWINS[0]
 
 
 def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:
@@ -19,23 +22,24 @@ def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def loop() -> tuple[np.ndarray, np.ndarray]:
-    return loop_of(PRESET, 8.0)
+def loop(twin) -> tuple[np.ndarray, np.ndarray]:
+    return loop_of(twin, PRESET, 8.0)
 
 
 @pytest.mark.parametrize("viscous", [True, False])
-def test_loop_area_does_not_depend_on_rate(viscous):
+def test_loop_area_does_not_depend_on_rate(twin, viscous):
     preset = PRESET if viscous else PRESET.without_viscosity()
     areas = []
     for period in (2.0, 8.0, 32.0):
-        pull, bend = loop_of(preset, period)
+        pull, bend = loop_of(twin, preset, period)
         areas.append(abs(np.trapezoid(bend, pull)))
     assert np.ptp(areas) / np.mean(areas) < 0.02
 
 
-def test_time_step_is_short_enough(loop):
-    _, fine = loop_of(PRESET.replace(time_step=PRESET.time_step / 8), 8.0)
-    assert np.abs(loop[1] - fine).max() < 0.01 * np.ptp(fine)
+def test_time_step_is_short_enough():
+    coarse = loop_of(MUJOCO, PRESET, 8.0)[1]
+    _, fine = loop_of(MUJOCO, PRESET.replace(time_step=PRESET.time_step / 8), 8.0)
+    assert np.abs(coarse - fine).max() < 0.01 * np.ptp(fine)
 
 
 def test_time_step_is_short_enough_for_soft_wires_too():
@@ -50,8 +54,8 @@ def test_time_step_is_short_enough_for_soft_wires_too():
 
 
 @pytest.mark.parametrize("vertebrae", [8, 32, 64])
-def test_loop_does_not_depend_on_the_number_of_vertebrae(loop, vertebrae):
-    _, bend = loop_of(PRESET.replace(vertebrae=vertebrae), 8.0)
+def test_loop_does_not_depend_on_the_number_of_vertebrae(twin, loop, vertebrae):
+    _, bend = loop_of(twin, PRESET.replace(vertebrae=vertebrae), 8.0)
     assert np.abs(bend - loop[1]).max() < 0.02 * np.ptp(loop[1])
 
 
@@ -61,9 +65,9 @@ def test_friction_makes_memory(loop):
 
 
 @pytest.mark.parametrize("viscous", [True, False])
-def test_without_friction_there_is_no_loop(viscous):
+def test_without_friction_there_is_no_loop(twin, viscous):
     preset = PRESET.without_friction() if viscous else PRESET.without_friction().without_viscosity()
-    pull, bend = loop_of(preset, 8.0)
+    pull, bend = loop_of(twin, preset, 8.0)
     assert np.abs(width_of(pull, bend)).max() < 0.005 * np.ptp(bend)
 
 
@@ -72,22 +76,22 @@ def test_without_friction_there_is_no_loop(viscous):
     [1.25, 1.0, 1.5, 1.12, 1.35, 1.75],
     ids=["top", "mid rising", "mid falling", "high rising", "high falling", "bottom"],
 )
-def test_held_command_does_not_drift(loop, cycles):
+def test_held_command_does_not_drift(twin, loop, cycles):
     moving = sine(8.0, cycles)
     held = np.full(round(30 / SAMPLE_TIME), moving[-1])
-    episode = simulate(PRESET, np.concatenate([moving, held]), SAMPLE_TIME)
+    episode = twin.simulate(PRESET, np.concatenate([moving, held]), SAMPLE_TIME)
     after = episode.bend_deg[len(moving) - 1 :]  # settling after the sudden stop included
     assert np.abs(after - after[0]).max() < 0.005 * np.ptp(loop[1])
     assert np.abs(after[50:] - after[50]).max() < 1e-5 * np.ptp(loop[1])  # static friction does not creep
 
 
 @pytest.mark.parametrize(("low", "high"), [(-1e-3, 2e-3), (0.5e-3, 3.5e-3), (-3e-3, -2e-3)])
-def test_minor_loop_closes_and_is_wiped_out(loop, low, high):
+def test_minor_loop_closes_and_is_wiped_out(twin, loop, low, high):
     """Madelung's rules: back where it began, a minor loop leaves no trace in what follows."""
     before = np.concatenate([sine(8.0, 1.25), np.linspace(AMPLITUDE, low, 300)[1:]])
     minor = np.concatenate([np.linspace(low, high, 200)[1:], np.linspace(high, low, 200)[1:]])
     after = np.linspace(low, -AMPLITUDE, 200)[1:]
-    with_loop, without = simulate_batch(
+    with_loop, without = twin.simulate_batch(
         [PRESET] * 2,
         [np.concatenate([before, minor, after]), np.concatenate([before, after])],
         SAMPLE_TIME,

@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from both_twins import TWINS
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest, sine
 
 from twin.episode import Episode
-from twin.physics import Endoscope, simulate
+from twin.physics import Endoscope
+
+MUJOCO = TWINS[0]
 
 
 @pytest.fixture(scope="module")
-def loop_episode() -> Episode:
-    return simulate(PRESET, sine(8.0, 2), SAMPLE_TIME)
+def loop_episode(twin) -> Episode:
+    return twin.simulate(PRESET, sine(8.0, 2), SAMPLE_TIME)
 
 
 def test_tension_is_the_force_that_acts_and_never_pushes():
@@ -24,15 +27,15 @@ def test_tension_is_the_force_that_acts_and_never_pushes():
         acting.append([[force[f"sheath_{wire}{i}"][0] for i in elements] for wire in "ab"])
         read.append(endoscope.wire_tension())
 
-    loop_of(PRESET, 8.0, on_sample=note)
+    loop_of(MUJOCO, PRESET, 8.0, on_sample=note)
     tension = np.array(read)
     np.testing.assert_allclose(acting, -np.diff(tension, axis=-1), atol=1e-4)  # the MJCF text has 6 digits
     assert (tension >= 0).all()
     assert (tension[:, :, [0, -1]] == 0).any(axis=0).all()  # slack at times, at the pulley and at the tip
 
 
-def test_paid_out_wire_goes_slack_at_a_large_pull():
-    episode = simulate(PRESET, ramp_and_rest(8e-3), SAMPLE_TIME)
+def test_paid_out_wire_goes_slack_at_a_large_pull(twin):
+    episode = twin.simulate(PRESET, ramp_and_rest(8e-3), SAMPLE_TIME)
     assert episode.tension[0] == pytest.approx(PRESET.pretension, rel=1e-4)
     assert episode.tension[-1, 0] > 4 * PRESET.pretension
     assert episode.tension[-1, 1] == 0.0  # paid out faster than the bending takes it up
@@ -61,9 +64,9 @@ def test_slack_is_what_the_way_of_the_wire_leaves_over(loop_episode):
         np.testing.assert_allclose(stretch[:, wire] - stretch[0, wire], grown, atol=1e-12)
 
 
-def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull():
-    up = simulate(PRESET, ramp_and_rest(AMPLITUDE), SAMPLE_TIME)
-    down = simulate(PRESET, ramp_and_rest(-AMPLITUDE), SAMPLE_TIME)
+def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull(twin):
+    up = twin.simulate(PRESET, ramp_and_rest(AMPLITUDE), SAMPLE_TIME)
+    down = twin.simulate(PRESET, ramp_and_rest(-AMPLITUDE), SAMPLE_TIME)
     np.testing.assert_allclose(down.bend, -up.bend, atol=1e-6)
     np.testing.assert_allclose(down.wire_tension, up.wire_tension[:, ::-1], atol=1e-4)
     moving = up.bend[: len(up.bend) - 50]

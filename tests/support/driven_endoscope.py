@@ -1,8 +1,8 @@
 """The ureteroscope, driven by a sine or a ramp."""
 
 import numpy as np
+from both_twins import Twin
 
-from twin.physics import simulate
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
 
@@ -22,8 +22,8 @@ def ramp_and_rest(pull: float, seconds: float = 3.0) -> np.ndarray:
     return np.concatenate([np.linspace(0, pull, round(seconds / SAMPLE_TIME)), np.full(50, pull)])
 
 
-def loop_of(preset: Preset, period: float, on_sample=None) -> tuple[np.ndarray, np.ndarray]:
+def loop_of(twin: Twin, preset: Preset, period: float, **options) -> tuple[np.ndarray, np.ndarray]:
     """Pull [mm] and bend [deg] of the second of two cycles; it starts and ends at mid-stroke, rising."""
-    episode = simulate(preset, sine(period, 2), SAMPLE_TIME, on_sample=on_sample)
+    episode = twin.simulate(preset, sine(period, 2), SAMPLE_TIME, **options)
     start = round(period / SAMPLE_TIME)
     return episode.pull_mm[start:], episode.bend_deg[start:]
