@@ -92,8 +92,8 @@ def test_a_name_brings_only_what_it_needs(name, unused):
 def test_a_name_whose_extra_is_missing_says_what_to_install():
     code = (
         "import sys, twin\nsys.modules['mujoco'] = None\n"
-        "try: twin.simulate\n"
+        "try: twin.Endoscope\n"
         "except ImportError as error: print(isinstance(error, twin.EndoTwinError), error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "True twin.simulate needs mujoco: pip install 'endotwin[sim]'\n"
+    assert done.stdout == "True twin.Endoscope needs mujoco: pip install 'endotwin[sim]'\n"

@@ -25,6 +25,7 @@ class MissingExtraError(EndoTwinError, ImportError):
 
 EXTRA_OF = {
     "mujoco": "sim",
+    "numba": "sim",
     "dm_control": "sim",
     "pymoo": "sim",
     "cma": "sim",

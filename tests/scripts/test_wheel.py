@@ -34,7 +34,7 @@ estimate = [online.push(*map(float, sample)) for sample in samples]
 policy = twin.load_estimator(sys.argv[2])
 steered = policy.estimate(episode.pull_mm, episode.measured_bend_deg[None], float(episode.bend_deg[0]))[0]
 try:
-    twin.simulate
+    twin.Endoscope
     refused = ""
 except twin.EndoTwinError as error:
     refused = str(error)
@@ -159,7 +159,7 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, r
     there = json.loads(done.stdout)
     assert Path(there["home"]).is_relative_to(tmp_path)
     assert there["found"] == []
-    assert there["refused"] == "twin.simulate needs mujoco: pip install 'endotwin[sim]'"
+    assert there["refused"] == "twin.Endoscope needs mujoco: pip install 'endotwin[sim]'"
 
     told = twin.ActiveModel(twin.ColemanHodgdon(1.15, 22.38, 5.0), episode.sample_time)
     told = told.with_sensor(twin.Sensor(variance=0.5))
