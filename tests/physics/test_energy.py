@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from both_twins import TWINS
+from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest
 from scipy.optimize import minimize_scalar
 
 from twin.physics import Endoscope
 from twin.preset.preset import Preset
-
-MUJOCO = TWINS[0]
 
 
 def test_closed_cycles_never_give_energy(twin):

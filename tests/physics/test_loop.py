@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from both_twins import TWINS
+from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, sine
 
 from twin.physics import simulate
 from twin.preset.file import load_preset
-
-MUJOCO = TWINS[0]
 
 
 def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:

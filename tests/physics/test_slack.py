@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from both_twins import TWINS
+from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest, sine
 
 from twin.episode import Episode
 from twin.physics import Endoscope
-
-MUJOCO = TWINS[0]
 
 
 @pytest.fixture(scope="module")

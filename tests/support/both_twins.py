@@ -24,7 +24,6 @@ class Twin:
     endoscope: type
 
 
-TWINS = [
-    Twin("mujoco", physics.simulate, physics.simulate_batch, physics.Endoscope),
-    Twin("reduced", reduced.simulate, reduced.simulate_batch, reduced.ReducedEndoscope),
-]
+MUJOCO = Twin("mujoco", physics.simulate, physics.simulate_batch, physics.Endoscope)
+REDUCED = Twin("reduced", reduced.simulate, reduced.simulate_batch, reduced.ReducedEndoscope)
+TWINS = [MUJOCO, REDUCED]

@@ -52,7 +52,7 @@ class Ended:
 
     @property
     def hangs(self) -> bool:
-        """Whether it slept for ever: a fork of a process with threads may find a lock that nobody releases.
+        """True if it slept for ever: a fork of a process with threads may find a lock that nobody releases.
 
         A fresh process says whether the command itself does.
         """

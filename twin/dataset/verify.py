@@ -91,7 +91,7 @@ def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | N
     if not path.is_file():
         return [f"{path} is missing"]
     size = path.stat().st_size
-    same = size == file.bytes and has_sha256(path, file.sha256, size)
+    same = size == file.bytes and sha256_of(path) == file.sha256
     faults = _wrong_table(path.with_suffix(".csv"), file) if same and isinstance(file, SimulatedFile) else []
     try:
         episode = read_episode(path)

@@ -1,13 +1,14 @@
 """One door to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.errors import InputError, require_extra
+from twin.errors import InputError, missing_extra
 from twin.preset.preset import Preset
 
 if TYPE_CHECKING:
@@ -27,6 +28,15 @@ def check_physics(physics: str) -> None:
     """
     if physics not in PHYSICS:
         raise InputError(f"unknown physics {physics!r:.40}; valid: {', '.join(PHYSICS)}")
+
+
+@contextmanager
+def _needs_extra(what: str) -> Iterator[None]:
+    """Say which extra to install where MuJoCo is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, what) or error from None
 
 
 def simulate(
@@ -73,8 +83,8 @@ def simulate(
         from twin.reduced import simulate as simulate_reduced
 
         return simulate_reduced(preset, pull, sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
-    require_extra("sim")
-    from twin.physics import simulate as simulate_in_mujoco
+    with _needs_extra("twin.simulate"):
+        from twin.physics import simulate as simulate_in_mujoco
 
     return simulate_in_mujoco(
         preset,
@@ -122,7 +132,7 @@ def simulate_batch(
     if physics == "reduced":
         from twin.reduced import simulate_batch as chosen
     else:
-        require_extra("sim")
-        from twin.physics import simulate_batch as chosen
+        with _needs_extra("twin.simulate_batch"):
+            from twin.physics import simulate_batch as chosen
     options: dict[str, Any] = {"sheath_bends": sheath_bends, "lateral_pulls": lateral_pulls}
     return chosen(presets, pulls, sample_time, threads=threads, on_sample=on_sample, **options)
