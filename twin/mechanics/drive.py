@@ -13,6 +13,9 @@ from twin.preset.preset import Preset
 DriveState = tuple[float, float, float]
 """Position of the motor, its distance in the last control period, position of the pulley [m]."""
 
+PULLEY_STIFFNESS = 4e6
+"""Stiffness of the spring that holds a pulley where its drive is, far above that of a wire [N / m]."""
+
 _LEAST_CHANGE = 1e-200
 """Smallest allowed change of velocity per control period [m]: a smaller one could underflow to zero."""
 

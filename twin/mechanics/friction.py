@@ -12,6 +12,26 @@ LEAST_FRICTION = 1e-9
 _tanh = np.vectorize(math.tanh, otypes=[float])
 
 
+def friction_drift(
+    warm_up: Array | float,
+    warm_up_time: Array | float,
+    wear: Array | float,
+    time: Array | float,
+    travel: Array | float,
+) -> Array:
+    """Return the factor of sheath friction, on coefficient and floor, due to warm-up and wear.
+
+    Args:
+        warm_up: excess of the friction at the start [-].
+        warm_up_time: its time constant [s].
+        wear: growth of the friction with the travel [1 / m].
+        time: since the start of the run [s].
+        travel: distance that the pulleys have travelled [m].
+    """
+    factor: Array = 1 + warm_up * np.exp(-time / warm_up_time) + wear * travel
+    return factor
+
+
 def friction_per_tension(friction: Array | float, bend: Array | float, elements: int) -> Array:
     """Return the friction force of one sheath element per unit of mean tension on its two sides.
 

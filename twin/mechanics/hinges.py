@@ -14,6 +14,12 @@ def hinge_groups(vertebrae: int) -> list[Index]:
     return np.array_split(np.arange(vertebrae), min(vertebrae, 8))
 
 
+def group_of_hinge(vertebrae: int) -> Index:
+    """Return the number of the group that each hinge is in, base to tip, (vertebrae,)."""
+    sizes = [len(group) for group in hinge_groups(vertebrae)]
+    return np.repeat(np.arange(len(sizes)), sizes)
+
+
 def joint_friction(preset: Preset) -> Array:
     """Return the dry friction torque of a hinge of each group, base to tip, (groups,) [N m]."""
     place = (np.arange(preset.vertebrae) + 0.5) / preset.vertebrae

@@ -12,8 +12,7 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.errors import InputError
-from twin.mechanics.command import Command
+from twin.mechanics.batch import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
 from twin.physics.layout import Layout
 from twin.physics.load import Loads
@@ -52,13 +51,7 @@ def simulate_batch(
     Raises:
         ValueError: the endoscopes differ in layout, or a command cannot be.
     """
-    count = len(presets)
-    bends = [None] * count if sheath_bends is None else sheath_bends
-    laterals = [None] * count if lateral_pulls is None else lateral_pulls
-    commands = [
-        Command.of(*of_one)
-        for of_one in zip(presets, pulls, [sample_time] * count, laterals, bends, strict=True)
-    ]
+    commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     endoscopes = EndoscopeBatch(presets, threads)
     records = [Recorder(command, endoscopes.layout) for command in commands]
 
@@ -68,7 +61,7 @@ def simulate_batch(
     longest = max(map(len, tracks))
     start = longest - np.array([len(track) for track in tracks])
     first_sample = longest - np.array([(len(command.pull) - 1) * periods for command in commands])
-    inputs = np.zeros((longest, count, 3))
+    inputs = np.zeros((longest, len(commands), 3))
     for index, track in enumerate(tracks):
         inputs[start[index] :, index] = track
     for done in range(longest + 1):
@@ -98,12 +91,7 @@ class EndoscopeBatch:
         Raises:
             ValueError: there is none, or they differ in layout.
         """
-        if not presets:
-            raise InputError("a batch needs at least one endoscope")
-        alike = ("bending_planes", "vertebrae", "sheath_elements", "time_step", "control_period")
-        for name in alike:
-            if len({getattr(preset, name) for preset in presets}) > 1:
-                raise InputError(f"the endoscopes of a batch must agree in {name}")
+        check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
         compiled = {preset: mujoco.MjModel.from_xml_string(xml) for preset, xml in built.items()}

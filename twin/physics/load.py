@@ -9,7 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.friction import LEAST_FRICTION, element_friction, friction_per_tension, hinge_friction
+from twin.mechanics.friction import (
+    LEAST_FRICTION,
+    element_friction,
+    friction_drift,
+    friction_per_tension,
+    hinge_friction,
+)
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
 from twin.physics.layout import Layout
@@ -84,8 +90,7 @@ class Loads:
         Returns:
             (B,) factor on the coefficient and on the floor.
         """
-        factor: Array = 1 + self._warm_up * np.exp(-time / self._warm_up_time) + self._wear * travel
-        return factor
+        return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
     def friction(
         self, tension: Array, qpos: Array, sheath_bend: Array, drift: Array | float

@@ -11,6 +11,7 @@ import mujoco
 
 from twin.episode import WIRES
 from twin.files.assets import assets_folder
+from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
@@ -22,7 +23,6 @@ _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached,
 # Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
 _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
-_PULLEY_STIFFNESS = 4e6  # [N/m], far above that of a wire
 
 
 def model_xml(preset: Preset) -> str:
@@ -68,16 +68,16 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     that no error in position is needed to move. Time step times stiffness, added to the damping, makes the
     spring implicit (see `Loads.damping`).
     """
-    damping = 2 * (_PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * _PULLEY_STIFFNESS
+    damping = 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
     spec.add_actuator(
         name=f"{plane}position",
         target=f"{plane}pulley",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
         gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        gainprm=[_PULLEY_STIFFNESS] + [0] * 9,
+        gainprm=[PULLEY_STIFFNESS] + [0] * 9,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        biasprm=[0, -_PULLEY_STIFFNESS] + [0] * 8,
+        biasprm=[0, -PULLEY_STIFFNESS] + [0] * 8,
     )
     spec.add_actuator(
         name=f"{plane}velocity",

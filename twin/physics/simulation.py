@@ -1,14 +1,15 @@
 """Simulation of one endoscope along a command signal: arrays in, an `Episode` out."""
 
+import dataclasses
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import __version__
 from twin.episode import Episode
 from twin.mechanics.command import Command
+from twin.mechanics.record import record_of
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.layout import Layout
 from twin.preset.preset import Preset
@@ -94,33 +95,16 @@ class Recorder:
 
     def episode(self, xml: str) -> Episode:
         """Return the recorded episode, with the MJCF model attached."""
-        command, preset = self._command, self._command.preset
         # Contiguous, so that sums round as `Endoscope.bend` does.
         joint_angle = np.ascontiguousarray(self._qpos[:, self._layout.hinge])
-        bend = joint_angle.sum(axis=2)
-        lateral = {}
-        if preset.bending_planes == 2:
-            lateral = {
-                "lateral_pull": command.lateral_pull,
-                "lateral_bend": bend[:, 1],
-                "lateral_joint_angle": joint_angle[:, 1],
-            }
-        return Episode(
-            time=np.arange(len(bend), dtype=float) * command.sample_time,
-            pull=command.pull,
-            bend=bend[:, 0],
-            measured_bend=bend[:, 0].copy(),
-            joint_angle=joint_angle[:, 0],
+        record = record_of(
+            self._command,
+            bend=joint_angle.sum(axis=2),
+            joint_angle=joint_angle,
             wire_tension=self._wire_tension,
             sheath_friction=self._sheath_friction,
-            pulley=self._qpos[:, self._layout.pulley[0]],
-            sheath_bend=command.sheath_bend,
             wire_slack=self._wire_slack,
-            **lateral,
-            metadata={
-                "preset": preset.to_dict(),
-                "endotwin": __version__,
-                "mujoco": MUJOCO,
-            },
-            attachments={"endoscope.xml": xml.encode()},
+            pulley=self._qpos[:, self._layout.pulley[0]],
+            metadata={"mujoco": MUJOCO},
         )
+        return dataclasses.replace(record, attachments={"endoscope.xml": xml.encode()})

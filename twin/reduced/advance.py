@@ -1,83 +1,24 @@
 """Advance of reduced twins in time: drive, drift of the friction, and an increment of each bending plane."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.drive import DriveLaw, advance_drive
+from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive
+from twin.mechanics.friction import friction_drift
+from twin.reduced.chain import Array, Hinge, Plane, Segment, Work, new_work
 from twin.reduced.compiled import compiled
 from twin.reduced.parameters import Parameters
-from twin.reduced.plane import Plane, Work, new_work, solve_plane
-
-Array = NDArray[np.float64]
-Signs = NDArray[np.int8]
-
-PULLEY_STIFFNESS = 4e6
-"""Stiffness of the spring that holds a pulley, as in the MuJoCo model [N / m]."""
+from twin.reduced.plane import solve_plane
+from twin.reduced.state import ReducedState
 
 _advance_drive = compiled(advance_drive)
-
-
-class ReducedState(NamedTuple):
-    """ReducedState of M endoscopes with P planes, E elements in the sheath of a wire and G groups of hinges.
-
-    Attributes:
-        element: (M, P, 2 E) positions of the sheath elements, pulley to tip of the first wire, then tip to
-            pulley of its antagonist, towards the end of the chain [m].
-        hinge: (M, P, G) angle of a hinge of each group [rad].
-        slip: (M, P, 2 E) way that each element slid in the last increment: -1, 0 or 1.
-        turn: (M, P, G) the same of each group.
-        pulley: (M, P) position of the pulley [m].
-        drive: (M, P, 3) motor, its last stride and the gear behind it [m].
-        command: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] that it stands at.
-        time: (M,) since the start of the run [s].
-        travel: (M,) that the pulleys have travelled [m].
-        missing: (M,) largest force that was missing from equilibrium since the state was made [N].
-    """
-
-    element: Array
-    hinge: Array
-    slip: Signs
-    turn: Signs
-    pulley: Array
-    drive: Array
-    command: Array
-    time: Array
-    travel: Array
-    missing: Array
-
-
-def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
-    """Return the state of endoscopes that are straight and at rest.
-
-    Args:
-        parameters: of M endoscopes.
-        sheath_bend: (M,) angle that each sheath is bent by [rad].
-    """
-    count, planes = parameters.hinge_rest.shape
-    elements, groups = parameters.rest.shape[1] - 2, len(parameters.size)
-    command = np.zeros((count, 3))
-    command[:, 2] = sheath_bend
-    return ReducedState(
-        element=np.zeros((count, planes, elements)),
-        hinge=np.zeros((count, planes, groups)),
-        slip=np.zeros((count, planes, elements), np.int8),
-        turn=np.zeros((count, planes, groups), np.int8),
-        pulley=np.zeros((count, planes)),
-        drive=np.zeros((count, planes, 3)),
-        command=command,
-        time=np.zeros(count),
-        travel=np.zeros(count),
-        missing=np.zeros(count),
-    )
+_friction_drift = compiled(friction_drift)
 
 
 @compiled
-def advance(
-    parameters: Parameters, state: ReducedState, inputs: Array, periods: int, first: int, last: int
-) -> None:
+def advance(parameters: Parameters, state: ReducedState, inputs: Array, periods: int) -> None:
     """Advance endoscopes by one sample, in place.
 
     Args:
@@ -85,11 +26,9 @@ def advance(
         state: theirs.
         inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
         periods: control periods in it.
-        first: the first endoscope.
-        last: the one behind the last.
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
-    for m in range(first, last):
+    for m in range(len(inputs)):
         _advance_one(parameters, state, work, m, inputs[m], periods)
 
 
@@ -124,15 +63,14 @@ def advance_record(
         element[k] = state.element[m]
         hinge[k] = state.hinge[m]
         pulley[k] = state.pulley[m]
-        drift[k] = friction_drift(parameters, state, m)
+        drift[k] = _drift(parameters, state, m)
 
 
 @compiled
-def friction_drift(parameters: Parameters, state: ReducedState, m: int) -> float:
+def _drift(parameters: Parameters, state: ReducedState, m: int) -> float:
     """Return the factor on the sheath's friction by warm-up and wear."""
-    warm = parameters.warm_up[m] * math.exp(-state.time[m] / parameters.warm_up_time[m])
-    factor: float = 1.0 + warm + parameters.wear[m] * state.travel[m]
-    return factor
+    warm_up, warm_up_time, wear = parameters.warm_up[m], parameters.warm_up_time[m], parameters.wear[m]
+    return float(_friction_drift(warm_up, warm_up_time, wear, state.time[m], state.travel[m]))
 
 
 @compiled
@@ -193,7 +131,7 @@ def _increment(
     planes = parameters.hinge_rest.shape[1]
     seconds = periods * parameters.control_period
     state.time[m] += seconds
-    drift = friction_drift(parameters, state, m)
+    drift = _drift(parameters, state, m)
     # As `friction_per_tension`, for the tension on each side instead of their mean.
     wrapped = parameters.sheath_friction[m] * drift * (sheath_bend + parameters.bend_offset[m])
     per_tension = math.tanh(wrapped / 2.0)
@@ -205,15 +143,19 @@ def _increment(
         plane = Plane(
             state.element.shape[2] // 2,
             parameters.rest[m],
-            parameters.wire_stiffness[m],
-            parameters.wire_quadratic[m],
-            parameters.wire_damping[m] / seconds,
+            Segment(
+                parameters.wire_stiffness[m],
+                parameters.wire_quadratic[m],
+                parameters.wire_damping[m] / seconds,
+            ),
             per_tension,
             parameters.floor[m] * drift,
-            parameters.hinge_stiffness[m],
-            parameters.hinge_cubic[m],
-            parameters.hinge_rest[m, p],
-            parameters.hinge_damping[m] / seconds,
+            Hinge(
+                parameters.hinge_stiffness[m],
+                parameters.hinge_cubic[m],
+                parameters.hinge_rest[m, p],
+                parameters.hinge_damping[m] / seconds,
+            ),
             parameters.joint_friction[m],
             parameters.size,
             turned[p],
@@ -222,7 +164,7 @@ def _increment(
             PULLEY_STIFFNESS,
             state.drive[m, p, 2],
         )
-        state.pulley[m, p], missing, _ = solve_plane(
+        state.pulley[m, p], missing = solve_plane(
             plane,
             work,
             state.element[m, p],

@@ -1,5 +1,6 @@
 """Compiler of the numerical kernels: Numba where it is installed; else they run as plain Python."""
 
+import functools
 import hashlib
 import os
 from collections.abc import Callable
@@ -43,11 +44,12 @@ def _compile(kernel: Kernel, inline: Literal["never", "always"]) -> Kernel:
     return cast(Kernel, made)
 
 
+@functools.cache
 def cache_folder() -> Path:
     """Return the folder for machine code: beside the sources; in the user's cache if they are read-only."""
     here = Path(__file__).parent
     sources = hashlib.sha256()
-    for path in [*sorted(here.glob("*.py")), here.parent / "mechanics" / "drive.py"]:
+    for path in [*sorted(here.glob("*.py")), *sorted((here.parent / "mechanics").glob("*.py"))]:
         sources.update(path.read_bytes())
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endotwin"
     return (

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.mechanics.batch import check_alike
 from twin.mechanics.drive import drive_law, is_rigid
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups, joint_friction
@@ -14,9 +15,6 @@ from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-
-ALIKE = ("bending_planes", "vertebrae", "sheath_elements", "control_period")
-"""Parameters that the endoscopes of a batch share: they set the shapes of its arrays, or its clock."""
 
 
 class Parameters(NamedTuple):
@@ -75,11 +73,7 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
     Raises:
         ValueError: there is none, they differ in layout, or gravity pulls at one.
     """
-    if not presets:
-        raise InputError("a batch needs at least one endoscope")
-    for name in ALIKE:
-        if len({getattr(preset, name) for preset in presets}) > 1:
-            raise InputError(f"the endoscopes of a batch must agree in {name}")
+    check_alike(presets)
     for preset in presets:
         refuse_gravity(preset)
     unique = list(dict.fromkeys(presets))

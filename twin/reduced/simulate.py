@@ -7,15 +7,16 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import __version__
 from twin.episode import Episode
+from twin.mechanics.batch import commands_of
 from twin.mechanics.command import Command
-from twin.mechanics.hinges import hinge_groups
+from twin.mechanics.hinges import group_of_hinge
+from twin.mechanics.record import record_of
 from twin.preset.preset import Preset
-from twin.reduced.advance import ReducedState, advance_record, new_state
+from twin.reduced.advance import advance_record
 from twin.reduced.parameters import Parameters, parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
-from twin.reduced.twins import MISSING_LIMIT_N, not_converged
+from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state, not_converged
 
 Array = NDArray[np.float64]
 
@@ -47,13 +48,7 @@ def simulate_batch(
     Raises:
         ValueError: the endoscopes differ in layout, gravity pulls at one, or a command cannot be.
     """
-    count = len(presets)
-    bends = [None] * count if sheath_bends is None else sheath_bends
-    laterals = [None] * count if lateral_pulls is None else lateral_pulls
-    commands = [
-        Command.of(*of_one)
-        for of_one in zip(presets, pulls, [sample_time] * count, laterals, bends, strict=True)
-    ]
+    commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     parameters = parameters_of(presets)
     state = new_state(parameters, np.array([command.sheath_bend[0] for command in commands]))
     total, done = sum(len(command.pull) for command in commands), 0
@@ -132,32 +127,14 @@ def _episode(
     parameters: Parameters, command: Command, element: Array, hinge: Array, pulley: Array, drift: Array
 ) -> Episode:
     """Return the record of one endoscope from its positions, each (N, 1, ...)."""
-    preset = command.preset
     tension, slack = tension_and_slack(parameters, element, hinge, pulley)
-    friction = sheath_friction(parameters, tension, command.sheath_bend[:, None], drift)
-    groups = np.concatenate(
-        [np.full(len(group), index) for index, group in enumerate(hinge_groups(preset.vertebrae))]
-    )
-    joint_angle = hinge[:, 0][:, :, groups]
-    bend = (hinge[:, 0] * parameters.size).sum(axis=2)
-    lateral = {}
-    if preset.bending_planes == 2:
-        lateral = {
-            "lateral_pull": command.lateral_pull,
-            "lateral_bend": bend[:, 1],
-            "lateral_joint_angle": joint_angle[:, 1],
-        }
-    return Episode(
-        time=np.arange(len(bend), dtype=float) * command.sample_time,
-        pull=command.pull,
-        bend=bend[:, 0],
-        measured_bend=bend[:, 0].copy(),
-        joint_angle=joint_angle[:, 0],
+    return record_of(
+        command,
+        bend=(hinge[:, 0] * parameters.size).sum(axis=2),
+        joint_angle=hinge[:, 0][:, :, group_of_hinge(command.preset.vertebrae)],
         wire_tension=tension[:, 0],
-        sheath_friction=friction[:, 0],
-        pulley=pulley[:, 0, 0],
-        sheath_bend=command.sheath_bend,
+        sheath_friction=sheath_friction(parameters, tension, command.sheath_bend[:, None], drift)[:, 0],
         wire_slack=slack[:, 0],
-        **lateral,
-        metadata={"preset": preset.to_dict(), "endotwin": __version__, "physics": "reduced"},
+        pulley=pulley[:, 0, 0],
+        metadata={"physics": "reduced"},
     )

@@ -1,24 +1,21 @@
 """Reduced twins that are advanced sample by sample: for ensembles, controllers and estimators online."""
 
 import copy
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.errors import DivergedError, InputError
-from twin.mechanics.hinges import hinge_groups
+from twin.errors import InputError
+from twin.mechanics.friction import friction_drift
 from twin.preset.preset import Preset
 from twin.preset.sample_time import check_sample_time
-from twin.reduced.advance import ReducedState, advance, friction_drift, new_state
+from twin.reduced.advance import advance
 from twin.reduced.parameters import parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
+from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state
 
 Array = NDArray[np.float64]
-
-MISSING_LIMIT_N = 1e-6
-"""Force that may be missing from equilibrium [N]; with more an endoscope has failed."""
 
 
 class ReducedTwins:
@@ -75,7 +72,7 @@ class ReducedTwins:
         bend = self._inputs[:, 2]
         if not (np.isfinite(bend) & (bend >= 0)).all():
             raise InputError(f"sheath bend of {bend.min()} rad: must be finite and not negative")
-        advance(self.parameters, self.state, self._inputs, self._periods, 0, len(self.presets))
+        advance(self.parameters, self.state, self._inputs, self._periods)
         return self.bend()
 
     @property
@@ -100,9 +97,10 @@ class ReducedTwins:
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (M, wires, elements)."""
-        drift = np.array([friction_drift(self.parameters, self.state, m) for m in range(len(self.presets))])
+        own, state = self.parameters, self.state
+        drift = friction_drift(own.warm_up, own.warm_up_time, own.wear, state.time, state.travel)
         tension, _ = self.wire_tension_and_slack()
-        return sheath_friction(self.parameters, tension, self.state.command[:, 2], drift)
+        return sheath_friction(own, tension, state.command[:, 2], drift)
 
     def save_state(self) -> ReducedState:
         """Return the complete state, friction memory included."""
@@ -126,90 +124,3 @@ class ReducedTwins:
     def _bends(self) -> Array:
         bends: Array = (self.state.hinge * self.parameters.size).sum(axis=2)
         return bends
-
-
-class ReducedEndoscope:
-    """One reduced twin, driven by control periods, with the readings of the MuJoCo twin's `Endoscope`."""
-
-    def __init__(self, preset: Preset) -> None:
-        """Build the endoscope of a preset, straight and at rest."""
-        self.preset = preset
-        self._twins = ReducedTwins([preset])
-        groups = [np.full(len(group), index) for index, group in enumerate(hinge_groups(preset.vertebrae))]
-        self._group_of = np.concatenate(groups)
-
-    @classmethod
-    def from_preset(cls, preset: Preset) -> "ReducedEndoscope":
-        """Build the endoscope of a preset, straight and at rest."""
-        return cls(preset)
-
-    def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
-        """Advance the endoscope by one control period.
-
-        Args:
-            pull: commanded pulling distance of wire a at the end of the period [m].
-            lateral_pull: the same of wire c; it needs two bending planes.
-            sheath_bend: angle that the sheath is bent by from now on [rad]; as before where not given.
-
-        Raises:
-            ValueError: a command is not finite, the sheath's bend is negative, or there is no second plane.
-            FloatingPointError: it did not converge to equilibrium.
-        """
-        self._twins.step(pull, lateral_pull, sheath_bend)
-        if not self._twins.converged[0]:
-            raise not_converged(self.preset, float(self._twins.state.missing[0]))
-
-    def bend(self) -> float:
-        """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
-        return float(self._twins.bend()[0])
-
-    def lateral_bend(self) -> float:
-        """Return the bending angle of the tip in the plane of wires c and d [rad]; 0 with one plane."""
-        return float(self._twins.lateral_bend()[0])
-
-    def joint_angle(self) -> Array:
-        """Return the hinge angles in the plane of wires a and b, base to tip (vertebrae,) [rad]."""
-        angle: Array = self._twins.state.hinge[0, 0][self._group_of]
-        return angle
-
-    def lateral_joint_angle(self) -> Array:
-        """Return the hinge angles in the plane of wires c and d, (vertebrae,) [rad]; empty with one plane."""
-        lateral: Array = self._twins.state.hinge[0, 1:, self._group_of].reshape(-1)
-        return lateral
-
-    def pull(self) -> float:
-        """Return the distance by which the pulley has pulled wire a [m]."""
-        return float(self._twins.state.pulley[0, 0])
-
-    def wire_tension(self) -> Array:
-        """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
-        tension: Array = self._twins.wire_tension_and_slack()[0][0]
-        return tension
-
-    def wire_slack(self) -> Array:
-        """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
-        slack: Array = self._twins.wire_tension_and_slack()[1][0]
-        return slack
-
-    def sheath_friction(self) -> Array:
-        """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
-        friction: Array = self._twins.sheath_friction()[0]
-        return friction
-
-    def save_state(self) -> ReducedState:
-        """Return the complete state, friction memory included."""
-        return self._twins.save_state()
-
-    def restore_state(self, state: ReducedState) -> None:
-        """Restore a saved state of an endoscope of the same preset; the run continues bit for bit.
-
-        Raises:
-            ValueError: the state is of an endoscope of another size.
-        """
-        self._twins.restore_state(state)
-
-
-def not_converged(preset: Preset, missing: float) -> DivergedError:
-    """Return the error for an endoscope that found no equilibrium."""
-    how_far = f"{missing:g} N are missing" if math.isfinite(missing) else "a force is no number"
-    return DivergedError(f"the reduced twin of {preset.name!r} found no equilibrium: {how_far}")
