@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest
 from scipy.optimize import minimize_scalar
 
-from twin.physics import Endoscope
 from twin.preset.preset import Preset
 
 
@@ -26,21 +24,19 @@ def test_closed_cycles_never_give_energy(twin):
         assert np.trapezoid(force, pulley) > -1e-6 * np.ptp(force) * np.ptp(pulley)
 
 
-def test_work_of_the_pulley_is_what_friction_dissipates():
+def test_work_of_the_pulley_is_what_friction_dissipates(twin):
     """First law over a closed cycle: the springs give back what they took, so the rest went into friction."""
     preset = PRESET.without_viscosity().replace(joint_friction=2e-3)  # enough that both losses count
     sliding, turning, friction, tension, pulley = [], [], [], [], []
 
-    def note(endoscope: Endoscope) -> None:
-        position = endoscope.named.data.qpos
-        elements = range(preset.sheath_elements)
-        sliding.append([[position[f"sheath_{wire}{i}"][0] for i in elements] for wire in "ab"])
+    def note(endoscope) -> None:
+        sliding.append(twin.sliding(endoscope))
         turning.append(endoscope.joint_angle())
-        friction.append(endoscope.sheath_friction().copy())
+        friction.append(endoscope.sheath_friction().ravel())
         tension.append(endoscope.wire_tension()[:, 0])
         pulley.append(endoscope.pull())
 
-    loop_of(MUJOCO, preset, 8.0, on_sample=note)
+    loop_of(twin, preset, 8.0, on_sample=note)
     cycle = slice(round(8.0 / SAMPLE_TIME), None)
     force = -np.diff(np.array(tension)[cycle], axis=1)[:, 0]  # of wire a less that of wire b
     work = np.trapezoid(force, np.array(pulley)[cycle])

@@ -156,13 +156,14 @@ def test_friction_that_exceeds_the_pretension_leaves_the_inner_lengths_slack():
 
 
 @pytest.mark.parametrize("changes", WINDINGS)
-def test_wound_endoscope_is_at_rest_and_stays(changes):
+def test_wound_endoscope_is_at_rest_and_stays(twin, changes):
     preset = PRESET.replace(**changes)
-    endoscope = Endoscope.from_preset(preset)
+    endoscope = twin.endoscope.from_preset(preset)
     wound = np.tile(wound_tension(preset), (preset.wires, 1))
-    assert (endoscope.data.ptr.qpos == 0).all()
+    assert (endoscope.joint_angle() == 0).all()
+    assert (twin.sliding(endoscope) == 0).all()
     np.testing.assert_allclose(endoscope.wire_tension(), wound, rtol=1e-12)
     for _ in range(200):
         endoscope.advance(0.0)
     np.testing.assert_allclose(endoscope.wire_tension(), wound, atol=1e-5 * preset.pretension)
-    assert np.abs(endoscope.data.ptr.qpos).max() < 1e-9  # [m], [rad]
+    assert np.abs([*endoscope.joint_angle(), *twin.sliding(endoscope)]).max() < 1e-9  # [rad], [m]

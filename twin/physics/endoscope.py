@@ -203,8 +203,10 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         """Restore a saved state of an endoscope of the same preset.
 
         Raises:
-            ValueError: the state is of a model of another size.
+            ValueError: the state is of a model of another size, or of another twin.
         """
+        if not isinstance(state, State):
+            raise InputError(f"a state of MuJoCo is needed, this is a {type(state).__name__:.40}")
         model, data = self.model.ptr, self.data.ptr
         size = mujoco.mj_stateSize(model, _WHOLE_STATE)
         if state.physics.shape != (size,) or state.sheath_friction.shape != self.layout.element.shape:

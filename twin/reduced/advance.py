@@ -1,6 +1,7 @@
 """Advance of reduced twins in time: drive, drift of the friction, and an increment of each bending plane."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,42 @@ def advance(parameters: Parameters, state: ReducedState, inputs: Array, periods:
         _advance_one(parameters, state, work, m, inputs[m], periods)
 
 
+class Trace(NamedTuple):
+    """Where one endoscope was at S samples, and how its friction had drifted.
+
+    Attributes:
+        element: (S, P, 2 E) the positions of `ReducedState`.
+        hinge: (S, P, G) likewise.
+        pulley: (S, P) likewise.
+        drift: (S,) factor on the sheath's friction.
+    """
+
+    element: Array
+    hinge: Array
+    pulley: Array
+    drift: Array
+
+
+def new_trace(parameters: Parameters, samples: int) -> Trace:
+    """Return room for so many samples."""
+    planes, groups = parameters.hinge_rest.shape[1], len(parameters.size)
+    return Trace(
+        np.empty((samples, planes, parameters.rest.shape[1] - 2)),
+        np.empty((samples, planes, groups)),
+        np.empty((samples, planes)),
+        np.empty(samples),
+    )
+
+
+@compiled
+def keep(parameters: Parameters, state: ReducedState, m: int, trace: Trace, k: int) -> None:
+    """Write where an endoscope is into row k of a trace."""
+    trace.element[k] = state.element[m]
+    trace.hinge[k] = state.hinge[m]
+    trace.pulley[k] = state.pulley[m]
+    trace.drift[k] = _drift(parameters, state, m)
+
+
 @compiled
 def advance_record(
     parameters: Parameters,
@@ -39,10 +76,7 @@ def advance_record(
     m: int,
     inputs: Array,
     periods: NDArray[np.int64],
-    element: Array,
-    hinge: Array,
-    pulley: Array,
-    drift: Array,
+    trace: Trace,
 ) -> None:
     """Advance one endoscope along a whole record, in place.
 
@@ -52,18 +86,12 @@ def advance_record(
         m: which one.
         inputs: (S, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of each sample.
         periods: (S,) control periods in each sample.
-        element: (S, P, 2 E) the positions of `ReducedState` at the end of each sample; written.
-        hinge: (S, P, G) likewise.
-        pulley: (S, P) likewise.
-        drift: (S,) factor on the sheath's friction then; written.
+        trace: of S samples; written.
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     for k in range(len(inputs)):
         _advance_one(parameters, state, work, m, inputs[k], periods[k])
-        element[k] = state.element[m]
-        hinge[k] = state.hinge[m]
-        pulley[k] = state.pulley[m]
-        drift[k] = _drift(parameters, state, m)
+        keep(parameters, state, m, trace, k)
 
 
 @compiled
@@ -81,7 +109,7 @@ def _advance_one(
     begin = state.command[m].copy()
     if parameters.rigid[m]:
         for p in range(planes):
-            state.travel[m] += abs(inputs[p] - begin[p])
+            state.travel[m] += abs(inputs[p] - state.drive[m, p, 2])
             state.drive[m, p, 0] = inputs[p]
             state.drive[m, p, 2] = inputs[p]
         _increment(parameters, state, work, m, periods, inputs[2])

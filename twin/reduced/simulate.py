@@ -1,5 +1,6 @@
 """Simulation by the reduced twin along command signals: presets and arrays in, `Episode`s out."""
 
+import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,8 @@ from twin.mechanics.command import Command
 from twin.mechanics.hinges import group_of_hinge
 from twin.mechanics.record import record_of
 from twin.preset.preset import Preset
-from twin.reduced.advance import advance_record
+from twin.reduced.advance import Trace, advance_record, keep, new_trace
+from twin.reduced.endoscope import ReducedEndoscope
 from twin.reduced.parameters import Parameters, parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
 from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state, not_converged
@@ -53,8 +55,14 @@ def simulate_batch(
     state = new_state(parameters, np.array([command.sheath_bend[0] for command in commands]))
     total, done = sum(len(command.pull) for command in commands), 0
     records: list[Episode | None] = []
+
+    def run(m: int) -> Episode | None:
+        """Return the record of one endoscope."""
+        _approach(parameters, state, m, commands[m])
+        return _record(parameters, state, m, commands[m])
+
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        waiting = [pool.submit(_record, parameters, state, m, command) for m, command in enumerate(commands)]
+        waiting = [pool.submit(run, m) for m in range(len(commands))]
         for record in waiting:
             records.append(record.result())
             done += len(commands[len(records) - 1].pull)
@@ -70,46 +78,76 @@ def simulate(
     *,
     lateral_pull: Array | None = None,
     sheath_bend: Array | float | None = None,
+    state: ReducedState | None = None,
+    endoscope: ReducedEndoscope | None = None,
+    on_sample: Callable[[ReducedEndoscope], None] | None = None,
 ) -> Episode:
-    """Simulate one endoscope by the reduced twin; see `simulate_batch`.
+    """Simulate one endoscope by the reduced twin along a command signal.
+
+    Args:
+        preset: the endoscope.
+        pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
+        sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
+        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; else zero.
+        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
+            angle; without it, the preset's.
+        state: initial state of the run. Without it the run begins straight and at rest, and goes to `pull[0]`
+            along a real path that is not part of the record.
+        endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
+        on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
     Raises:
-        ValueError: as there.
+        ValueError: as `simulate_batch`.
         FloatingPointError: it did not converge to equilibrium.
     """
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
-    parameters = parameters_of([preset])
-    state = new_state(parameters, command.sheath_bend[:1])
-    record = _record(parameters, state, 0, command)
+    endoscope = endoscope or ReducedEndoscope.from_preset(preset)
+    parameters, own = endoscope.twins.parameters, endoscope.twins.state
+    if state is not None:
+        endoscope.restore_state(state)
+    else:
+        _approach(parameters, own, 0, command)
+    note = None if on_sample is None else functools.partial(on_sample, endoscope)
+    record = _record(parameters, own, 0, command, note)
     if record is None:
-        raise not_converged(preset, float(state.missing[0]))
+        raise not_converged(preset, float(own.missing[0]))
     return record
 
 
-def _record(parameters: Parameters, state: ReducedState, m: int, command: Command) -> Episode | None:
-    """Advance one endoscope along its command, and return the record."""
-    inputs, periods = _samples(command)
-    before, count = len(inputs) - len(command.pull), len(inputs)
-    planes, groups = parameters.hinge_rest.shape[1], len(parameters.size)
-    element = np.empty((count, planes, parameters.rest.shape[1] - 2))
-    hinge, pulley, drift = np.empty((count, planes, groups)), np.empty((count, planes)), np.empty(count)
-    advance_record(parameters, state, m, inputs, periods, element, hinge, pulley, drift)
+def _approach(parameters: Parameters, state: ReducedState, m: int, command: Command) -> None:
+    """Advance one endoscope from rest to the first sample of its command, in steps as long as a sample."""
+    each, way = command.between.shape[1], command.before
+    stops = np.arange((len(way) - 1) % each + 1, len(way) + 1, each)
+    state.command[m, 2] = command.sheath_bend[0]
+    periods = np.diff(stops, prepend=0)
+    advance_record(parameters, state, m, way[stops - 1], periods, new_trace(parameters, len(stops)))
+
+
+def _record(
+    parameters: Parameters,
+    state: ReducedState,
+    m: int,
+    command: Command,
+    on_sample: Callable[[], None] | None = None,
+) -> Episode | None:
+    """Advance one endoscope from the first sample of its command along the others; return the record."""
+    samples = np.stack([command.pull, command.lateral_pull, command.sheath_bend], axis=1)
+    count = len(samples)
+    trace = new_trace(parameters, count)
+    state.command[m] = samples[0]
+    keep(parameters, state, m, trace, 0)
+    if on_sample is not None:
+        on_sample()
+    stride = 1 if on_sample is not None else max(count - 1, 1)
+    for start in range(1, count, stride):
+        rows = slice(start, start + stride)
+        periods = np.full(len(samples[rows]), command.between.shape[1])
+        advance_record(parameters, state, m, samples[rows], periods, Trace(*(kept[rows] for kept in trace)))
+        if on_sample is not None:
+            on_sample()
     if not state.missing[m] <= MISSING_LIMIT_N:
         return None
-    kept = (values[before:, None] for values in (element, hinge, pulley, drift))
-    return _episode(_only(parameters, m), command, *kept)
-
-
-def _samples(command: Command) -> tuple[Array, NDArray[np.int64]]:
-    """Return inputs (S, 3) at the end of each sample, those of the way to the first too, and periods (S,)."""
-    each = command.between.shape[1]
-    way = command.before
-    first = len(way) % each or min(each, len(way))
-    stops = np.arange(first, len(way) + 1, each) if len(way) else np.zeros(0, dtype=int)
-    ahead = way[stops - 1]
-    periods = np.concatenate([np.diff(stops, prepend=0), np.full(len(command.pull), each)])
-    start = np.array([[command.pull[0], command.lateral_pull[0], command.sheath_bend[0]]])
-    return np.concatenate([ahead, start, command.between[1:, -1]]), periods.astype(np.int64)
+    return _episode(_only(parameters, m), command, *(kept[:, None] for kept in trace))
 
 
 def _only(parameters: Parameters, m: int) -> Parameters:

@@ -32,6 +32,7 @@ class ReducedState(NamedTuple):
         time: (M,) since the start of the run [s].
         travel: (M,) that the pulleys have travelled [m].
         missing: (M,) largest force that was missing from equilibrium since the state was made [N].
+        layout: (3,) numbers of planes, elements and vertebrae: endoscopes of others cannot have this state.
     """
 
     element: Array
@@ -44,6 +45,7 @@ class ReducedState(NamedTuple):
     time: Array
     travel: Array
     missing: Array
+    layout: NDArray[np.int64]
 
 
 def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
@@ -68,6 +70,7 @@ def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
         time=np.zeros(count),
         travel=np.zeros(count),
         missing=np.zeros(count),
+        layout=np.array([planes, elements // 2, parameters.size.sum()], dtype=np.int64),
     )
 
 

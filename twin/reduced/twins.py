@@ -44,6 +44,11 @@ class ReducedTwins:
         self.state = new_state(self.parameters, np.array([preset.sheath_bend for preset in presets]))
         self._inputs = self.state.command.copy()
 
+    def reset(self) -> None:
+        """Reset all endoscopes to straight and at rest, with new sheaths; drives and wear are reset too."""
+        bends = np.array([preset.sheath_bend for preset in self.presets])
+        self.restore_state(new_state(self.parameters, bends))
+
     def step(
         self, pull: ArrayLike, lateral_pull: ArrayLike = 0.0, sheath_bend: ArrayLike | None = None
     ) -> Array:
@@ -61,8 +66,7 @@ class ReducedTwins:
             ValueError: an input is not finite, the sheath's bend is negative, or there is no second plane.
         """
         self._inputs[:, 0], self._inputs[:, 1] = pull, lateral_pull
-        if sheath_bend is not None:
-            self._inputs[:, 2] = sheath_bend
+        self._inputs[:, 2] = self.state.command[:, 2] if sheath_bend is None else sheath_bend
         if not np.isfinite(self._inputs[:, :2]).all():
             wrong = self._inputs[:, :2][~np.isfinite(self._inputs[:, :2])][0]
             raise InputError(f"commanded pulling distance {wrong}: must be a finite number")
@@ -110,16 +114,18 @@ class ReducedTwins:
         """Restore a saved state of endoscopes of the same layout; the run continues bit for bit.
 
         Raises:
-            ValueError: the state is of another number or layout of endoscopes.
+            ValueError: the state is of another number or layout of endoscopes, or of another twin.
         """
-        arrays: dict[str, Array] = self.state._asdict()
-        for name, own in arrays.items():
-            shape = getattr(state, name).shape
-            if shape != own.shape:
-                raise InputError(f"a state with {name} of shape {shape} does not fit: must be {own.shape}")
-        for name, own in arrays.items():
-            own[...] = getattr(state, name)
-        self._inputs[:] = self.state.command
+        if not isinstance(state, ReducedState):
+            raise InputError(f"a state of reduced twins is needed, this is a {type(state).__name__:.40}")
+        if len(state.time) != len(self.presets) or not np.array_equal(state.layout, self.state.layout):
+            planes, elements, vertebrae = state.layout
+            raise InputError(
+                f"a state of {len(state.time)} endoscopes with {planes} planes, {elements} elements and "
+                f"{vertebrae} vertebrae does not fit this endoscope"
+            )
+        for name in state._fields:
+            getattr(self.state, name)[...] = getattr(state, name)
 
     def _bends(self) -> Array:
         bends: Array = (self.state.hinge * self.parameters.size).sum(axis=2)

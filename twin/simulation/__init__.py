@@ -13,6 +13,8 @@ from twin.preset.preset import Preset
 
 if TYPE_CHECKING:
     from twin.physics.endoscope import Endoscope, State
+    from twin.reduced.endoscope import ReducedEndoscope
+    from twin.reduced.state import ReducedState
 
 Array = NDArray[np.float64]
 
@@ -47,9 +49,9 @@ def simulate(
     physics: str = "mujoco",
     lateral_pull: Array | None = None,
     sheath_bend: Array | float | None = None,
-    state: "State | None" = None,
-    endoscope: "Endoscope | None" = None,
-    on_sample: "Callable[[Endoscope], None] | None" = None,
+    state: "State | ReducedState | None" = None,
+    endoscope: "Endoscope | ReducedEndoscope | None" = None,
+    on_sample: Callable[[Any], None] | None = None,
 ) -> Episode:
     """Simulate an endoscope along a command signal.
 
@@ -62,31 +64,28 @@ def simulate(
             zero.
         sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
             angle; without it, the preset's.
-        state: initial state of a run in MuJoCo. Without it a run begins straight and at rest, and goes to
-            `pull[0]` along a real path that is not part of the record.
-        endoscope: the instance in MuJoCo to drive, where its state at the end is wanted; else a fresh one.
-        on_sample: called with that instance at every sample, to read what the record does not hold.
+        state: initial state of the run, of that twin's `save_state`. Without it the run begins straight and
+            at rest, and goes to `pull[0]` along a real path that is not part of the record.
+        endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
+        on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
     Returns:
         The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
 
     Raises:
         ValueError: a command is not finite or of another length, the sheath's bend is negative, the sample
-            time does not fit the control period, or the reduced twin is asked for what it has not.
+            time does not fit the control period, the state is that of another endoscope, or gravity pulls at
+            a reduced twin.
         FloatingPointError: the simulation diverged.
     """
     check_physics(physics)
+    chosen: Callable[..., Episode]
     if physics == "reduced":
-        for name, value in (("state", state), ("endoscope", endoscope), ("on_sample", on_sample)):
-            if value is not None:
-                raise InputError(f"{name}: the reduced twin takes none; advance a `ReducedTwins` instead")
-        from twin.reduced import simulate as simulate_reduced
-
-        return simulate_reduced(preset, pull, sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
-    with _needs_extra("twin.simulate"):
-        from twin.physics import simulate as simulate_in_mujoco
-
-    return simulate_in_mujoco(
+        from twin.reduced import simulate as chosen
+    else:
+        with _needs_extra("twin.simulate"):
+            from twin.physics import simulate as chosen
+    return chosen(
         preset,
         pull,
         sample_time,
