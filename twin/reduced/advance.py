@@ -30,7 +30,7 @@ def advance(parameters: Parameters, state: ReducedState, inputs: Array, periods:
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     for m in range(len(inputs)):
-        _advance_one(parameters, state, work, m, inputs[m], periods)
+        advance_one(parameters, state, work, m, inputs[m], periods)
 
 
 class Trace(NamedTuple):
@@ -90,7 +90,7 @@ def advance_record(
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     for k in range(len(inputs)):
-        _advance_one(parameters, state, work, m, inputs[k], periods[k])
+        advance_one(parameters, state, work, m, inputs[k], periods[k])
         keep(parameters, state, m, trace, k)
 
 
@@ -102,9 +102,10 @@ def _drift(parameters: Parameters, state: ReducedState, m: int) -> float:
 
 
 @compiled
-def _advance_one(
+def advance_one(
     parameters: Parameters, state: ReducedState, work: Work, m: int, inputs: Array, periods: int
 ) -> None:
+    """Advance one endoscope by one sample, in place; see `advance`."""
     planes = parameters.hinge_rest.shape[1]
     begin = state.command[m].copy()
     if parameters.rigid[m]:

@@ -11,11 +11,15 @@ from twin.mechanics.friction import friction_drift
 from twin.preset.preset import Preset
 from twin.preset.sample_time import check_sample_time
 from twin.reduced.advance import advance
+from twin.reduced.inverse import Inverse, find_pulls, new_inverse
 from twin.reduced.parameters import parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
 from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state
 
 Array = NDArray[np.float64]
+
+TOLERANCE = np.radians(0.01)
+"""Distance from the wanted bend that an inverse may leave [rad]."""
 
 
 class ReducedTwins:
@@ -43,6 +47,7 @@ class ReducedTwins:
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
         self.state = new_state(self.parameters, np.array([preset.sheath_bend for preset in presets]))
         self._inputs = self.state.command.copy()
+        self._scratch: ReducedState | None = None
 
     def reset(self) -> None:
         """Reset all endoscopes to straight and at rest, with new sheaths; drives and wear are reset too."""
@@ -65,6 +70,12 @@ class ReducedTwins:
         Raises:
             ValueError: an input is not finite, the sheath's bend is negative, or there is no second plane.
         """
+        self._set_inputs(pull, lateral_pull, sheath_bend)
+        advance(self.parameters, self.state, self._inputs, self._periods)
+        return self.bend()
+
+    def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
+        """Set and check the inputs at the end of the next sample; see `step`."""
         self._inputs[:, 0], self._inputs[:, 1] = pull, lateral_pull
         self._inputs[:, 2] = self.state.command[:, 2] if sheath_bend is None else sheath_bend
         if not np.isfinite(self._inputs[:, :2]).all():
@@ -76,8 +87,60 @@ class ReducedTwins:
         bend = self._inputs[:, 2]
         if not (np.isfinite(bend) & (bend >= 0)).all():
             raise InputError(f"sheath bend of {bend.min()} rad: must be finite and not negative")
-        advance(self.parameters, self.state, self._inputs, self._periods)
-        return self.bend()
+
+    def inverse(
+        self,
+        bend: ArrayLike,
+        lateral_bend: ArrayLike | None = None,
+        *,
+        stroke: tuple[float, float],
+        lateral_stroke: tuple[float, float] | None = None,
+        sheath_bend: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> Inverse:
+        """Return the pulls that bring given bends at the end of the next sample; nothing moves.
+
+        Drives take part: a servo that cannot be there in time does not reach the bend.
+
+        Args:
+            bend: wanted in the plane of wires a and b [rad], one or (M,).
+            lateral_bend: the same of wires c and d; without it, their pull stays as it is.
+            stroke: lowest and highest pull of wire a [m].
+            lateral_stroke: the same of wire c; without it, `stroke`.
+            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
+            tolerance: of the bend [rad].
+
+        Returns:
+            Pulls, the bends that they bring, and whether those are the ones wanted.
+
+        Raises:
+            ValueError: a value is not finite, a stroke is empty, the tolerance is not positive, or there is
+                no second plane.
+        """
+        planes = self.presets[0].bending_planes
+        self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], sheath_bend)
+        if lateral_bend is not None and planes == 1:
+            raise InputError(f"a lateral bend: {self.presets[0].name!r} has one bending plane, it needs two")
+        target = np.full((len(self.presets), planes), np.nan)
+        for plane, wanted in enumerate((bend, lateral_bend)[:planes]):
+            if wanted is not None:
+                target[:, plane] = wanted
+                if not np.isfinite(target[:, plane]).all():
+                    raise InputError(f"wanted bend of {target[:, plane].max()} rad: must be a finite number")
+        limits = np.array([stroke, lateral_stroke or stroke][:planes], dtype=float)
+        if not (np.isfinite(limits).all() and (limits[:, 0] < limits[:, 1]).all()):
+            raise InputError(
+                f"stroke {limits.tolist()} m: must be finite, the lowest pull before the highest"
+            )
+        if not tolerance > 0:
+            raise InputError(f"tolerance = {tolerance:g} rad: must be positive")
+        self._scratch = self._scratch or copy.deepcopy(self.state)
+        found = new_inverse(*target.shape)
+        state, scratch = self.state, self._scratch
+        find_pulls(
+            self.parameters, state, scratch, self._inputs, self._periods, target, limits, tolerance, found
+        )
+        return found
 
     @property
     def converged(self) -> NDArray[np.bool_]:

@@ -1,0 +1,211 @@
+"""Inverse of reduced twins: the pull that brings a given bend at the end of the next sample.
+
+From a given state the bend never falls as the pull rises, so that a bracket of two pulls holds the answer. It
+is grown from where the command stands, and narrowed by Chandrupatla's method (1997, Advances in Engineering
+Software 28: inverse quadratic interpolation where that is safe, else bisection). Every trial advances a copy
+of the state by a whole sample, drive included, so that servo, encoder and backlash limit what is reached.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.mechanics.drive import DriveLaw
+from twin.reduced.advance import advance_one
+from twin.reduced.chain import Array, Work, new_work
+from twin.reduced.compiled import compiled
+from twin.reduced.parameters import Parameters
+from twin.reduced.state import ReducedState
+
+LEAST_WIDTH_M = 1e-9
+"""Bracket that is not narrowed further [m]; nor is one of half a count of the encoder."""
+ENCODER_STEP = DriveLaw._fields.index("encoder_step")
+TRIALS = 60
+TURNS = 4
+"""Times that the pulls of two planes are sought in turn: routing friction couples them weakly."""
+
+
+class Inverse(NamedTuple):
+    """Pulls of M endoscopes that bring given bends; P planes.
+
+    Attributes:
+        pull: (M, P) of wires a and c [m].
+        bend: (M, P) that is reached with it [rad].
+        bracket: (M, P, 2) lowest and highest pull between which it was found [m].
+        reached: (M,) whether the bend is within the tolerance; else it is the nearest that can be reached.
+    """
+
+    pull: Array
+    bend: Array
+    bracket: Array
+    reached: NDArray[np.bool_]
+
+
+def new_inverse(endoscopes: int, planes: int) -> Inverse:
+    """Return room for the pulls of some endoscopes."""
+    shape = (endoscopes, planes)
+    return Inverse(np.empty(shape), np.empty(shape), np.empty((*shape, 2)), np.zeros(endoscopes, bool))
+
+
+class Trial(NamedTuple):
+    """What a trial of one endoscope needs.
+
+    Attributes:
+        parameters: of M endoscopes.
+        state: theirs; not changed.
+        scratch: a state of the same shape; rewritten.
+        work: scratch arrays.
+        m: which endoscope.
+        inputs: (3,) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
+        periods: control periods in the sample.
+    """
+
+    parameters: Parameters
+    state: ReducedState
+    scratch: ReducedState
+    work: Work
+    m: int
+    inputs: Array
+    periods: int
+
+
+@compiled
+def find_pulls(
+    parameters: Parameters,
+    state: ReducedState,
+    scratch: ReducedState,
+    inputs: Array,
+    periods: int,
+    target: Array,
+    limits: Array,
+    tolerance: float,
+    found: Inverse,
+) -> None:
+    """Find the pulls that bring given bends at the end of the next sample.
+
+    Args:
+        parameters: of M endoscopes.
+        state: theirs; not changed.
+        scratch: a state of the same shape; rewritten.
+        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
+        periods: control periods in the sample.
+        target: (M, P) bend of each plane [rad]; NaN where the pull is to stay as it is.
+        limits: (P, 2) lowest and highest pull of each plane [m].
+        tolerance: of the bend [rad].
+        found: written.
+    """
+    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
+    planes = target.shape[1]
+    for m in range(len(inputs)):
+        trial = Trial(parameters, state, scratch, work, m, inputs[m], periods)
+        for _ in range(TURNS):
+            for p in range(planes):
+                found.bracket[m, p] = inputs[m, p]
+                if math.isnan(target[m, p]):
+                    found.bend[m, p] = _bend_after(trial, p)
+                else:
+                    found.bend[m, p] = _find(
+                        trial, p, target[m, p], limits[p], tolerance, found.bracket[m, p]
+                    )
+            found.reached[m] = True
+            for p in range(planes):
+                found.pull[m, p] = inputs[m, p]
+                if planes > 1:  # the pull of one may have moved the other
+                    found.bend[m, p] = _bend_after(trial, p)
+                if abs(found.bend[m, p] - target[m, p]) > tolerance:
+                    found.reached[m] = False
+            if found.reached[m] or planes == 1:
+                break
+
+
+@compiled
+def _bend_after(trial: Trial, p: int) -> float:
+    """Return the bend of a plane after one sample from a state, which stays as it is [rad]."""
+    state, scratch, m = trial.state, trial.scratch, trial.m
+    scratch.element[m] = state.element[m]
+    scratch.hinge[m] = state.hinge[m]
+    scratch.slip[m] = state.slip[m]
+    scratch.turn[m] = state.turn[m]
+    scratch.pulley[m] = state.pulley[m]
+    scratch.drive[m] = state.drive[m]
+    scratch.command[m] = state.command[m]
+    scratch.time[m] = state.time[m]
+    scratch.travel[m] = state.travel[m]
+    advance_one(trial.parameters, scratch, trial.work, m, trial.inputs, trial.periods)
+    bend = 0.0
+    for g in range(len(trial.parameters.size)):
+        bend += trial.parameters.size[g] * scratch.hinge[m, p, g]
+    return bend
+
+
+@compiled
+def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, bracket: Array) -> float:
+    """Write the pull of one plane into the inputs, and its bracket; return the bend that it brings [rad]."""
+    inputs = trial.inputs
+    start = min(max(trial.state.command[trial.m, p], limits[0]), limits[1])
+    inputs[p] = near = far = start
+    of_near = of_far = _bend_after(trial, p) - target
+    bracket[:] = start
+    if abs(of_near) <= tolerance:  # where it stands it may stay
+        return target + of_near
+    end = limits[1] if of_near < 0.0 else limits[0]
+    # A wire that does not stretch would bend by the pull over the moment arm: no step can be shorter.
+    step = -of_near * trial.parameters.arm[trial.m]
+    while far != end and of_far * of_near > 0.0:
+        near, of_near = far, of_far
+        far = min(far + step, end) if step > 0.0 else max(far + step, end)
+        step *= 2.0
+        inputs[p] = far
+        of_far = _bend_after(trial, p) - target
+    if of_far * of_near > 0.0:
+        # Out of reach: the shortest way to nearly what the end of the stroke brings. A servo at its limit of
+        # speed goes no further for a larger command.
+        near, inputs[p] = start, start
+        of_near = _bend_after(trial, p) - target
+        if abs(of_far - of_near) <= tolerance:
+            return target + of_near
+        nearly = of_far + math.copysign(tolerance / 2.0, of_far)
+        of_near, of_far, target = of_near - nearly, of_far - nearly, target + nearly
+        tolerance = tolerance / 4.0
+    return target + _narrow(trial, p, target, tolerance, near, of_near, far, of_far, bracket)
+
+
+@compiled
+def _narrow(
+    trial: Trial,
+    p: int,
+    target: float,
+    tolerance: float,
+    x1: float,
+    f1: float,
+    x2: float,
+    f2: float,
+    bracket: Array,
+) -> float:
+    """Narrow a bracket by Chandrupatla's method, `f1` and `f2` at its ends; return the error that is left."""
+    inputs, share = trial.inputs, 0.5
+    least_width = max(LEAST_WIDTH_M, trial.parameters.drive[trial.m, ENCODER_STEP] / 2.0)
+    if f1 != f2:
+        share = min(max(f1 / (f1 - f2), 0.05), 0.95)
+    for _ in range(TRIALS):
+        x = x1 + share * (x2 - x1)
+        inputs[p] = x
+        f = _bend_after(trial, p) - target
+        if f * f1 > 0.0:
+            x3, f3, x1, f1 = x1, f1, x, f
+        else:
+            x3, f3, x2, f2, x1, f1 = x2, f2, x1, f1, x, f
+        if abs(f) <= tolerance or abs(x2 - x1) <= least_width:
+            break
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        share = 0.5
+        if phi * phi < xi and (1.0 - phi) * (1.0 - phi) < 1.0 - xi:
+            share = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        share = min(max(share, 1e-3), 1.0 - 1e-3)
+    bracket[0], bracket[1] = min(x1, x2), max(x1, x2)
+    if abs(f2) < abs(f1):
+        x1, f1 = x2, f2
+    inputs[p] = x1
+    return f1
