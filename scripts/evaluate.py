@@ -75,6 +75,8 @@ class Evaluate:
     """Full suite: the twin of records and ensembles, and the ranges that they are drawn from."""
     members: int = 256
     """Full suite: twins in an ensemble."""
+    member_physics: Literal["reduced", "mujoco"] = "reduced"
+    """Full suite: what they are; the records are always of the twin in MuJoCo."""
     seconds: float = 60.0
     """Full suite: length of the records that it simulates."""
     workers: int = 0
@@ -114,6 +116,7 @@ def _full(args: Evaluate) -> Summary:
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
         members=args.members,
+        member_physics=args.member_physics,
         seconds=args.seconds,
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,

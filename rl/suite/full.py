@@ -28,6 +28,7 @@ from twin.files.atomic import write_whole
 from twin.files.ours import MADE_BY
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
+from twin.reduced.parameters import refuse_gravity
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.intervals import containment
 from twin.suite.limit import bounds
@@ -64,6 +65,8 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         ValueError: records do not fit, or the folder holds another benchmark.
     """
     preset, ranges = load_preset(suite.preset), load_ranges(suite.preset)
+    if suite.member_physics == "reduced" and any(spec.ensembles for spec in suite.specs):
+        refuse_gravity(preset)
     for path, T in ((path, T) for path in suite.data for T in (SAMPLE_TIME, *suite.sample_times)):
         evaluation_records([path], T)  # a mistake is told now, not after the training
     if suite.train:
@@ -146,6 +149,7 @@ def _write(
         "preset": suite.preset,
         "records": len(records),
         "members": suite.members,
+        "member_physics": suite.member_physics,
         "episodes": suite.episodes,
         "data": [str(path) for path in suite.data],
         "train": str(suite.train or folder / "train"),

@@ -119,6 +119,7 @@ def ensembles_along(
             suite.folder / "ensembles",
             count=suite.members,
             seed=suite.seed,
+            physics=suite.member_physics,
             on_progress=progress("ensembles", "command"),
         )
     )

@@ -10,6 +10,7 @@ from twin.errors import InputError
 from twin.estimation.registry import MethodSpec, method_specs
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import LONGEST_SECONDS, MOST_WORKERS, check_between
+from twin.simulation import check_physics
 from twin.suite.scenarios import SAMPLE_TIME
 
 OnProgress = Callable[[int, int], None]
@@ -38,6 +39,7 @@ class FullSuite:
         initial_error_deg: how far the initial estimate is off [deg].
         episodes: of PPO at T = 0.1 s; at another T as many samples.
         members: twins in an ensemble.
+        member_physics: what they are: `reduced` twins, or such in `mujoco`, as the records are.
         seconds: length of the records that it simulates.
         workers: processes.
         seed: of everything that is drawn.
@@ -53,6 +55,7 @@ class FullSuite:
     initial_error_deg: float = 20.0
     episodes: int = TrainingOptions.episodes
     members: int = 256
+    member_physics: str = "reduced"
     seconds: float = 60.0
     workers: int = 1
     seed: int = 0
@@ -70,6 +73,7 @@ class FullSuite:
         if self.members < 8:
             raise InputError(f"members = {self.members}: an ensemble needs at least 8")
         check_between("members", self.members, 8, MOST_MEMBERS)
+        check_physics(self.member_physics)
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
         check_between("episodes", self.episodes, *LIMITS["episodes"])
         check_between("workers", self.workers, 1, MOST_WORKERS)

@@ -32,6 +32,7 @@ def make_ensembles(
     *,
     count: int,
     seed: int,
+    physics: str = "reduced",
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Simulate an ensemble along each command, or find the one that an earlier run has kept.
@@ -43,13 +44,16 @@ def make_ensembles(
         folder: where the ensembles are kept, each under a name that tells what made it.
         count: members of each; one that diverges is left out.
         seed: of the draws.
+        physics: the twin that members are, `reduced` or `mujoco`: the same bends to some hundredths of a
+            degree, and a hundred times the wait.
         on_progress: told how many of how many ensembles are there.
 
     Returns:
         One `.npz` for each command, with `pull_mm` (N,), `bend_deg` (members, N) and `sample_time` [s].
     """
     folder.mkdir(parents=True, exist_ok=True)
-    origin = json.dumps([__version__, preset.to_dict(), ranges.to_dict(), count, seed, SAMPLE_TIME]).encode()
+    made_from = [__version__, preset.to_dict(), ranges.to_dict(), count, seed, SAMPLE_TIME, physics]
+    origin = json.dumps(made_from).encode()
     paths = []
     if on_progress:
         on_progress(0, len(pulls))
@@ -57,7 +61,7 @@ def make_ensembles(
         name = hashlib.sha256(origin + np.ascontiguousarray(pull).tobytes()).hexdigest()[:16]
         path = folder / f"{name}.npz"
         if not path.is_file():
-            episodes = simulate_drives(members(preset, ranges, pull, count, seed))
+            episodes = simulate_drives(members(preset, ranges, pull, count, seed), physics=physics)
             bend = np.array([episode.bend_deg for episode in episodes if episode is not None], np.float32)
             buffer = io.BytesIO()
             np.savez(buffer, pull_mm=pull * 1e3, bend_deg=bend, sample_time=SAMPLE_TIME)

@@ -16,12 +16,12 @@ from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
-from twin.physics import simulate_batch
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import write_episode
 from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
+from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
 
@@ -120,13 +120,16 @@ def members(
 
 
 def simulate_drives(
-    drives: Sequence[Scenario], on_sample: Callable[[int, int], None] | None = None
+    drives: Sequence[Scenario],
+    on_sample: Callable[[int, int], None] | None = None,
+    physics: str = "mujoco",
 ) -> list[Episode | None]:
-    """Simulate all drives side by side; None where a simulation diverged."""
+    """Simulate all drives side by side, by one of the twins; None where a simulation diverged."""
     return simulate_batch(
         [drive.preset for drive in drives],
         [drive.pull for drive in drives],
         SAMPLE_TIME,
+        physics=physics,
         sheath_bends=[drive.sheath_bend for drive in drives],
         on_sample=on_sample,
     )
