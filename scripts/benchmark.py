@@ -29,6 +29,8 @@ class Benchmark:
     """Random closed cycles."""
     draws: int = 10_000
     """Endoscopes drawn from the randomisation ranges."""
+    pairs: int = 200
+    """Of them that both twins simulate."""
     steps: int = 1_000_000
     """Samples over which the covariances of the Kalman filters are watched."""
     episodes: int = 64
@@ -54,6 +56,7 @@ def benchmark(args: Benchmark) -> Summary:
         amplitude=args.amplitude * 1e-3,
         cycles=args.cycles,
         draws=args.draws,
+        pairs=args.pairs,
         steps=args.steps,
         episodes=args.episodes,
         many_episodes=args.many_episodes,

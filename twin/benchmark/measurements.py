@@ -6,7 +6,16 @@ from pathlib import Path
 
 from tabulate import tabulate
 
-from twin.benchmark import datasets, filters, identification, physics, scaling, speed, start
+from twin.benchmark import (
+    datasets,
+    filters,
+    identification,
+    physics,
+    reduced,
+    scaling,
+    speed,
+    start,
+)
 from twin.benchmark.result import Result
 from twin.errors import InputError
 from twin.files.bounds import check_between
@@ -22,6 +31,7 @@ LARGEST_AMPLITUDE = 0.05
 MOST = {
     "cycles": 1_000_000,
     "draws": 1_000_000,
+    "pairs": 1_000_000,
     "steps": 100_000_000,
     "episodes": 10_000,
     "many_episodes": 10_000,
@@ -38,6 +48,7 @@ class Size:
         amplitude: of the commands [m].
         cycles: random closed cycles.
         draws: endoscopes drawn from the randomisation ranges.
+        pairs: of them that both twins simulate.
         steps: samples over which the covariances of the Kalman filters are watched.
         episodes: of 60 s, of the dataset that is made, weighed and read.
         many_episodes: of 10 s, while the memory is watched.
@@ -47,6 +58,7 @@ class Size:
     amplitude: float = 4e-3
     cycles: int = 1000
     draws: int = 10_000
+    pairs: int = 200
     steps: int = 1_000_000
     episodes: int = 64
     many_episodes: int = 1000
@@ -64,7 +76,7 @@ class Size:
             raise InputError(
                 f"amplitude = {self.amplitude * 1e3:g} mm: must be at most {LARGEST_AMPLITUDE * 1e3:g} mm"
             )
-        for name in ("cycles", "draws", "steps", "episodes", "many_episodes"):
+        for name in ("cycles", "draws", "pairs", "steps", "episodes", "many_episodes"):
             check_between(name, getattr(self, name), 1, MOST[name])
 
 
@@ -102,9 +114,29 @@ MEASUREMENTS: dict[str, Measurement] = {
     "dataset": lambda preset, size, progress: datasets.dataset(
         preset, size.amplitude, size.episodes, progress
     ),
+    "dataset_reduced": lambda preset, size, _: datasets.by_the_reduced_twin(
+        preset, size.amplitude, size.episodes
+    ),
+    "reduced": lambda preset, size, progress: reduced.agreement(
+        preset, load_ranges(size.preset), size.amplitude, size.pairs, progress
+    ),
+    "reduced_fine": lambda preset, size, _: reduced.fine(preset, size.amplitude),
+    "reduced_speed": _short(reduced.speed),
+    "reduced_online": lambda preset, size, _: reduced.online(
+        preset, load_ranges(size.preset), size.amplitude
+    ),
+    "reduced_draws": lambda preset, size, progress: reduced.draws(
+        preset, load_ranges(size.preset), size.amplitude, size.draws, progress
+    ),
+    "reduced_inverse": lambda preset, size, _: reduced.inverse(
+        preset, load_ranges(size.preset), size.amplitude
+    ),
+    "reduced_start": lambda preset, _, __: reduced.start(preset),
     "memory": lambda preset, size, _: datasets.memory(preset, size.amplitude, size.many_episodes),
 }
 """Each measurement by its name: a result, or several."""
+DRAWN = {"random_draws", "reduced", "reduced_online", "reduced_draws", "reduced_inverse"}
+"""Measurements that draw endoscopes from the preset's ranges."""
 
 
 def check_measurements(size: Size, names: Sequence[str]) -> None:
@@ -117,7 +149,7 @@ def check_measurements(size: Size, names: Sequence[str]) -> None:
         if name not in MEASUREMENTS:
             raise InputError(f"unknown measurement {name!r}; valid: {', '.join(MEASUREMENTS)}")
     load_preset(size.preset)
-    if "random_draws" in names:
+    if DRAWN.intersection(names):
         load_ranges(size.preset)
 
 

@@ -34,7 +34,7 @@ def advance(parameters: Parameters, state: ReducedState, inputs: Array, periods:
 
 
 class Trace(NamedTuple):
-    """Where one endoscope was at S samples, and how its friction had drifted.
+    """Positions of one endoscope at S samples, and how far its friction had drifted.
 
     Attributes:
         element: (S, P, 2 E) the positions of `ReducedState`.

@@ -50,7 +50,7 @@ def new_inverse(endoscopes: int, planes: int) -> Inverse:
 
 
 class Trial(NamedTuple):
-    """What a trial of one endoscope needs.
+    """Arguments of a trial of one endoscope.
 
     Attributes:
         parameters: of M endoscopes.

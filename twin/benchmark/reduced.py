@@ -1,0 +1,209 @@
+"""Reduced twin against MuJoCo's: agreement, speed, convergence, inverse, start."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.benchmark.result import Result
+from twin.benchmark.speed import in_turn
+from twin.episode import Episode
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.reduced import ReducedTwins
+from twin.signals.excitation import SIGNALS, command
+from twin.simulation import simulate_batch
+
+Array = NDArray[np.float64]
+OnProgress = Callable[[int, int], None]
+
+T = 0.1
+"""Sample time of all these [s]."""
+LEAST_RANGE = np.radians(45)
+"""Range that a difference is a share of at least: some drawn endoscopes hardly move [rad]."""
+MEASURES = ("RMS of the bend", "largest difference", "first sample", "tension, largest difference")
+"""Differences of both twins, as shares of the range; the first sample stands by itself."""
+FINER = 8
+AT_ONCE = 50
+MEMBERS = 32
+ONLINE_SAMPLES = 600
+INVERSE_BENDS = 2000
+
+
+def agreement(
+    preset: Preset, ranges: Ranges, amplitude: float, pairs: int, on_progress: OnProgress
+) -> dict[str, Result]:
+    """Compare both twins along every kind of signal, with a sheath that moves, in two planes, and drawn.
+
+    Args:
+        preset: the endoscope.
+        ranges: that others are drawn from.
+        amplitude: of the commands [m].
+        pairs: endoscopes drawn, each along a signal of its own.
+        on_progress: called with records done and their total.
+    """
+    rng = np.random.default_rng(0)
+    kinds = list(SIGNALS)
+    presets = [preset] * len(kinds) + [ranges.draw(preset, rng) for _ in range(pairs)]
+    pulls = [_signal(kinds[place % len(kinds)], amplitude, 20.0, rng) for place in range(len(presets))]
+    of_all = []
+    for start in range(0, len(presets), AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        of_all += _differences(presets[some], pulls[some])
+        on_progress(min(start + AT_ONCE, len(presets)), len(presets))
+    moving = preset.sheath_bend * (1 + 0.8 * np.sin(np.arange(len(pulls[0])) * T / 3))
+    of_all += _differences([preset], pulls[:1], sheath_bends=[moving])
+    planes = preset.replace(bending_planes=2)
+    of_all += _differences([planes], pulls[:1], lateral_pulls=[0.7 * pulls[2]])
+    return _agreement("reduced", "default step", of_all, (0.002, 0.01, 0.01, 0.02))
+
+
+def fine(preset: Preset, amplitude: float) -> dict[str, Result]:
+    """Compare both twins along slow commands, MuJoCo's at an eighth of the step."""
+    finer = preset.replace(time_step=preset.time_step / FINER, control_period=preset.control_period / FINER)
+    rng = np.random.default_rng(1)
+    slow = [_signal(kind, amplitude, 40.0, rng) for kind in ("sine", "triangle", "decaying-sine")]
+    of_all = _differences([finer] * len(slow), slow)
+    return _agreement(
+        "reduced_fine", f"1/{FINER} of the step, slow commands", of_all, (0.001, 0.004, 0.004, 0.02)
+    )
+
+
+def speed(preset: Preset, amplitude: float) -> Result:
+    """Measure simulated seconds per second of a batch on one thread, against MuJoCo's, at T = 0.1 s."""
+    rng = np.random.default_rng(2)
+    pulls = [_signal("multi-sine", amplitude, 60.0, rng) for _ in range(16)]
+    presets = [preset] * len(pulls)
+    ours, theirs = in_turn(
+        lambda: simulate_batch(presets, pulls, T, physics="reduced", threads=1),
+        lambda: simulate_batch(presets, pulls, T, threads=1),
+        repeats=3,
+    )
+    simulated = sum(len(pull) for pull in pulls) * T
+    return Result(
+        "reduced twin, a batch on one thread",
+        simulated / ours,
+        "times real time",
+        ">= 8000, and 100 times MuJoCo",
+        simulated / ours >= 8000 and theirs >= 100 * ours,
+        "MuJoCo twin",
+        simulated / theirs,
+    )
+
+
+def online(preset: Preset, ranges: Ranges, amplitude: float) -> Result:
+    """Measure the time of one sample of an ensemble that is advanced sample by sample."""
+    rng = np.random.default_rng(3)
+    twins = ReducedTwins([ranges.draw(preset, rng) for _ in range(MEMBERS)], T)
+    taken = []
+    for pull in _signal("multi-sine", amplitude, ONLINE_SAMPLES * T, rng):
+        start = time.perf_counter()
+        twins.step(pull)
+        taken.append(time.perf_counter() - start)
+    milliseconds = 1e3 * float(np.median(taken))
+    return Result(
+        f"reduced twin, a sample of {MEMBERS} members", milliseconds, "ms", "<= 0.3", milliseconds <= 0.3
+    )
+
+
+def draws(preset: Preset, ranges: Ranges, amplitude: float, count: int, on_progress: OnProgress) -> Result:
+    """Count the random endoscopes that do not find their equilibrium, each driven for 10 s."""
+    rng, failed = np.random.default_rng(4), 0
+    for start in range(0, count, 500):
+        presets = [ranges.draw(preset, rng) for _ in range(min(500, count - start))]
+        kinds = rng.choice(list(SIGNALS), len(presets))
+        pulls = [_signal(kind, amplitude, 10.0, rng) for kind in kinds]
+        records = simulate_batch(presets, pulls, T, physics="reduced")
+        failed += sum(record is None for record in records)
+        on_progress(start + len(presets), count)
+    return Result(
+        f"of {count} random endoscopes, driven for 10 s", failed, "without equilibrium", "none", not failed
+    )
+
+
+def inverse(preset: Preset, ranges: Ranges, amplitude: float) -> dict[str, Result]:
+    """Measure error and time of the inverse, for bends that wander and that jump within reach."""
+    rng, stroke = np.random.default_rng(5), (-amplitude, amplitude)
+    errors, taken, missed = [], [], 0
+    for place in range(20):
+        twins = ReducedTwins([ranges.draw(preset, rng)], T)
+        low, high = (twins.inverse(bend, stroke=stroke).bend[0, 0] for bend in (-10.0, 10.0))
+        samples = INVERSE_BENDS // 20
+        share = np.sin(np.arange(samples) / 6) if place % 2 else rng.uniform(-1, 1, samples)
+        for wanted in (low + high) / 2 + 0.4 * (high - low) * share:
+            start = time.perf_counter()
+            found = twins.inverse(wanted, stroke=stroke)
+            taken.append(time.perf_counter() - start)
+            error = abs(twins.step(found.pull[:, 0])[0] - wanted)
+            errors += [error] if found.reached[0] else []
+            missed += not found.reached[0]
+    worst, milliseconds = np.degrees(max(errors)), 1e3 * float(np.median(taken))
+    return {
+        "reduced_inverse": Result(
+            f"inverse, worst of {INVERSE_BENDS - missed} bends reached ({missed} flagged)",
+            float(worst),
+            "deg",
+            "<= 0.02",
+            bool(worst <= 0.02),
+        ),
+        "reduced_inverse_time": Result(
+            "inverse, median time", milliseconds, "ms", "< 0.2", milliseconds < 0.2
+        ),
+    }
+
+
+def start(preset: Preset) -> Result:
+    """Time the first simulation of a fresh process with its kernels compiled before, imports included."""
+    code = (
+        "import time; start = time.perf_counter(); from twin.preset.preset import Preset\n"
+        "from twin.reduced import ReducedTwins\n"
+        f"ReducedTwins([Preset(**{preset.to_dict()!r})]).step(1e-3); print(time.perf_counter() - start)"
+    )
+    runs = [
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        for _ in range(4)
+    ]
+    seconds = min(float(run.stdout) for run in runs[1:])
+    return Result(
+        "reduced twin, start of a process to its first sample", seconds, "s", "< 0.5", seconds < 0.5
+    )
+
+
+def _signal(kind: str, amplitude: float, seconds: float, rng: np.random.Generator) -> Array:
+    return command(kind, (-amplitude, amplitude), seconds, T, rng)
+
+
+def _differences(presets: Sequence[Preset], pulls: Sequence[Array], **inputs: Any) -> list[Array]:
+    """Return the differences of both twins along each command, in the order of `MEASURES`."""
+    records = [
+        simulate_batch(presets, pulls, T, physics=physics, **inputs) for physics in ("mujoco", "reduced")
+    ]
+    return [_difference(*pair) for pair in zip(*records, strict=True)]
+
+
+def _difference(mujoco: Episode | None, reduced: Episode | None) -> Array:
+    if mujoco is None or reduced is None:
+        return np.full(len(MEASURES), np.inf)
+    away = np.abs(reduced.bend - mujoco.bend) / max(np.ptp(mujoco.bend), LEAST_RANGE)
+    tension = np.abs(reduced.wire_tension - mujoco.wire_tension)[1:].max() / np.ptp(mujoco.wire_tension)
+    return np.array([np.sqrt(np.mean(away**2)), away[1:].max(), away[0], tension])
+
+
+def _agreement(name: str, where: str, of_all: Sequence[Array], bars: Sequence[float]) -> dict[str, Result]:
+    """Return the worst of all records as results, beside the median record."""
+    results = {}
+    for words, values, bar in zip(MEASURES, np.transpose(of_all), bars, strict=True):
+        results[f"{name}_{words.split()[0].lower()}"] = Result(
+            f"reduced twin, {where}, {words}, worst of {len(values)} records",
+            100 * float(values.max()),
+            "% of range",
+            f"<= {100 * bar:g} %",
+            bool(values.max() <= bar),
+            "the median record",
+            100 * float(np.median(values)),
+        )
+    return results
