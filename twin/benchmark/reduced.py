@@ -25,7 +25,12 @@ T = 0.1
 """Sample time of all these [s]."""
 LEAST_RANGE = np.radians(45)
 """Range that a difference is a share of at least: some drawn endoscopes hardly move [rad]."""
-MEASURES = ("RMS of the bend", "largest difference", "first sample", "tension, largest difference")
+MEASURES = {
+    "rms": "RMS of the bend",
+    "largest": "largest difference of the bend",
+    "first": "bend at the first sample",
+    "tension": "largest difference of a tension",
+}
 """Differences of both twins, as shares of the range; the first sample stands by itself."""
 FINER = 8
 AT_ONCE = 50
@@ -196,9 +201,9 @@ def _difference(mujoco: Episode | None, reduced: Episode | None) -> Array:
 def _agreement(name: str, where: str, of_all: Sequence[Array], bars: Sequence[float]) -> dict[str, Result]:
     """Return the worst of all records as results, beside the median record."""
     results = {}
-    for words, values, bar in zip(MEASURES, np.transpose(of_all), bars, strict=True):
-        results[f"{name}_{words.split()[0].lower()}"] = Result(
-            f"reduced twin, {where}, {words}, worst of {len(values)} records",
+    for measure, values, bar in zip(MEASURES, np.transpose(of_all), bars, strict=True):
+        results[f"{name}_{measure}"] = Result(
+            f"reduced twin, {where}, {MEASURES[measure]}, worst of {len(values)} records",
             100 * float(values.max()),
             "% of range",
             f"<= {100 * bar:g} %",
