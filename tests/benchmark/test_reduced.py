@@ -14,7 +14,8 @@ def nothing(*_: object) -> None:
     """Progress that nobody watches."""
 
 
-def test_agreement_is_measured_on_every_signal_and_draw():
+def test_agreement_is_measured_on_every_signal_and_draw(monkeypatch):
+    monkeypatch.setattr(reduced, "SECONDS", 5.0)
     told = []
     results = reduced.agreement(PRESET, RANGES, 3e-3, 2, lambda *counts: told.append(counts))
     assert list(results) == ["reduced_rms", "reduced_largest", "reduced_first", "reduced_tension"]
@@ -35,6 +36,7 @@ def test_a_twin_that_is_off_does_not_hold(monkeypatch):
         return simulate_batch(presets, pulls, sample_time, physics=physics, **inputs)
 
     monkeypatch.setattr(reduced, "simulate_batch", softer)
+    monkeypatch.setattr(reduced, "SECONDS", 5.0)
     monkeypatch.setattr(reduced, "SIGNALS", ["sine", "triangle", "multi-sine"])
     results = reduced.agreement(PRESET, RANGES, 3e-3, 1, nothing)
     assert not results["reduced_rms"].holds

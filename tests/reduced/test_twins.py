@@ -1,5 +1,6 @@
 """Physics and bookkeeping of the reduced twin alone: friction, memory, slack, states, batches, kernels."""
 
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -142,3 +143,15 @@ def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):
     again = simulate_batch([Preset(**episode.metadata["preset"])], [episode.pull], 0.02)[0]
     assert again is not None
     np.testing.assert_allclose(again.bend, episode.bend, atol=1e-12)
+
+
+def test_stepping_keeps_no_memory():
+    """Arrays that kernels make within a sample are given back: a controller runs for days."""
+    twins = ReducedTwins([URETEROSCOPE.replace(servo_gain=8.0)] * 8, T)
+    peaks = []
+    for _ in range(4):
+        for value in np.tile(cycle(2e-3, 5.0, T), 6):
+            twins.step(value)
+            twins.inverse(0.3, stroke=(-3e-3, 3e-3))
+        peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert peaks[3] <= peaks[0] + 256  # [KiB]: one work array kept each time would be more

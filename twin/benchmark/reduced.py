@@ -23,6 +23,8 @@ OnProgress = Callable[[int, int], None]
 
 T = 0.1
 """Sample time of all these [s]."""
+SECONDS = 20.0
+"""Length of the records that both twins make; slow commands take twice that [s]."""
 LEAST_RANGE = np.radians(45)
 """Range that a difference is a share of at least: some drawn endoscopes hardly move [rad]."""
 MEASURES = {
@@ -54,7 +56,7 @@ def agreement(
     rng = np.random.default_rng(0)
     kinds = list(SIGNALS)
     presets = [preset] * len(kinds) + [ranges.draw(preset, rng) for _ in range(pairs)]
-    pulls = [_signal(kinds[place % len(kinds)], amplitude, 20.0, rng) for place in range(len(presets))]
+    pulls = [_signal(kinds[place % len(kinds)], amplitude, SECONDS, rng) for place in range(len(presets))]
     of_all = []
     for start in range(0, len(presets), AT_ONCE):
         some = slice(start, start + AT_ONCE)
@@ -71,7 +73,7 @@ def fine(preset: Preset, amplitude: float) -> dict[str, Result]:
     """Compare both twins along slow commands, MuJoCo's at an eighth of the step."""
     finer = preset.replace(time_step=preset.time_step / FINER, control_period=preset.control_period / FINER)
     rng = np.random.default_rng(1)
-    slow = [_signal(kind, amplitude, 40.0, rng) for kind in ("sine", "triangle", "decaying-sine")]
+    slow = [_signal(kind, amplitude, 2 * SECONDS, rng) for kind in ("sine", "triangle", "decaying-sine")]
     of_all = _differences([finer] * len(slow), slow)
     return _agreement(
         "reduced_fine", f"1/{FINER} of the step, slow commands", of_all, (0.001, 0.004, 0.004, 0.02)
