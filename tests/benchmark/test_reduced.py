@@ -18,7 +18,7 @@ def test_agreement_is_measured_on_every_signal_and_draw(monkeypatch):
     monkeypatch.setattr(reduced, "SECONDS", 5.0)
     told = []
     results = reduced.agreement(PRESET, RANGES, 3e-3, 2, lambda *counts: told.append(counts))
-    assert list(results) == ["reduced_rms", "reduced_largest", "reduced_first", "reduced_tension"]
+    assert list(results) == ["reduced_rms", "reduced_largest", "reduced_start", "reduced_tension"]
     assert (
         "worst of 9 records" in results["reduced_rms"].name
     )  # 5 signals, 2 draws, moving sheath, two planes

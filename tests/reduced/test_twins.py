@@ -147,10 +147,10 @@ def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):
 
 def test_stepping_keeps_no_memory():
     """Arrays that kernels make within a sample are given back: a controller runs for days."""
-    twins = ReducedTwins([URETEROSCOPE.replace(servo_gain=8.0)] * 8, T)
+    twins = ReducedTwins([URETEROSCOPE.replace(servo_gain=8.0)] * 2, T)
     peaks = []
     for _ in range(4):
-        for value in np.tile(cycle(2e-3, 5.0, T), 6):
+        for value in np.tile(cycle(2e-3, 5.0, T), 4):
             twins.step(value)
             twins.inverse(0.3, stroke=(-3e-3, 3e-3))
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
