@@ -95,16 +95,17 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
 
     They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
     the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
-    armature, so the frame it is carried in does not matter.
+    armature, so the frame it is carried in does not matter. Each wire has a branch of its own below the
+    pulleys, as no force couples the elements of two wires, and one body for all its slides.
     """
-    body = tip
-    names = [f"{plane}pulley" for plane in PLANES[: preset.bending_planes]]
-    for name in names:
-        body = _add_weightless(body, name)
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
+    pulleys = _add_weightless(tip, "pulleys")
+    for plane in PLANES[: preset.bending_planes]:
+        pulleys.add_joint(
+            name=f"{plane}pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS
+        )
     for wire in WIRES[: preset.wires]:
+        body = _add_weightless(pulleys, f"wire_{wire}")
         for element in range(preset.sheath_elements):
-            body = _add_weightless(body, f"sheath_{wire}{element}")
             joint = body.add_joint(
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
