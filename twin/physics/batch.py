@@ -17,7 +17,7 @@ from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
 from twin.physics.load import Loads, Rewritten
-from twin.physics.model import model_xml
+from twin.physics.model import model_xml, stepped_model
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
@@ -93,7 +93,7 @@ class EndoscopeBatch:
         check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
-        compiled = {preset: mujoco.MjModel.from_xml_string(xml) for preset, xml in built.items()}
+        compiled = {preset: stepped_model(xml) for preset, xml in built.items()}
         self.xml = [built[preset] for preset in presets]
         models = [compiled[preset] for preset in presets]
         self.layout = Layout.of(models[0], presets[0])

@@ -43,6 +43,18 @@ def model_xml(preset: Preset) -> str:
     return xml
 
 
+def stepped_model(xml: str) -> mujoco.MjModel:
+    """Compile a model without its shapes, lights and cameras, which MuJoCo would place in every step.
+
+    It moves bit for bit as the whole one, as nothing of them has mass or touches anything.
+    """
+    spec = mujoco.MjSpec.from_string(xml)
+    for drawn in (*spec.geoms, *spec.lights, *spec.cameras):
+        spec.delete(drawn)
+    model: mujoco.MjModel = spec.compile()
+    return model
+
+
 def element_mass(preset: Preset) -> float:
     """Return the inertia of one sheath element [kg].
 

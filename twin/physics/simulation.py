@@ -56,7 +56,8 @@ def simulate(
         FloatingPointError: the simulation diverged.
     """
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
-    endoscope = endoscope or Endoscope.from_preset(preset)
+    # Without a caller who could draw it, it is not drawn.
+    endoscope = endoscope or Endoscope.from_preset(preset, drawn=on_sample is not None)
     if state is not None:
         endoscope.restore_state(state)
     else:
