@@ -23,6 +23,7 @@ _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached,
 # Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
 _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
+_MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
 def model_xml(preset: Preset) -> str:
@@ -78,7 +79,7 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
     that no error in position is needed to move. Time step times stiffness, added to the damping, makes the
-    spring implicit (see `Loads.damping`).
+    spring implicit (see `Loads.follow`).
     """
     damping = 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
     spec.add_actuator(
@@ -108,7 +109,7 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
     They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
     the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
     armature, so the frame it is carried in does not matter. Each wire has a branch of its own below the
-    pulleys, as no force couples the elements of two wires, and one body for all its slides.
+    pulleys, as no force couples the elements of two wires, and as few bodies as its slides fit on.
     """
     pulleys = _add_weightless(tip, "pulleys")
     for plane in PLANES[: preset.bending_planes]:
@@ -116,8 +117,10 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
             name=f"{plane}pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS
         )
     for wire in WIRES[: preset.wires]:
-        body = _add_weightless(pulleys, f"wire_{wire}")
+        body = pulleys
         for element in range(preset.sheath_elements):
+            if element % _MOST_JOINTS == 0:
+                body = _add_weightless(body, f"wire_{wire}{element}")
             joint = body.add_joint(
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
@@ -166,7 +169,7 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
-    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.damping`)."""
+    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.follow`)."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     body.add_joint(
