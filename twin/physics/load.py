@@ -68,19 +68,28 @@ class Loads:
         groups = hinge_groups(vertebrae)
         self._wrapped = np.stack([of_hinges[:, group].mean(axis=1) for group in groups], axis=1)
 
-        self._time_step, self._ahead = np.array(presets[0].time_step), np.array(2 * presets[0].control_period)
-        self._wire_damping = of_each([p.wire_damping * (elements + 1) for p in presets], layout.wire.shape)
-        self._stiffens = bool(self.wires.quadratic.any())
-        self._damping = self._wire_damping + self._time_step * self.wires.stiffness
-        self._stiffness_squared, self._growth = self.wires.stiffness**2, 4 * self.wires.quadratic
+        # Damping where taut: the wire's own, and time step times the stiffness k + 2 k2 x of a stretch x.
+        wires, time_step = self.wires, presets[0].time_step
+        own = of_each([p.wire_damping * (elements + 1) for p in presets], layout.wire.shape)
+        self._damping_unstretched = own + time_step * wires.stiffness
+        self._damping_per_stretch = 2 * time_step * wires.quadratic
 
-        # Places for what `follow` computes: some twenty operations on few numbers, where to allocate takes as
-        # long as to compute.
-        count, lengths, positions = self.wires.lengthening.shape
-        self._ends = np.empty((count, 2, positions))
-        self._reach = np.empty((count, 2, lengths))
-        self._stretch, self._soon, self._tension, self._taut = np.empty((4, count, *layout.wire.shape))
+        # Stretch now, and two control periods on at the present rate, are linear in (qpos, qvel, 1).
+        count, lengths, positions = wires.lengthening.shape
+        rest = wires.rest_stretch.reshape(count, lengths, 1)
+        ahead = 2 * presets[0].control_period * wires.lengthening
+        now = np.concatenate([wires.lengthening, np.zeros_like(ahead), rest], axis=2)
+        soon = np.concatenate([wires.lengthening, ahead, rest], axis=2)
+        self._both_stretches = np.concatenate([now, soon], axis=1)
+
+        # Places for what `follow` computes: to allocate them, or to take views, takes as long as to compute.
+        self._motion, self._ends = np.ones((count, 2 * positions + 1, 1)), np.empty((count, 2 * lengths, 1))
+        self._qpos, self._qvel = self._motion[:, :positions, 0], self._motion[:, positions:-1, 0]
+        self._stretch = self._ends[:, :lengths].reshape(count, *layout.wire.shape)
+        self._soon = self._ends[:, lengths:].reshape(count, *layout.wire.shape)
+        self._taut, self._tension = np.empty((2, count, *layout.wire.shape))
         self._is_taut = np.empty(self._taut.shape, dtype=bool)
+        self._before, self._behind = self._tension[..., :-1], self._tension[..., 1:]
 
     def drift(self, time: Array, travel: Array) -> Array:
         """Return the factor of sheath friction due to warm-up and wear.
@@ -106,32 +115,31 @@ class Loads:
             sheath_bend: (B,) angle that the sheath is bent by [rad]; not to be changed in place.
             drift: (B,) of `drift`; None where nothing drifts.
         """
-        self._follow_wires(qpos, qvel)
         self._follow_sheath(sheath_bend, drift)
-        # `element_friction`, in place.
-        np.add(self._tension[..., 1:], self._tension[..., :-1], out=rewritten.sheath)
-        np.multiply(rewritten.sheath, self._half_share, out=rewritten.sheath)
-        np.add(rewritten.sheath, self._floor_now, out=rewritten.sheath)
-        if self._routed:
-            rewritten.joints[:] = self._rubbing(qpos)
-        self._write_damping(rewritten.damping)
+        np.copyto(self._qpos, qpos)
+        np.copyto(self._qvel, qvel)
+        np.matmul(self._both_stretches, self._motion, out=self._ends)
 
-    def _follow_wires(self, qpos: Array, qvel: Array) -> None:
-        """Compute stretch and tension of now, and the stretch to come by the update after the next."""
-        wires, ends, taut, tension = self.wires, self._ends, self._taut, self._tension
-        ends[:, 0] = qpos
-        np.multiply(qvel, self._ahead, out=ends[:, 1])
-        ends[:, 1] += qpos
-        np.matmul(ends, wires.lengthening.transpose(0, 2, 1), out=self._reach)
-        reach = self._reach.reshape(len(ends), 2, *self.layout.wire.shape)
-        np.add(reach[:, 0], wires.rest_stretch, out=self._stretch)
-        np.add(reach[:, 1], wires.rest_stretch, out=self._soon)
-
-        # `tension_at`, in place.
+        # `tension_at` and `element_friction`, in place.
+        taut, tension, (sheath, joints, damping) = self._taut, self._tension, rewritten
         np.maximum(self._stretch, _ZERO, out=taut)
-        np.multiply(wires.quadratic, taut, out=tension)
-        tension += wires.stiffness
-        tension *= taut
+        np.multiply(taut, self.wires.quadratic, out=tension)
+        np.add(tension, self.wires.stiffness, out=tension)
+        np.multiply(tension, taut, out=tension)
+        np.add(self._behind, self._before, out=sheath)
+        np.multiply(sheath, self._half_share, out=sheath)
+        np.add(sheath, self._floor_now, out=sheath)
+        if self._routed:
+            joints[:] = self._rubbing(qpos)
+
+        # Time step times stiffness makes MuJoCo's implicit step in the velocities a backward Euler step of
+        # the springs, which it would otherwise take explicitly. A segment that will be taut before the next
+        # update has it already.
+        np.maximum(self._stretch, self._soon, out=self._soon)
+        np.greater(self._soon, _NEARLY_SLACK, out=self._is_taut)
+        np.multiply(taut, self._damping_per_stretch, out=damping)
+        np.add(damping, self._damping_unstretched, out=damping)
+        np.multiply(damping, self._is_taut, out=damping)
 
     def _follow_sheath(self, sheath_bend: Array, drift: Array | None) -> None:
         """Compute half the friction of an element per unit of tension, and the part that is of no tension."""
@@ -151,20 +159,3 @@ class Loads:
         at_tip = self._tension[:, :, -1].reshape(len(qpos), -1, 2).sum(axis=2, keepdims=True)
         rubbing: Array = self._joint + self._routing * at_tip * np.matmul(turn, self._wrapped)
         return rubbing
-
-    def _write_damping(self, damping: Array) -> None:
-        """Write the damping of every wire segment, 0 where it is slack, (B, wires, elements + 1) [N s / m].
-
-        Beside the wire's own it holds time step times stiffness: what makes MuJoCo's implicit step in the
-        velocities an implicit (backward Euler) step of the springs, whose stiffness it would otherwise take
-        explicitly. A length that will be taut before the next update has it already.
-        """
-        np.maximum(self._stretch, self._soon, out=self._soon)
-        np.greater(self._soon, _NEARLY_SLACK, out=self._is_taut)
-        if self._stiffens:
-            np.multiply(self._growth, self._tension, out=self._damping)
-            self._damping += self._stiffness_squared
-            np.sqrt(self._damping, out=self._damping)
-            self._damping *= self._time_step
-            self._damping += self._wire_damping
-        np.multiply(self._damping, self._is_taut, out=damping)
