@@ -7,6 +7,8 @@ that a hinge pays out or takes up wire by that moment arm times its angle. With 
 vertebra has a second, crossed hinge, and there is a second pulley for the wires c and d.
 """
 
+import functools
+
 import mujoco
 
 from twin.episode import WIRES
@@ -26,6 +28,7 @@ _PULLEY_MASS = 0.1  # [kg]
 _MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
+@functools.lru_cache(maxsize=64)  # one preset is often simulated many times
 def model_xml(preset: Preset) -> str:
     """Return the complete model as MJCF text."""
     spec = mujoco.MjSpec.from_file(str(assets_folder() / "endoscope.xml"))

@@ -1,7 +1,8 @@
 """Physical parameters of an endoscope: presets, their files, and ranges for domain randomisation."""
 
+from twin.preset.fidelity import FIDELITIES, at_fidelity
 from twin.preset.file import load_preset, preset_names
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges, load_ranges
 
-__all__ = ["Preset", "Ranges", "load_preset", "load_ranges", "preset_names"]
+__all__ = ["FIDELITIES", "Preset", "Ranges", "at_fidelity", "load_preset", "load_ranges", "preset_names"]
