@@ -32,6 +32,8 @@ class Generate:
     """Folder to write into."""
     preset: str | None = None
     """Name of a preset, or the path of a .yaml file; ureteroscope, if not given."""
+    fidelity: str | None = None
+    """fine, standard or fast: how finely the preset is divided; standard, if not given."""
     set: tuple[str, ...] = ()
     """Change parameters of the preset: NAME=VALUE ..., in its SI units."""
     randomize: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -142,6 +144,7 @@ def _changes(args: Generate) -> dict[str, Any]:
     start, end = args.sheath_bend_deg, args.sheath_bend_to_deg
     given = {
         "preset": args.preset,
+        "fidelity": args.fidelity,
         "set": parse_changes(args.set) or None,
         "randomize": args.randomize or None,
         "strokes_mm": args.stroke and [args.stroke],

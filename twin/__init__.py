@@ -30,6 +30,7 @@ _HOME = {
     "Recipe": "twin.dataset.recipe",
     "ReducedTwins": "twin.reduced",
     "Sensor": "twin.estimation.estimator",
+    "at_fidelity": "twin.preset",
     "error_indices": "twin.evaluation.metrics",
     "evaluate": "twin.evaluation.evaluate",
     "identify": "twin.identification",
@@ -68,6 +69,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.identification import identify as identify
     from twin.physics import Endoscope as Endoscope
     from twin.preset import Preset as Preset
+    from twin.preset import at_fidelity as at_fidelity
     from twin.preset import load_preset as load_preset
     from twin.preset import preset_names as preset_names
     from twin.recording import read_dataset as read_dataset

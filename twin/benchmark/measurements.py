@@ -8,6 +8,7 @@ from tabulate import tabulate
 
 from twin.benchmark import (
     datasets,
+    fidelity,
     filters,
     identification,
     physics,
@@ -98,6 +99,7 @@ MEASUREMENTS: dict[str, Measurement] = {
     "speed_one_core": _short(speed.one_core),
     "speed_two_threads": _short(speed.two_threads),
     "cost_of_vertebrae": _short(speed.cost_of_vertebrae),
+    "fidelities": lambda preset, size, _: fidelity.fidelities(preset, size.amplitude),
     "logging": _short(datasets.logging),
     "identification": _short(identification.against_one_at_a_time),
     "identification_plain": _short(identification.against_plain_numbers),

@@ -24,7 +24,7 @@ AT_ONCE = 100  # endoscopes in one batch of the long measurements
 def rate_independence(preset: Preset, amplitude: float) -> Result:
     """Measure the spread of loop areas at periods of 2, 8 and 32 s."""
     periods = (2.0, PERIOD, 32.0)
-    episodes = _whole(
+    episodes = whole(
         simulate_batch([preset] * 3, [sinusoid(amplitude, period, 2) for period in periods], SAMPLE_TIME)
     )
     areas: list[float] = []
@@ -41,7 +41,7 @@ def hold(preset: Preset, amplitude: float) -> Result:
     moving = [sinusoid(amplitude, PERIOD, cycles) for cycles in stops]
     rest = round(30 / SAMPLE_TIME)
     held = [np.concatenate([path, np.full(rest, path[-1])]) for path in moving]
-    episodes = _whole(simulate_batch([preset] * len(held), held, SAMPLE_TIME))
+    episodes = whole(simulate_batch([preset] * len(held), held, SAMPLE_TIME))
     drift = max(np.abs(e.bend[-rest - 1 :] - e.bend[-rest - 1]).max() for e in episodes)
     return _below("drift of a command held for 30 s", 100 * drift / _range(episodes), 0.5)
 
@@ -50,7 +50,7 @@ def time_step(preset: Preset, amplitude: float) -> Result:
     """Measure the largest difference between the default time step and one 8 times smaller."""
     command = [sinusoid(amplitude, PERIOD, 2)]
     coarse, fine = (
-        _whole(simulate_batch([p], command, SAMPLE_TIME))[0]
+        whole(simulate_batch([p], command, SAMPLE_TIME))[0]
         for p in (preset, preset.replace(time_step=preset.time_step / 8))
     )
     off = np.abs(coarse.bend - fine.bend).max()
@@ -64,7 +64,7 @@ def capstan(preset: Preset, amplitude: float) -> Result:
     presets = [bare.replace(sheath_bend=float(bend), sheath_bend_offset=0.0) for bend in bends]
     there, back = np.linspace(0, 2 * amplitude, 201), np.linspace(2 * amplitude, 0.25 * amplitude, 351)
     command = np.concatenate([there, back])
-    episodes = _whole(simulate_batch(presets, [command] * len(bends), SAMPLE_TIME))
+    episodes = whole(simulate_batch(presets, [command] * len(bends), SAMPLE_TIME))
     worst = 0.0
     for episode, bend in zip(episodes, bends, strict=True):
         factor = np.exp(preset.sheath_friction * bend)
@@ -83,7 +83,7 @@ def return_point(preset: Preset, amplitude: float) -> Result:
         minor = np.concatenate([np.linspace(low, high, 200)[1:], np.linspace(high, low, 200)[1:]]) * amplitude
         after = np.linspace(low, -1, 200)[1:] * amplitude
         paths = [np.concatenate([before, minor, after]), np.concatenate([before, after])]
-        looped, plain = _whole(simulate_batch([preset] * 2, paths, SAMPLE_TIME))
+        looped, plain = whole(simulate_batch([preset] * 2, paths, SAMPLE_TIME))
         off = looped.bend[len(before) + len(minor) - 1 :] - plain.bend[len(before) - 1 :]
         worst, span = max(worst, np.abs(off).max()), max(span, np.ptp(plain.bend))
     return _below("trace of a minor loop (Madelung)", 100 * worst / span, 0.5)
@@ -91,7 +91,7 @@ def return_point(preset: Preset, amplitude: float) -> Result:
 
 def no_friction(preset: Preset, amplitude: float) -> Result:
     """Measure the width of the loop without dry friction, relative to its range."""
-    episode = _whole(
+    episode = whole(
         simulate_batch([preset.without_friction()], [sinusoid(amplitude, PERIOD, 2)], SAMPLE_TIME)
     )[0]
     samples = round(PERIOD / SAMPLE_TIME)
@@ -106,7 +106,7 @@ def vertebrae(preset: Preset, amplitude: float) -> Result:
     """Measure the largest difference between loops of 8, 16, 32 and 64 vertebrae at equal total stiffness."""
     command = [sinusoid(amplitude, PERIOD, 2)]
     presets = [preset.replace(vertebrae=n) for n in (8, 16, 32, 64)]
-    bends = [_whole(simulate_batch([p], command, SAMPLE_TIME))[0].bend for p in presets]
+    bends = [whole(simulate_batch([p], command, SAMPLE_TIME))[0].bend for p in presets]
     return _below("loops of 8, 16, 32, 64 vertebrae", 100 * np.ptp(bends, axis=0).max() / np.ptp(bends), 2.0)
 
 
@@ -121,7 +121,7 @@ def closed_cycles(
     work: list[float] = []
     for start in range(0, count, AT_ONCE):
         some = list(twice[start : start + AT_ONCE])
-        for episode in _whole(simulate_batch([preset] * len(some), some, SAMPLE_TIME)):
+        for episode in whole(simulate_batch([preset] * len(some), some, SAMPLE_TIME)):
             force = (episode.tension[:, 0] - episode.tension[:, 1])[second]
             work.append(float(np.trapezoid(force, episode.pulley[second])))
         if on_progress:
@@ -156,7 +156,7 @@ def random_draws(
     )
 
 
-def _whole(episodes: list[Episode | None]) -> list[Episode]:
+def whole(episodes: list[Episode | None]) -> list[Episode]:
     """Return the episodes, all of them complete.
 
     Raises:

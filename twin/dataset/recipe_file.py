@@ -14,6 +14,7 @@ from twin.files.bounded import read_limited
 from twin.files.shown import cut, shown
 from twin.files.yaml_text import MOST_BYTES, parse_yaml
 from twin.measured.command import read_command
+from twin.preset.fidelity import at_fidelity
 from twin.preset.file import load_preset, preset_of
 from twin.preset.preset import Preset, suggestion
 from twin.preset.randomization import Ranges, load_ranges
@@ -88,6 +89,7 @@ class RecipeFile(_Strict):
         camera: rate and size of pictures.
         command_csv: recorded command to follow instead of signals.
         given_pull_m: (N,) the same, as pulling distances at each sample [m].
+        fidelity: fine, standard or fast: how finely the preset is divided, but for what is set here.
         physics: mujoco, or reduced: quasi-static, far faster, without gravity.
     """
 
@@ -109,6 +111,7 @@ class RecipeFile(_Strict):
     camera: Camera | None = None
     command_csv: Path | None = None
     given_pull_m: Annotated[list[Number], Field(min_length=2, max_length=MOST_GIVEN)] | None = None
+    fidelity: str = "standard"
     physics: str = PHYSICS[0]
 
 
@@ -207,7 +210,7 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
     named = _preset_name(file.preset, folder)
     preset = load_preset(named) if isinstance(named, (str, Path)) else _inline_preset(named)
     changes = {**file.set, **file.sensor.parameters()}
-    preset = preset.replace(**changes)
+    preset = at_fidelity(preset, file.fidelity).replace(**changes)
     check_sample_time(preset, file.sample_time_s)
     bends = _sheath_bends(file, preset)
     chosen = set(changes) | ({"sheath_bend"} if bends else set())

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.mechanics.batch import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
+from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import Loads
-from twin.physics.model import model_xml
+from twin.physics.load import Loads, Rewritten
+from twin.physics.model import model_xml, stepped_model
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
@@ -68,12 +69,10 @@ def simulate_batch(
         if done > 0:
             endoscopes.advance(inputs[done - 1], start < done)
         if (longest - done) % periods == 0:
-            tension, slack = endoscopes.wire_tension_and_slack()
             friction = endoscopes.sheath_friction()
             for index in np.flatnonzero(first_sample <= done).tolist():
                 sample = int(done - first_sample[index]) // periods
-                record, qpos = records[index], endoscopes.qpos[index]
-                record.add(sample, qpos, tension[index], friction[index], slack[index])
+                records[index].add(sample, endoscopes.qpos[index], friction[index])
             if on_sample is not None:
                 on_sample(done // periods, longest // periods)
     return [
@@ -94,7 +93,7 @@ class EndoscopeBatch:
         check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
-        compiled = {preset: mujoco.MjModel.from_xml_string(xml) for preset, xml in built.items()}
+        compiled = {preset: stepped_model(xml) for preset, xml in built.items()}
         self.xml = [built[preset] for preset in presets]
         models = [compiled[preset] for preset in presets]
         self.layout = Layout.of(models[0], presets[0])
@@ -102,9 +101,8 @@ class EndoscopeBatch:
         self._batch = Batch(models[0], len(presets), threads)
         for name in _fields_that_differ(models):
             self._batch.expand(name)[:] = [_field(model, name) for model in models]
-        self._friction, self._joint_friction, self._damping = (
-            self._batch.expand(name) for name in _REWRITTEN
-        )
+        self._rewritten = Rewritten.of(self.layout, *(self._batch.expand(name) for name in _REWRITTEN))
+        self._rewritten.joints[:] = [[joint_friction(preset)] for preset in presets]
         self.qpos: Array = self._batch.bind("qpos")
         self._qvel = self._batch.bind("qvel")
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
@@ -120,12 +118,11 @@ class EndoscopeBatch:
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
         """Return tension [N] and slack [m] of each wire segment, both (B, wires, elements + 1)."""
-        return self._loads.tension_and_slack(self.qpos)
+        return self._loads.wires.tension_and_slack(self.qpos)
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
-        friction: Array = self._friction[:, self.layout.element]
-        return friction
+        return self._rewritten.sheath.copy()
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
         """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
@@ -150,13 +147,8 @@ class EndoscopeBatch:
         self.failed |= self._warning.any(axis=1)
 
     def _follow_load(self, sheath_bend: Array) -> None:
-        stretch = self._loads.stretch(self.qpos)
-        tension = self._loads.tension(stretch)
-        drift = self._loads.drift(self._time, self._travel)
-        sheath, joints = self._loads.friction(tension, self.qpos, sheath_bend, drift)
-        self._friction[:, self.layout.element] = sheath
-        self._joint_friction[:, self.layout.joints] = joints
-        self._damping[:, self.layout.wire] = self._loads.damping(stretch, tension, self._qvel)
+        drift = self._loads.drift(self._time, self._travel) if self._loads.drifts else None
+        self._loads.follow(self._rewritten, self.qpos, self._qvel, sheath_bend, drift)
 
 
 def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:

@@ -13,8 +13,8 @@ from twin.errors import DivergedError, InputError
 from twin.mechanics.drive import Drive, DriveState
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import Loads
-from twin.physics.model import model_xml
+from twin.physics.load import Loads, Rewritten
+from twin.physics.model import model_xml, stepped_model
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -47,13 +47,19 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
     preset: Preset
     xml: str
-    """The model as MJCF text."""
+    """The model as MJCF text, with what is drawn."""
 
     @classmethod
-    def from_preset(cls, preset: Preset) -> "Endoscope":
-        """Build the endoscope of a preset, straight and at rest."""
+    def from_preset(cls, preset: Preset, *, drawn: bool = True) -> "Endoscope":
+        """Build the endoscope of a preset, straight and at rest.
+
+        Args:
+            preset: the endoscope.
+            drawn: False leaves out what is only drawn: it is stepped faster, through the same states.
+        """
         xml = model_xml(preset)
-        physics = cast("Endoscope", cls.from_xml_string(xml))
+        model = mujoco.MjModel.from_xml_string(xml) if drawn else stepped_model(xml)
+        physics = cast("Endoscope", cls.from_model(dm_mujoco.wrapper.MjModel(model)))
         physics.xml = xml
         physics._bind(preset)
         return physics
@@ -66,14 +72,15 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._drives = [Drive(preset) for _ in range(preset.bending_planes)]
         self._travel = 0.0
         self._steps = round(preset.control_period / preset.time_step)
-        self._drifts = bool(preset.friction_warm_up or preset.friction_wear)
         self._sheath_bend = np.array([preset.sheath_bend])
         model, data = self.model.ptr, self.data.ptr
+        self._pair = model, data
         self._qpos, self._qvel = data.qpos[None], data.qvel[None]
-        self._friction, self._damping = model.dof_frictionloss, model.tendon_damping
-        self._joint_friction, self._warnings = model.tendon_frictionloss, data.warning.number
-        self._joint_friction[self.layout.joints] = joint_friction(preset)
-        self._follow_load(self._sheath_bend)
+        self._act, self._ctrl, self._warnings = data.act, data.ctrl, data.warning.number
+        fields = (model.dof_frictionloss, model.tendon_frictionloss, model.tendon_damping)
+        self._rewritten = Rewritten.of(self.layout, *(field[None] for field in fields))
+        self._rewritten.joints[:] = joint_friction(preset)
+        self._follow_load()
 
     def reset(self, keyframe_id: int | None = None) -> None:
         """Reset to straight and at rest, with a new sheath; drive and wear are reset too."""
@@ -83,7 +90,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
                 drive.reset()
             self._travel = 0.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
-            self._follow_load(self._sheath_bend)
+            self._follow_load()
 
     def bend(self) -> float:
         """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
@@ -116,22 +123,20 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
     def wire_tension(self) -> Array:
         """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
-        tension: Array = self._loads.tension(self._loads.stretch(self._qpos))[0]
-        return tension
+        return self.wire_tension_and_slack()[0]
 
     def wire_slack(self) -> Array:
         """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
-        slack: Array = self._loads.slack(self._loads.stretch(self._qpos))[0]
-        return slack
+        return self.wire_tension_and_slack()[1]
 
     def wire_tension_and_slack(self) -> tuple[Array, Array]:
         """Return `wire_tension` and `wire_slack`, at little more than the cost of one."""
-        tension, slack = self._loads.tension_and_slack(self._qpos)
+        tension, slack = self._loads.wires.tension_and_slack(self._qpos)
         return tension[0], slack[0]
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
-        friction: Array = self.model.ptr.dof_frictionloss[self.layout.element]
+        friction: Array = self._rewritten.sheath[0].copy()
         return friction
 
     def tip_position(self) -> Array:
@@ -157,39 +162,34 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         if not math.isfinite(pull + lateral_pull):
             wrong = lateral_pull if math.isfinite(pull) else pull
             raise InputError(f"commanded pulling distance {wrong}: must be a finite number")
-        data, preset = self.data.ptr, self.preset
-        if lateral_pull and preset.bending_planes == 1:
-            raise InputError(f"lateral pull of {lateral_pull:g} m: {preset.name!r} has one bending plane")
-        if sheath_bend is not None:
+        if lateral_pull and len(self._drives) == 1:
+            name = self.preset.name
+            raise InputError(f"lateral pull of {lateral_pull:g} m: {name!r} has one bending plane")
+        if sheath_bend is not None and sheath_bend != self._sheath_bend[0]:
             if not 0 <= sheath_bend < math.inf:
                 raise InputError(f"sheath bend of {sheath_bend} rad: must be finite and not negative")
             self._sheath_bend = np.array([sheath_bend])
-        self._follow_load(self._sheath_bend)
+        self._follow_load()
+        period = self.preset.control_period
         for plane, (drive, command) in enumerate(zip(self._drives, (pull, lateral_pull), strict=False)):
-            step = drive.advance(command) - data.act[plane]
-            data.ctrl[2 * plane : 2 * plane + 2] = step / preset.control_period
+            step = drive.advance(command) - self._act.item(plane)
+            self._ctrl[2 * plane : 2 * plane + 2] = step / period
             self._travel += abs(step)
+        model, data = self._pair
         start = data.time  # MuJoCo sets a diverged simulation back to 0
-        mujoco.mj_step(self.model.ptr, data, self._steps)
-        if self._warnings.any():
+        mujoco.mj_step(model, data, self._steps)
+        if any(self._warnings.tolist()):
             raise DivergedError(
-                f"the simulation of {preset.name!r} diverged after {start:.3f} s: "
-                f"lower time_step ({preset.time_step:g} s) or the stiffness of the wires"
+                f"the simulation of {self.preset.name!r} diverged after {start:.3f} s: "
+                f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
             )
 
-    def _follow_load(self, sheath_bend: Array) -> None:
+    def _follow_load(self) -> None:
         """Update friction and damping to the present wire tension."""
-        loads = self._loads
-        stretch = loads.stretch(self._qpos)
-        tension = loads.tension(stretch)
-        drift: Array | float = 1.0
-        if self._drifts:
-            drift = loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
-        sheath, joints = loads.friction(tension, self._qpos, sheath_bend, drift)
-        self._friction[self.layout.element] = sheath[0]
-        if loads.routed:
-            self._joint_friction[self.layout.joints] = joints[0]
-        self._damping[self.layout.wire] = loads.damping(stretch, tension, self._qvel)[0]
+        drift = None
+        if self._loads.drifts:
+            drift = self._loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
+        self._loads.follow(self._rewritten, self._qpos, self._qvel, self._sheath_bend, drift)
 
     def save_state(self) -> State:
         """Return the complete state, friction memory included."""
@@ -215,7 +215,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             )
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
         self._warnings[:] = 0  # that it diverged is no part of a state
-        model.dof_frictionloss[self.layout.element] = state.sheath_friction
+        self._rewritten.sheath[0] = state.sheath_friction
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
         self._travel = state.travel

@@ -51,3 +51,15 @@ class Layout:
     def wires(self) -> int:
         """Number of wires."""
         return len(self.element)
+
+
+def consecutive(index: Index) -> slice:
+    """Return the slice of indices that follow one another: it takes a view of an array, they take a copy.
+
+    Raises:
+        ValueError: they do not.
+    """
+    start = int(index.flat[0])
+    if not np.array_equal(index.flat, np.arange(start, start + index.size)):
+        raise ValueError(f"the indices {index.ravel().tolist()} do not follow one another")
+    return slice(start, start + index.size)

@@ -1,29 +1,45 @@
-"""Load-dependent forces in batches: tension from positions, friction and damping from tension.
+"""Load-dependent forces in batches: friction and damping of MuJoCo's models, from the tension of the wires.
 
 MuJoCo knows one constant friction force per joint. Here it is rewritten, once per control period, from where
 the wires are; so is the damping of the wires, which must vanish with their tension.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.friction import (
-    LEAST_FRICTION,
-    element_friction,
-    friction_drift,
-    friction_per_tension,
-    hinge_friction,
-)
+from twin.mechanics.friction import LEAST_FRICTION, friction_drift, friction_per_tension, hinge_friction
 from twin.mechanics.hinges import hinge_groups, joint_friction
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
-from twin.physics.layout import Layout
+from twin.physics.layout import Layout, consecutive
+from twin.physics.wires import Wires, of_each
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 NEARLY_TAUT = 1e-6
 """Slack up to which a wire counts as taut [m]."""
+_ZERO, _NEARLY_SLACK = np.array(0.0), np.array(-NEARLY_TAUT)  # arrays: a Python number costs as much again
+
+
+class Rewritten(NamedTuple):
+    """Fields of MuJoCo's models that follow the load, of B endoscopes: views, to write through.
+
+    Attributes:
+        sheath: breakaway friction of the sheath elements, (B, wires, elements) [N].
+        joints: breakaway friction of each hinge of a group, (B, planes, groups) [N m].
+        damping: damping of the wire segments, (B, wires, elements + 1) [N s / m].
+    """
+
+    sheath: Array
+    joints: Array
+    damping: Array
+
+    @classmethod
+    def of(cls, layout: Layout, joint_loss: Array, tendon_loss: Array, tendon_damping: Array) -> "Rewritten":
+        """Return the views of `dof_frictionloss` (B, nv), `tendon_frictionloss` and `tendon_damping`."""
+        fields = ((joint_loss, layout.element), (tendon_loss, layout.joints), (tendon_damping, layout.wire))
+        return cls(*(field[:, consecutive(index)].reshape(-1, *index.shape) for field, index in fields))
 
 
 class Loads:
@@ -31,54 +47,49 @@ class Loads:
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Gather the parameters of all endoscopes, along the leading axis of every array."""
-        self.layout = layout
-        self.elements = presets[0].sheath_elements
-        self._stiffness = _column([segment_stiffness(p) for p in presets])
-        self._quadratic = _column([quadratic_stiffness(p) for p in presets])
-        self._stiffens = bool(self._quadratic.any())
-        wound = np.array([wound_tension(p) for p in presets])[:, None, :]
-        self._rest_stretch = stretch_at(wound, self._stiffness, self._quadratic)
-        self._lengthening = np.array([_lengthening(p, layout) for p in presets])
-        self._shape = (len(presets), layout.wires, self.elements + 1)
-        self._friction = _column([p.sheath_friction for p in presets])
-        self._wrapped, self._share = np.empty(0), np.empty(0)
+        self.layout, self.wires = layout, Wires(presets, layout)
+        elements, shape = presets[0].sheath_elements, layout.element.shape
+        self._friction = np.array([p.sheath_friction for p in presets])
+        floors = [max(p.sheath_friction_floor / elements, LEAST_FRICTION) for p in presets]
+        self._floor = of_each(floors, shape)
         self._bend_offset = np.array([p.sheath_bend_offset for p in presets])
-        self._floor = _column([max(p.sheath_friction_floor / self.elements, LEAST_FRICTION) for p in presets])
         self._warm_up = np.array([p.friction_warm_up for p in presets])
         self._warm_up_time = np.array([p.warm_up_time for p in presets])
         self._wear = np.array([p.friction_wear for p in presets])
+        self.drifts = bool(self._warm_up.any() or self._wear.any())
+        self._of_bend, self._half_share, self._floor_now = np.empty(0), self._floor, self._floor
+
         self._joint = np.array([joint_friction(p) for p in presets])[:, None, :]
-        self._routing = _column([p.routing_friction * p.wire_offset for p in presets])[:, :, 0]
-        self.routed = bool(self._routing.any())
-        groups = hinge_groups(presets[0].vertebrae)
-        self._first, self._sizes = [group[0] for group in groups], np.array([len(group) for group in groups])
-        self._wire_damping = _column([p.wire_damping * (p.sheath_elements + 1) for p in presets])
-        self._time_step = presets[0].time_step
-        self._ahead = 2 * presets[0].control_period
+        self._routing = np.array([[[p.routing_friction * p.wire_offset]] for p in presets])
+        self._routed = bool(self._routing.any())
+        # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
+        vertebrae = presets[0].vertebrae
+        of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
+        groups = hinge_groups(vertebrae)
+        self._wrapped = np.stack([of_hinges[:, group].mean(axis=1) for group in groups], axis=1)
 
-    def stretch(self, qpos: Array) -> Array:
-        """Return the stretch of each wire segment, (B, wires, elements + 1) [m]; below 0 where slack.
+        # Damping where taut: the wire's own, and time step times the stiffness k + 2 k2 x of a stretch x.
+        wires, time_step = self.wires, presets[0].time_step
+        own = of_each([p.wire_damping * (elements + 1) for p in presets], layout.wire.shape)
+        self._damping_unstretched = own + time_step * wires.stiffness
+        self._damping_per_stretch = 2 * time_step * wires.quadratic
 
-        Args:
-            qpos: (B, nq) positions.
-        """
-        stretch: Array = self._rest_stretch + np.matmul(self._lengthening, qpos[:, :, None]).reshape(
-            self._shape
-        )
-        return stretch
+        # Stretch now, and two control periods on at the present rate, are linear in (qpos, qvel, 1).
+        count, lengths, positions = wires.lengthening.shape
+        rest = wires.rest_stretch.reshape(count, lengths, 1)
+        ahead = 2 * presets[0].control_period * wires.lengthening
+        now = np.concatenate([wires.lengthening, np.zeros_like(ahead), rest], axis=2)
+        soon = np.concatenate([wires.lengthening, ahead, rest], axis=2)
+        self._both_stretches = np.concatenate([now, soon], axis=1)
 
-    def tension(self, stretch: Array) -> Array:
-        """Return the tension of each wire segment, (B, wires, elements + 1) [N]; 0 where slack."""
-        return tension_at(stretch, self._stiffness, self._quadratic)
-
-    def slack(self, stretch: Array) -> Array:
-        """Return the slack of each wire segment, (B, wires, elements + 1) [m]; 0 where taut."""
-        return np.maximum(-stretch, 0.0)
-
-    def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
-        """Return `tension` and `slack` at (B, nq) positions."""
-        stretch = self.stretch(qpos)
-        return self.tension(stretch), self.slack(stretch)
+        # Places for what `follow` computes: to allocate them, or to take views, takes as long as to compute.
+        self._motion, self._ends = np.ones((count, 2 * positions + 1, 1)), np.empty((count, 2 * lengths, 1))
+        self._qpos, self._qvel = self._motion[:, :positions, 0], self._motion[:, positions:-1, 0]
+        self._stretch = self._ends[:, :lengths].reshape(count, *layout.wire.shape)
+        self._soon = self._ends[:, lengths:].reshape(count, *layout.wire.shape)
+        self._taut, self._tension = np.empty((2, count, *layout.wire.shape))
+        self._is_taut = np.empty(self._taut.shape, dtype=bool)
+        self._before, self._behind = self._tension[..., :-1], self._tension[..., 1:]
 
     def drift(self, time: Array, travel: Array) -> Array:
         """Return the factor of sheath friction due to warm-up and wear.
@@ -92,71 +103,59 @@ class Loads:
         """
         return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
-    def friction(
-        self, tension: Array, qpos: Array, sheath_bend: Array, drift: Array | float
-    ) -> tuple[Array, Array]:
-        """Return the breakaway friction of every sheath element and hinge.
+    def follow(
+        self, rewritten: Rewritten, qpos: Array, qvel: Array, sheath_bend: Array, drift: Array | None
+    ) -> None:
+        """Rewrite friction and damping to the load of the present state.
 
         Args:
-            tension: (B, wires, elements + 1), of `tension`.
+            rewritten: of the models; hinges on which no wire rubs are left as they are.
             qpos: (B, nq) positions.
-            sheath_bend: (B,) angle that the sheath is bent by [rad].
-            drift: (B,) of `drift`, or 1.
-
-        Returns:
-            (B, wires, elements) forces of the sheath [N]; torques of each hinge of a group [N m], to be
-            broadcast to (B, planes, groups).
-        """
-        factor = np.asarray(drift).reshape(-1, 1, 1)
-        wrapped = self._friction * factor * (sheath_bend + self._bend_offset)[:, None, None]
-        if not np.array_equal(wrapped, self._wrapped):  # it hardly ever changes
-            self._wrapped, self._share = wrapped, friction_per_tension(wrapped, 1.0, self.elements)
-        sheath = element_friction(tension, self._share, self._floor * factor)
-        if not self.routed:
-            return sheath, self._joint
-        turn = np.sqrt((qpos[:, self.layout.hinge] ** 2).sum(axis=1, keepdims=True))
-        at_tip = tension[:, :, -1].reshape(len(qpos), -1, 2).sum(axis=2)
-        of_hinges = hinge_friction(np.zeros(1), self._routing, at_tip, turn)
-        return sheath, self._joint + np.add.reduceat(of_hinges, self._first, axis=2) / self._sizes
-
-    def damping(self, stretch: Array, tension: Array, qvel: Array) -> Array:
-        """Return the damping of every wire segment, 0 where it is slack.
-
-        Beside the wire's own it holds time step times stiffness: what makes MuJoCo's implicit step in the
-        velocities an implicit (backward Euler) step of the springs, whose stiffness it would otherwise take
-        explicitly. A length that will be taut before the next update has it already.
-
-        Args:
-            stretch: (B, wires, elements + 1), of `stretch`.
-            tension: (B, wires, elements + 1), of `tension`.
             qvel: (B, nv) velocities.
-
-        Returns:
-            (B, wires, elements + 1) [N s / m].
+            sheath_bend: (B,) angle that the sheath is bent by [rad]; not to be changed in place.
+            drift: (B,) of `drift`; None where nothing drifts.
         """
-        stiffness = self._stiffness
-        if self._stiffens:
-            stiffness = np.sqrt(stiffness**2 + 4 * self._quadratic * tension)
-        soon = stretch + self._ahead * np.matmul(self._lengthening, qvel[:, :, None]).reshape(self._shape)
-        taut = np.maximum(stretch, soon) > -NEARLY_TAUT
-        damping: Array = taut * (self._wire_damping + self._time_step * stiffness)
-        return damping
+        self._follow_sheath(sheath_bend, drift)
+        np.copyto(self._qpos, qpos)
+        np.copyto(self._qvel, qvel)
+        np.matmul(self._both_stretches, self._motion, out=self._ends)
 
+        # `tension_at` and `element_friction`, in place.
+        taut, tension, (sheath, joints, damping) = self._taut, self._tension, rewritten
+        np.maximum(self._stretch, _ZERO, out=taut)
+        np.multiply(taut, self.wires.quadratic, out=tension)
+        np.add(tension, self.wires.stiffness, out=tension)
+        np.multiply(tension, taut, out=tension)
+        np.add(self._behind, self._before, out=sheath)
+        np.multiply(sheath, self._half_share, out=sheath)
+        np.add(sheath, self._floor_now, out=sheath)
+        if self._routed:
+            joints[:] = self._rubbing(qpos)
 
-def _column(values: Sequence[float]) -> Array:
-    """Return one number per endoscope as (B, 1, 1), ready to broadcast."""
-    return np.array(values, dtype=float)[:, None, None]
+        # Time step times stiffness makes MuJoCo's implicit step in the velocities a backward Euler step of
+        # the springs, which it would otherwise take explicitly. A segment that will be taut before the next
+        # update has it already.
+        np.maximum(self._stretch, self._soon, out=self._soon)
+        np.greater(self._soon, _NEARLY_SLACK, out=self._is_taut)
+        np.multiply(taut, self._damping_per_stretch, out=damping)
+        np.add(damping, self._damping_unstretched, out=damping)
+        np.multiply(damping, self._is_taut, out=damping)
 
+    def _follow_sheath(self, sheath_bend: Array, drift: Array | None) -> None:
+        """Compute half the friction of an element per unit of tension, and the part that is of no tension."""
+        if drift is None and (sheath_bend is self._of_bend or np.array_equal(sheath_bend, self._of_bend)):
+            return
+        factor = np.ones(len(sheath_bend)) if drift is None else drift
+        wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
+        elements = self._floor.shape[1:]
+        self._half_share = of_each(friction_per_tension(wrapped, 1.0, elements[-1]) / 2, elements)
+        self._floor_now = self._floor * factor[:, None, None]
+        self._of_bend = sheath_bend
 
-def _lengthening(preset: Preset, layout: Layout) -> Array:
-    """Return the Jacobian of the wire segments' lengths, (wires * (elements + 1), nq)."""
-    lengths = preset.sheath_elements + 1
-    matrix = np.zeros((layout.wires, lengths, layout.element.size + layout.pulley.size + layout.hinge.size))
-    for wire in range(layout.wires):
-        side, plane = 1.0 - 2.0 * (wire % 2), wire // 2
-        for element, joint in enumerate(layout.element[wire]):
-            matrix[wire, element, joint] = -1.0
-            matrix[wire, element + 1, joint] = 1.0
-        matrix[wire, 0, layout.pulley[plane]] = side
-        matrix[wire, -1, layout.hinge[plane]] = -side * preset.wire_offset
-    return matrix.reshape(layout.wires * lengths, -1)
+    def _rubbing(self, qpos: Array) -> Array:
+        """Return the friction of the hinges of a group with that of the wires, (B, planes, groups) [N m]."""
+        hinge = qpos[:, self.layout.hinge]
+        turn = np.abs(hinge) if hinge.shape[1] == 1 else np.sqrt((hinge**2).sum(axis=1, keepdims=True))
+        at_tip = self._tension[:, :, -1].reshape(len(qpos), -1, 2).sum(axis=2, keepdims=True)
+        rubbing: Array = self._joint + self._routing * at_tip * np.matmul(turn, self._wrapped)
+        return rubbing

@@ -7,6 +7,8 @@ that a hinge pays out or takes up wire by that moment arm times its angle. With 
 vertebra has a second, crossed hinge, and there is a second pulley for the wires c and d.
 """
 
+import functools
+
 import mujoco
 
 from twin.episode import WIRES
@@ -23,8 +25,10 @@ _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached,
 # Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
 _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
+_MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
+@functools.lru_cache(maxsize=64)  # one preset is often simulated many times
 def model_xml(preset: Preset) -> str:
     """Return the complete model as MJCF text."""
     spec = mujoco.MjSpec.from_file(str(assets_folder() / "endoscope.xml"))
@@ -41,6 +45,18 @@ def model_xml(preset: Preset) -> str:
     spec.compile()
     xml: str = spec.to_xml()
     return xml
+
+
+def stepped_model(xml: str) -> mujoco.MjModel:
+    """Compile a model without its shapes, lights and cameras, which MuJoCo would place in every step.
+
+    It moves bit for bit as the whole one, as nothing of them has mass or touches anything.
+    """
+    spec = mujoco.MjSpec.from_string(xml)
+    for drawn in (*spec.geoms, *spec.lights, *spec.cameras):
+        spec.delete(drawn)
+    model: mujoco.MjModel = spec.compile()
+    return model
 
 
 def element_mass(preset: Preset) -> float:
@@ -66,7 +82,7 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
     that no error in position is needed to move. Time step times stiffness, added to the damping, makes the
-    spring implicit (see `Loads.damping`).
+    spring implicit (see `Loads.follow`).
     """
     damping = 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
     spec.add_actuator(
@@ -95,16 +111,19 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
 
     They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
     the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
-    armature, so the frame it is carried in does not matter.
+    armature, so the frame it is carried in does not matter. Each wire has a branch of its own below the
+    pulleys, as no force couples the elements of two wires, and as few bodies as its slides fit on.
     """
-    body = tip
-    names = [f"{plane}pulley" for plane in PLANES[: preset.bending_planes]]
-    for name in names:
-        body = _add_weightless(body, name)
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS)
+    pulleys = _add_weightless(tip, "pulleys")
+    for plane in PLANES[: preset.bending_planes]:
+        pulleys.add_joint(
+            name=f"{plane}pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS
+        )
     for wire in WIRES[: preset.wires]:
+        body = pulleys
         for element in range(preset.sheath_elements):
-            body = _add_weightless(body, f"sheath_{wire}{element}")
+            if element % _MOST_JOINTS == 0:
+                body = _add_weightless(body, f"wire_{wire}{element}")
             joint = body.add_joint(
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
@@ -153,7 +172,7 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
-    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.damping`)."""
+    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.follow`)."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     body.add_joint(

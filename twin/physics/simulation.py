@@ -12,6 +12,7 @@ from twin.mechanics.command import Command
 from twin.mechanics.record import record_of
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.layout import Layout
+from twin.physics.wires import Wires
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -55,18 +56,19 @@ def simulate(
         FloatingPointError: the simulation diverged.
     """
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
-    endoscope = endoscope or Endoscope.from_preset(preset)
+    # Without a caller who could draw it, it is not drawn.
+    endoscope = endoscope or Endoscope.from_preset(preset, drawn=on_sample is not None)
     if state is not None:
         endoscope.restore_state(state)
     else:
         for inputs in command.before.tolist():
             endoscope.advance(*inputs)
     record = Recorder(command, endoscope.layout)
+    qpos, friction = endoscope.data.ptr.qpos, endoscope.sheath_friction
     for k, periods in enumerate(command.between.tolist()):
         for inputs in periods if k > 0 else ():
             endoscope.advance(*inputs)
-        tension, slack = endoscope.wire_tension_and_slack()
-        record.add(k, endoscope.data.ptr.qpos, tension, endoscope.sheath_friction(), slack)
+        record.add(k, qpos, friction())
         if on_sample is not None:
             on_sample(endoscope)
     return record.episode(endoscope.xml)
@@ -80,30 +82,25 @@ class Recorder:
         count = len(command.pull)
         self._command, self._layout = command, layout
         self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))
-        self._wire_tension = np.empty((count, *layout.wire.shape))
         self._sheath_friction = np.empty((count, *layout.element.shape))
-        self._wire_slack = np.empty((count, *layout.wire.shape))
 
-    def add(
-        self, sample: int, qpos: Array, wire_tension: Array, sheath_friction: Array, wire_slack: Array
-    ) -> None:
-        """Store a sample: positions, tension and slack (wires, elements + 1), friction (wires, elements)."""
+    def add(self, sample: int, qpos: Array, sheath_friction: Array) -> None:
+        """Store a sample: positions (nq,), friction (wires, elements); tension and slack follow from them."""
         self._qpos[sample] = qpos
-        self._wire_tension[sample] = wire_tension
         self._sheath_friction[sample] = sheath_friction
-        self._wire_slack[sample] = wire_slack
 
     def episode(self, xml: str) -> Episode:
         """Return the recorded episode, with the MJCF model attached."""
         # Contiguous, so that sums round as `Endoscope.bend` does.
         joint_angle = np.ascontiguousarray(self._qpos[:, self._layout.hinge])
+        tension, slack = Wires([self._command.preset], self._layout).tension_and_slack(self._qpos)
         record = record_of(
             self._command,
             bend=joint_angle.sum(axis=2),
             joint_angle=joint_angle,
-            wire_tension=self._wire_tension,
+            wire_tension=tension,
             sheath_friction=self._sheath_friction,
-            wire_slack=self._wire_slack,
+            wire_slack=slack,
             pulley=self._qpos[:, self._layout.pulley[0]],
             metadata={"mujoco": MUJOCO},
         )

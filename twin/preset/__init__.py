@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from twin.preset.fidelity import FIDELITIES, at_fidelity
 from twin.preset.file import load_preset, preset_names
 from twin.preset.preset import Preset
 
@@ -18,4 +19,4 @@ else:
         return getattr(randomization, name)
 
 
-__all__ = ["Preset", "Ranges", "load_preset", "load_ranges", "preset_names"]
+__all__ = ["FIDELITIES", "Preset", "Ranges", "at_fidelity", "load_preset", "load_ranges", "preset_names"]
