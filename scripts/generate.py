@@ -121,9 +121,9 @@ def _write(args: Generate, out: Path) -> Summary:
 
 def _compile_once() -> None:
     """Compile the reduced twin here, if it never was: else each worker would, and nobody would say why."""
-    from twin.reduced.compiled import has_machine_code
+    from twin.mechanics.compiled import has_machine_code
 
-    if has_machine_code():
+    if has_machine_code("reduced"):
         return
     import numpy as np
 

@@ -99,7 +99,7 @@ def test_interpreted_kernels_give_the_same_to_rounding():
         "import numpy as np\n"
         "from twin.preset.file import load_preset\n"
         "from twin.reduced import simulate\n"
-        "from twin.reduced.compiled import COMPILED\n"
+        "from twin.mechanics.compiled import COMPILED\n"
         "pull = 2e-3 * np.sin(np.arange(40) / 6)\n"
         "print(COMPILED, *map(float.hex, simulate(load_preset('ureteroscope'), pull, 0.1).bend.tolist()))\n"
     )
@@ -123,9 +123,9 @@ def test_it_imports_no_mujoco():
 def test_generate_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
     """Compiled code of this process serves: nothing is compiled again here."""
     from scripts import generate
-    from twin.reduced import compiled
+    from twin.mechanics import compiled
 
-    assert compiled.has_machine_code()
+    assert compiled.has_machine_code("reduced")
     generate._compile_once()
     assert not capsys.readouterr().err
     monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "none")

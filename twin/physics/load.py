@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from twin.mechanics.friction import LEAST_FRICTION, friction_drift, friction_per_tension, hinge_friction
 from twin.mechanics.hinges import hinge_groups, joint_friction
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness
+from twin.physics.follow import follow_load
 from twin.physics.layout import Layout, consecutive
-from twin.physics.wires import Wires, of_each
+from twin.physics.wires import Wires
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-NEARLY_TAUT = 1e-6
-"""Slack up to which a wire counts as taut [m]."""
-_ZERO, _NEARLY_SLACK = np.array(0.0), np.array(-NEARLY_TAUT)  # arrays: a Python number costs as much again
 
 
 class Rewritten(NamedTuple):
@@ -48,16 +47,23 @@ class Loads:
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Gather the parameters of all endoscopes, along the leading axis of every array."""
         self.layout, self.wires = layout, Wires(presets, layout)
-        elements, shape = presets[0].sheath_elements, layout.element.shape
+        elements = presets[0].sheath_elements
         self._friction = np.array([p.sheath_friction for p in presets])
-        floors = [max(p.sheath_friction_floor / elements, LEAST_FRICTION) for p in presets]
-        self._floor = of_each(floors, shape)
+        self._floor = np.array([max(p.sheath_friction_floor / elements, LEAST_FRICTION) for p in presets])
         self._bend_offset = np.array([p.sheath_bend_offset for p in presets])
         self._warm_up = np.array([p.friction_warm_up for p in presets])
         self._warm_up_time = np.array([p.warm_up_time for p in presets])
         self._wear = np.array([p.friction_wear for p in presets])
         self.drifts = bool(self._warm_up.any() or self._wear.any())
         self._of_bend, self._half_share, self._floor_now = np.empty(0), self._floor, self._floor
+        self._wire = np.array(
+            [
+                (p.wire_offset, segment_stiffness(p), quadratic_stiffness(p), p.wire_damping * (elements + 1))
+                for p in presets
+            ]
+        )
+        self._steps = np.array([presets[0].time_step, 2 * presets[0].control_period])
+        self._at_tip = np.empty((len(presets), layout.wires))
 
         self._joint = np.array([joint_friction(p) for p in presets])[:, None, :]
         self._routing = np.array([[[p.routing_friction * p.wire_offset]] for p in presets])
@@ -67,29 +73,6 @@ class Loads:
         of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
         groups = hinge_groups(vertebrae)
         self._wrapped = np.stack([of_hinges[:, group].mean(axis=1) for group in groups], axis=1)
-
-        # Damping where taut: the wire's own, and time step times the stiffness k + 2 k2 x of a stretch x.
-        wires, time_step = self.wires, presets[0].time_step
-        own = of_each([p.wire_damping * (elements + 1) for p in presets], layout.wire.shape)
-        self._damping_unstretched = own + time_step * wires.stiffness
-        self._damping_per_stretch = 2 * time_step * wires.quadratic
-
-        # Stretch now, and two control periods on at the present rate, are linear in (qpos, qvel, 1).
-        count, lengths, positions = wires.lengthening.shape
-        rest = wires.rest_stretch.reshape(count, lengths, 1)
-        ahead = 2 * presets[0].control_period * wires.lengthening
-        now = np.concatenate([wires.lengthening, np.zeros_like(ahead), rest], axis=2)
-        soon = np.concatenate([wires.lengthening, ahead, rest], axis=2)
-        self._both_stretches = np.concatenate([now, soon], axis=1)
-
-        # Places for what `follow` computes: to allocate them, or to take views, takes as long as to compute.
-        self._motion, self._ends = np.ones((count, 2 * positions + 1, 1)), np.empty((count, 2 * lengths, 1))
-        self._qpos, self._qvel = self._motion[:, :positions, 0], self._motion[:, positions:-1, 0]
-        self._stretch = self._ends[:, :lengths].reshape(count, *layout.wire.shape)
-        self._soon = self._ends[:, lengths:].reshape(count, *layout.wire.shape)
-        self._taut, self._tension = np.empty((2, count, *layout.wire.shape))
-        self._is_taut = np.empty(self._taut.shape, dtype=bool)
-        self._before, self._behind = self._tension[..., :-1], self._tension[..., 1:]
 
     def drift(self, time: Array, travel: Array) -> Array:
         """Return the factor of sheath friction due to warm-up and wear.
@@ -116,30 +99,23 @@ class Loads:
             drift: (B,) of `drift`; None where nothing drifts.
         """
         self._follow_sheath(sheath_bend, drift)
-        np.copyto(self._qpos, qpos)
-        np.copyto(self._qvel, qvel)
-        np.matmul(self._both_stretches, self._motion, out=self._ends)
-
-        # `tension_at` and `element_friction`, in place.
-        taut, tension, (sheath, joints, damping) = self._taut, self._tension, rewritten
-        np.maximum(self._stretch, _ZERO, out=taut)
-        np.multiply(taut, self.wires.quadratic, out=tension)
-        np.add(tension, self.wires.stiffness, out=tension)
-        np.multiply(tension, taut, out=tension)
-        np.add(self._behind, self._before, out=sheath)
-        np.multiply(sheath, self._half_share, out=sheath)
-        np.add(sheath, self._floor_now, out=sheath)
+        follow_load(
+            qpos,
+            qvel,
+            self.layout.hinge,
+            self.layout.pulley,
+            self.layout.element,
+            self._wire,
+            self.wires.rest_stretch,
+            self._half_share,
+            self._floor_now,
+            self._steps,
+            rewritten.sheath,
+            rewritten.damping,
+            self._at_tip,
+        )
         if self._routed:
-            joints[:] = self._rubbing(qpos)
-
-        # Time step times stiffness makes MuJoCo's implicit step in the velocities a backward Euler step of
-        # the springs, which it would otherwise take explicitly. A segment that will be taut before the next
-        # update has it already.
-        np.maximum(self._stretch, self._soon, out=self._soon)
-        np.greater(self._soon, _NEARLY_SLACK, out=self._is_taut)
-        np.multiply(taut, self._damping_per_stretch, out=damping)
-        np.add(damping, self._damping_unstretched, out=damping)
-        np.multiply(damping, self._is_taut, out=damping)
+            rewritten.joints[:] = self._rubbing(qpos)
 
     def _follow_sheath(self, sheath_bend: Array, drift: Array | None) -> None:
         """Compute half the friction of an element per unit of tension, and the part that is of no tension."""
@@ -147,15 +123,14 @@ class Loads:
             return
         factor = np.ones(len(sheath_bend)) if drift is None else drift
         wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
-        elements = self._floor.shape[1:]
-        self._half_share = of_each(friction_per_tension(wrapped, 1.0, elements[-1]) / 2, elements)
-        self._floor_now = self._floor * factor[:, None, None]
+        self._half_share = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
+        self._floor_now = self._floor * factor
         self._of_bend = sheath_bend
 
     def _rubbing(self, qpos: Array) -> Array:
         """Return the friction of the hinges of a group with that of the wires, (B, planes, groups) [N m]."""
         hinge = qpos[:, self.layout.hinge]
         turn = np.abs(hinge) if hinge.shape[1] == 1 else np.sqrt((hinge**2).sum(axis=1, keepdims=True))
-        at_tip = self._tension[:, :, -1].reshape(len(qpos), -1, 2).sum(axis=2, keepdims=True)
+        at_tip = self._at_tip.reshape(len(qpos), -1, 2).sum(axis=2, keepdims=True)
         rubbing: Array = self._joint + self._routing * at_tip * np.matmul(turn, self._wrapped)
         return rubbing

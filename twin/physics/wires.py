@@ -16,8 +16,8 @@ class Wires:
     """Wires of B endoscopes of one layout, which may differ in their parameters.
 
     Attributes:
-        stiffness: of each segment at zero tension, (B, wires, elements + 1) [N / m].
-        quadratic: quadratic coefficient of each segment, (B, wires, elements + 1) [N / m^2].
+        stiffness: of a segment at zero tension, (B, 1, 1) [N / m].
+        quadratic: quadratic coefficient of a segment, (B, 1, 1) [N / m^2].
         rest_stretch: stretch of each segment at positions of zero, (B, wires, elements + 1) [m].
         lengthening: Jacobian of the segments' lengths, (B, wires * (elements + 1), nq).
     """
@@ -25,9 +25,9 @@ class Wires:
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Gather the parameters of all endoscopes, along the leading axis of every array."""
         self._of_one = layout.wire.shape
-        self.stiffness = of_each([segment_stiffness(p) for p in presets], self._of_one)
-        self.quadratic = of_each([quadratic_stiffness(p) for p in presets], self._of_one)
-        wound = np.array([wound_tension(p) for p in presets])[:, None, :]
+        self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]
+        self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]
+        wound = np.array([[wound_tension(p)] * layout.wires for p in presets])
         self.rest_stretch = stretch_at(wound, self.stiffness, self.quadratic)
         self.lengthening = np.array([_lengthening(p, layout) for p in presets])
 
@@ -49,15 +49,6 @@ class Wires:
         """
         stretch = self.stretch(qpos)
         return tension_at(stretch, self.stiffness, self.quadratic), np.maximum(-stretch, 0.0)
-
-
-def of_each(values: Sequence[float] | Array, shape: Sequence[int]) -> Array:
-    """Return one number per endoscope in full size, (B, *shape).
-
-    An operation on few numbers takes half as long as on numbers that have to be broadcast.
-    """
-    column = np.array(values, dtype=float).reshape(-1, *(1 for _ in shape))
-    return np.broadcast_to(column, (len(values), *shape)).copy()
 
 
 def _lengthening(preset: Preset, layout: Layout) -> Array:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.compiled import compiled
 from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive
 from twin.mechanics.friction import friction_drift
 from twin.reduced.chain import Array, Hinge, Plane, Segment, Work, new_work
-from twin.reduced.compiled import compiled
 from twin.reduced.parameters import Parameters
 from twin.reduced.plane import solve_plane
 from twin.reduced.state import ReducedState

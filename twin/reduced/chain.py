@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.reduced.compiled import compiled, inlined
+from twin.mechanics.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]

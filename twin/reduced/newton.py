@@ -7,6 +7,7 @@ pulley's own spring added as a border.
 
 import math
 
+from twin.mechanics.compiled import compiled, inlined
 from twin.reduced.chain import (
     RESIDUAL_N,
     Array,
@@ -19,7 +20,6 @@ from twin.reduced.chain import (
     pulley_force,
     turn_of,
 )
-from twin.reduced.compiled import compiled, inlined
 
 HELD = 1e-3
 """Share of its stiffness that a slack segment is given in the linear system, not in the equilibrium."""

@@ -16,6 +16,7 @@ until less than `RESIDUAL_N` is missing from equilibrium at every node.
 
 import math
 
+from twin.mechanics.compiled import compiled
 from twin.reduced.chain import (
     Array,
     Plane,
@@ -26,7 +27,6 @@ from twin.reduced.chain import (
     load_segments,
     pulley_force,
 )
-from twin.reduced.compiled import compiled
 from twin.reduced.newton import settle
 from twin.reduced.sweep import sweep
 

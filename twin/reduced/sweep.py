@@ -6,6 +6,7 @@ chains (Rheinboldt 1970, M-functions), but slowly: they lead elsewhere, and Newt
 
 import math
 
+from twin.mechanics.compiled import compiled, inlined
 from twin.reduced.chain import (
     RESIDUAL_N,
     Array,
@@ -19,7 +20,6 @@ from twin.reduced.chain import (
     pulley_force,
     turn_of,
 )
-from twin.reduced.compiled import compiled, inlined
 
 TRIALS = 80
 """Most steps of the bracketed search for the rest of one node."""

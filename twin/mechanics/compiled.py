@@ -49,14 +49,15 @@ def cache_folder() -> Path:
     """Return the folder for machine code: beside the sources; in the user's cache if they are read-only."""
     here = Path(__file__).parent
     sources = hashlib.sha256()
-    for path in [*sorted(here.glob("*.py")), *sorted((here.parent / "mechanics").glob("*.py"))]:
-        sources.update(path.read_bytes())
+    for package in ("mechanics", "physics", "reduced"):
+        for path in sorted((here.parent / package).glob("*.py")):
+            sources.update(path.read_bytes())
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endotwin"
     return (
         (here if os.access(here, os.W_OK) else home) / "__pycache__" / f"kernels-{sources.hexdigest()[:16]}"
     )
 
 
-def has_machine_code() -> bool:
-    """Return whether the kernels need no compiling: the first call then takes no time."""
-    return not COMPILED or any(cache_folder().glob("**/*.nbi"))
+def has_machine_code(package: str) -> bool:
+    """Return whether the kernels of a package need no compiling: the first call then takes no time."""
+    return not COMPILED or any(cache_folder().glob(f"{package}_*/*.nbi"))
