@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.compiled import compiled
 from twin.mechanics.drive import DriveLaw
 from twin.reduced.advance import advance_one
 from twin.reduced.chain import Array, Work, new_work
-from twin.reduced.compiled import compiled
 from twin.reduced.parameters import Parameters
 from twin.reduced.state import ReducedState
 
