@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin.mechanics.compiled import compiled
 from twin.mechanics.drive import DriveLaw
 from twin.reduced.advance import advance_one
-from twin.reduced.chain import Array, Work, new_work
+from twin.reduced.chain import Array, Work, bend_of, new_work
 from twin.reduced.parameters import Parameters
 from twin.reduced.state import ReducedState
 
@@ -134,10 +134,7 @@ def _bend_after(trial: Trial, p: int) -> float:
     scratch.time[m] = state.time[m]
     scratch.travel[m] = state.travel[m]
     advance_one(trial.parameters, scratch, trial.work, m, trial.inputs, trial.periods)
-    bend = 0.0
-    for g in range(len(trial.parameters.size)):
-        bend += trial.parameters.size[g] * scratch.hinge[m, p, g]
-    return bend
+    return bend_of(trial.parameters.size, scratch.hinge[m, p])
 
 
 @compiled
