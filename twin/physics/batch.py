@@ -116,10 +116,6 @@ class EndoscopeBatch:
         self._warning = self._batch.warning.reshape(len(presets), -1)
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
 
-    def wire_tension_and_slack(self) -> tuple[Array, Array]:
-        """Return tension [N] and slack [m] of each wire segment, both (B, wires, elements + 1)."""
-        return self._loads.wires.tension_and_slack(self.qpos)
-
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
         return self._rewritten.sheath.copy()
