@@ -22,7 +22,8 @@ def test_shipped_preset_is_complete_and_named_after_its_file(name):
     assert preset.name == name
     assert 0.5e-3 < preset.wire_offset < 20e-3  # an endoscope, in metres
     assert 5e-3 < preset.section_length < 0.5
-    assert 0 < preset.sheath_friction < 1
+    assert 0 <= preset.sheath_friction < 1
+    assert preset.sheath_friction_floor > 0
     assert preset.control_period / preset.time_step == pytest.approx(
         round(preset.control_period / preset.time_step)
     )

@@ -19,9 +19,13 @@ MUST_BE_POSITIVE = {
     "pulley_radius",
     "time_step",
     "control_period",
+    "sheath_friction_exponent",
 }
 MAY_BE_NEGATIVE = {
     "initial_bend",
+    "lateral_initial_bend",
+    "command_zero",
+    "lateral_command_zero",
     "joint_friction_taper",
     "friction_warm_up",
     "gravity_x",
@@ -72,7 +76,8 @@ def test_sign_of_a_parameter_is_what_it_means(name):
     else:
         assert getattr(with_value(name, 0.0), name) == 0.0
     if name in MAY_BE_NEGATIVE:
-        assert getattr(with_value(name, -0.5), name) == -0.5
+        value = max(-0.5, parameter_limits(name)[0])
+        assert getattr(with_value(name, value), name) == value < 0
     else:
         rule = "positive" if name in MUST_BE_POSITIVE else "not be negative"
         with pytest.raises(ValueError, match=rf"{name} = -1e-09: must (be )?{rule}"):

@@ -34,7 +34,7 @@ def assert_close(mujoco, reduced, rms: float = 0.002, largest: float = 0.01) -> 
     found = differences(mujoco, reduced)
     assert found[0] <= rms, found
     assert found[1] <= largest, found
-    assert found[2] <= 0.02, found
+    assert found[2] <= 0.03, found  # MuJoCo's own step counts more in tensions: docs/results/reduced.md
 
 
 @pytest.mark.parametrize("name", STROKES)

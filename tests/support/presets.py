@@ -9,6 +9,7 @@ from twin.preset.preset import Preset, parameter_limits
 NUMBERS = [field.name for field in dataclasses.fields(Preset) if field.name != "name"]
 COUNTS = {
     "bending_planes": (1, 2),
+    "wires_per_plane": (1, 2),
     "vertebrae": (1, 128),
     "sheath_elements": (1, 64),
     "encoder_counts": (0, 2**24),

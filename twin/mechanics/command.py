@@ -50,7 +50,9 @@ class Command:
         pull = np.asarray(pull, dtype=float)
         check_finite(pull)
         if lateral_pull is None:
-            lateral_pull = np.zeros(len(pull))
+            lateral_pull = np.full(
+                len(pull), preset.lateral_command_zero if preset.bending_planes == 2 else 0.0
+            )
         elif preset.bending_planes == 1:
             raise InputError(f"a lateral command: {preset.name!r} has one bending plane, it needs two")
         lateral_pull = np.asarray(lateral_pull, dtype=float)
@@ -76,9 +78,11 @@ class Command:
 
 def _approach(first: Array, preset: Preset) -> Array:
     """Return the inputs (M, 3) on the way from rest to the first sample; the shorter way waits at rest."""
-    ways = [approach(start, preset.control_period) for start in first[:2]]
+    zeros = preset.command_zeros
+    ways = [approach(start - zero, preset.control_period) for start, zero in zip(first, zeros, strict=False)]
     inputs = np.zeros((max(map(len, ways)), 3))
-    for column, way in enumerate(ways):
-        inputs[len(inputs) - len(way) :, column] = way
+    for column, (way, zero) in enumerate(zip(ways, zeros, strict=True)):
+        inputs[:, column] = zero
+        inputs[len(inputs) - len(way) :, column] += way
     inputs[:, 2] = first[2]
     return inputs

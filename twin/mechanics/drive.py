@@ -1,15 +1,21 @@
-"""Drive train between command and wires: servo, encoder and gear backlash.
+"""Drive train between command and wires: delay, servo, encoder and gear backlash.
 
-Two parts in a row, each exact over one control period: a motor under a position loop with limits, then the
-play of a gear (Brokate and Sprekels 1996, 'Hysteresis and Phase Transitions', chapter 2: play operator).
+Three parts in a row: a pure delay, linear between control periods; a motor under a position loop with limits;
+the play of a gear (Brokate and Sprekels 1996, 'Hysteresis and Phase Transitions', chapter 2: play operator).
+The last two are exact over one control period.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.preset.preset import Preset
 
+Array = NDArray[np.float64]
 DriveState = tuple[float, float, float]
 """Position of the motor, its distance in the last control period, position of the pulley [m]."""
 
@@ -30,6 +36,7 @@ class DriveLaw(NamedTuple):
         encoder_step: one count of the encoder [m]; 0 is continuous.
         half_play: of the gear [m].
         stiff: True if the motor follows without lag.
+        delay: of the command, in control periods [-].
     """
 
     share: float
@@ -38,6 +45,7 @@ class DriveLaw(NamedTuple):
     encoder_step: float
     half_play: float
     stiff: bool
+    delay: float
 
 
 def drive_law(preset: Preset) -> DriveLaw:
@@ -52,12 +60,32 @@ def drive_law(preset: Preset) -> DriveLaw:
         encoder_step=2 * math.pi * preset.pulley_radius / counts if counts else 0.0,
         half_play=preset.backlash / 2,
         stiff=not (gain or speed or acceleration),
+        delay=round(preset.command_delay / period, 9),
     )
 
 
 def is_rigid(law: DriveLaw) -> bool:
-    """Return True if the pulley follows the command exactly: no servo, no encoder, no backlash."""
-    return law.stiff and not law.encoder_step and not law.half_play
+    """Return True if the pulley follows the command exactly: no delay, servo, encoder or backlash."""
+    return law.stiff and not law.encoder_step and not law.half_play and not law.delay
+
+
+def commands_kept(law: DriveLaw) -> int:
+    """Return how many past commands a delay needs."""
+    return math.ceil(law.delay)
+
+
+def delayed_command(delay: float, past: Sequence[float] | Array, command: float) -> float:
+    """Return the command that a motor follows; plain numbers, so that it can be compiled.
+
+    Args:
+        delay: in control periods.
+        past: the commands of the periods before this one, the last one first.
+        command: of this one.
+    """
+    whole = int(delay)
+    part = delay - whole
+    later = command if whole == 0 else past[whole - 1]
+    return later if part == 0.0 else later + part * (past[whole] - later)
 
 
 def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, command: float) -> DriveState:
@@ -106,6 +134,8 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
 class Drive:
     """Drive train of one bending plane: motor, encoder, gear and pulley; positions are pulling distances [m].
 
+    Motor and pulley are at 0 where the command is at `zero`.
+
     The motor moves by one *stride* s in each control period T, by the error e that its encoder counts:
 
         s = e (1 - exp(-gain T))               position loop: de/dt = -gain e, exact over T
@@ -121,27 +151,34 @@ class Drive:
     or by v^2 / (2 acceleration) where that is more.
     """
 
-    def __init__(self, preset: Preset) -> None:
-        """Set up the drive of a preset, in the state that `reset` leaves."""
-        self._law = drive_law(preset)
+    def __init__(self, preset: Preset, zero: float = 0.0) -> None:
+        """Set up the drive of a preset, in the state that `reset` leaves.
+
+        Args:
+            preset: the endoscope.
+            zero: command at which the endoscope is neutral [m].
+        """
+        self._law, self._zero = drive_law(preset), zero
         self.reset()
 
     @property
     def rigid(self) -> bool:
-        """True if the pulley follows the command exactly: no servo, no encoder, no backlash."""
-        return is_rigid(self._law)
+        """True if the pulley follows the command exactly: no zero, delay, servo, encoder or backlash."""
+        return is_rigid(self._law) and not self._zero
 
     def reset(self) -> None:
         """Reset motor and pulley to rest at 0, in the middle of the backlash."""
         self._state = (0.0, 0.0, 0.0)
+        self._past = (self._zero,) * commands_kept(self._law)
 
-    def state(self) -> DriveState:
-        """Return the complete state of the drive."""
-        return self._state
+    def state(self) -> tuple[float, ...]:
+        """Return the complete state: `DriveState`, then the commands that a delay keeps, latest first."""
+        return *self._state, *self._past
 
-    def restore(self, state: DriveState) -> None:
+    def restore(self, state: tuple[float, ...]) -> None:
         """Restore a state that `state` returned; the run continues bit for bit."""
-        self._state = state
+        motor, stride, pulley, *past = state
+        self._state, self._past = (motor, stride, pulley), tuple(past)
 
     def advance(self, command: float) -> float:
         """Advance the drive by one control period.
@@ -151,12 +188,14 @@ class Drive:
 
         Returns:
             Distance that the pulley has really pulled by then [m]: the command itself, bit for bit, where the
-            preset has no servo, no encoder and no backlash.
+            preset has no delay, servo, encoder or backlash, and its zero is 0.
 
         Raises:
             ValueError: the command is not finite.
         """
         if not math.isfinite(command):
             raise InputError(f"commanded pulling distance {command}: must be a finite number")
-        self._state = advance_drive(self._law, *self._state, command)
+        wanted = delayed_command(self._law.delay, self._past, command) - self._zero
+        self._past = (command, *self._past[:-1]) if self._past else ()
+        self._state = advance_drive(self._law, *self._state, wanted)
         return self._state[2]

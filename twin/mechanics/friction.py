@@ -51,6 +51,24 @@ def friction_per_tension(friction: Array | float, bend: Array | float, elements:
     return force
 
 
+def friction_floor(
+    floor: Array | float, growth: Array | float, exponent: Array | float, bend: Array | float
+) -> Array | float:
+    """Return the friction of a wire in its sheath that does not depend on its tension [N].
+
+    A wire has a stiffness of its own: a bent sheath has to bend it, and is pressed by it, even where it is
+    not pulled. Measured loops at eight bends of a sheath tell such a friction, which rises with the bend less
+    than in proportion (exponents of some 2/3), and hardly one in proportion to the tension.
+
+    Args:
+        floor: in a straight sheath [N].
+        growth: what one radian adds [N].
+        exponent: of the growth [-].
+        bend: angle that the sheath is bent by [rad].
+    """
+    return floor + growth * bend**exponent
+
+
 def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:
     """Return the breakaway friction force of each sheath element.
 

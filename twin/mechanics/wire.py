@@ -10,10 +10,12 @@ polynomial tendon stiffness computes the same force.
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.friction import friction_per_tension
+from twin.mechanics.friction import friction_floor, friction_per_tension
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+ABSENT = 1.0
+"""Slack of each segment of a wire that is not there [m]: no pull takes it up."""
 
 
 def segment_stiffness(preset: Preset) -> float:
@@ -45,19 +47,46 @@ def wound_tension(preset: Preset) -> Array:
 
     The pulley pulls both wires alike until they carry `preset.pretension` there. All elements then slide
     towards the pulley, so that every one of them keeps its share of the tension from the tip (capstan
-    equation).
+    equation). Wires with slack, and those without an antagonist, carry nothing.
 
     Returns:
         (elements + 1,) tension, pulley to tip [N].
     """
     elements = preset.sheath_elements
+    if preset.wire_slack or preset.wires_per_plane == 1:
+        return np.zeros(elements + 1)
     share = friction_per_tension(
         preset.sheath_friction, preset.sheath_bend + preset.sheath_bend_offset, elements
     )
-    floor = preset.sheath_friction_floor / elements
+    floor = sheath_floor(preset) / elements
     tension = np.empty(elements + 1)
     tension[0] = preset.pretension
     for element in range(elements):
         inner = tension[element] * (1 - share / 2) - floor
         tension[element + 1] = max(inner / (1 + share / 2), 0.0)
     return tension
+
+
+def sheath_floor(preset: Preset) -> float:
+    """Return the friction of one wire in the preset's own sheath that does not depend on its tension [N]."""
+    growth, exponent = preset.sheath_friction_growth, preset.sheath_friction_exponent
+    return float(friction_floor(preset.sheath_friction_floor, growth, exponent, preset.sheath_bend))
+
+
+def rest_stretch(preset: Preset, antagonist: bool) -> Array:
+    """Return the stretch of each segment of a wire in a new, straight endoscope.
+
+    Slack is at the tip: no friction keeps it elsewhere. A wire that is not there is one that is never taut.
+
+    Args:
+        preset: the endoscope.
+        antagonist: whether it is wire b or d.
+
+    Returns:
+        (elements + 1,) stretch, pulley to tip [m]; below 0 where slack.
+    """
+    if antagonist and preset.wires_per_plane == 1:
+        return np.full(preset.sheath_elements + 1, -ABSENT)
+    stretch = stretch_at(wound_tension(preset), segment_stiffness(preset), quadratic_stiffness(preset))
+    stretch[-1] -= preset.wire_slack
+    return stretch

@@ -18,6 +18,7 @@ from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
 from twin.physics.load import Loads, Rewritten
 from twin.physics.model import model_xml, stepped_model
+from twin.physics.release import is_curved, release_shares
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
@@ -85,7 +86,7 @@ class EndoscopeBatch:
     """Batch of B simulated endoscopes that are stepped together."""
 
     def __init__(self, presets: Sequence[Preset], threads: int = 0) -> None:
-        """Build all B endoscopes, straight and at rest.
+        """Build all B endoscopes, at rest.
 
         Raises:
             ValueError: there is none, or they differ in layout.
@@ -107,7 +108,7 @@ class EndoscopeBatch:
         self._qvel = self._batch.bind("qvel")
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
         self._ctrl = self._batch.bind("ctrl")
-        self._drives = [[Drive(preset) for _ in range(preset.bending_planes)] for preset in presets]
+        self._drives = [[Drive(preset, zero) for zero in preset.command_zeros] for preset in presets]
         self._rigid = all(drive.rigid for drives in self._drives for drive in drives)
         self._travel = np.zeros(len(presets))
         self._steps = round(presets[0].control_period / presets[0].time_step)
@@ -115,6 +116,7 @@ class EndoscopeBatch:
         """(B,) whether a simulation has diverged; it then stands still."""
         self._warning = self._batch.warning.reshape(len(presets), -1)
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
+        self._let_go(models)
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
@@ -141,6 +143,23 @@ class EndoscopeBatch:
             self._travel += np.abs(step)
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
+
+    def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
+        """Let curved sections go, as `Endoscope` does."""
+        curved = np.array([is_curved(preset) for preset in self.presets])
+        if not curved.any():
+            return
+        inputs = np.zeros((len(self.presets), 3))
+        for index, preset in enumerate(self.presets):
+            inputs[index, : preset.bending_planes] = preset.command_zeros
+            inputs[index, 2] = preset.sheath_bend
+        hinge = self.layout.hinge
+        curve = np.array([model.qpos_spring[hinge] for model in models])
+        spring = self._batch.expand("qpos_spring")
+        for share in release_shares(self.presets[0]):
+            spring[:, hinge] = share * curve
+            self.advance(inputs, curved)
+        self._time[curved] = 0.0
 
     def _follow_load(self, sheath_bend: Array) -> None:
         drift = self._loads.drift(self._time, self._travel) if self._loads.drifts else None

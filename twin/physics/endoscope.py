@@ -10,11 +10,12 @@ from dm_control import mujoco as dm_mujoco
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError, InputError
-from twin.mechanics.drive import Drive, DriveState
+from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
 from twin.physics.load import Loads, Rewritten
 from twin.physics.model import model_xml, stepped_model
+from twin.physics.release import is_curved, release_shares
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class State:
     Attributes:
         physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`): positions, velocities, actuator states,
             warm start of the solver and more.
-        drive: state of servo and backlash of each bending plane [m].
+        drive: state of the drive of each bending plane, of `Drive.state` [m].
         travel: total distance that the pulleys have travelled, which wears the sheath [m].
         sheath_bend: bend angle of the sheath [rad].
         sheath_friction: breakaway friction of the sheath elements in the last control period, (wires,
@@ -36,7 +37,7 @@ class State:
     """
 
     physics: Array
-    drive: tuple[DriveState, ...]
+    drive: tuple[tuple[float, ...], ...]
     travel: float
     sheath_bend: float
     sheath_friction: Array
@@ -51,7 +52,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
     @classmethod
     def from_preset(cls, preset: Preset, *, drawn: bool = True) -> "Endoscope":
-        """Build the endoscope of a preset, straight and at rest.
+        """Build the endoscope of a preset, at rest.
 
         Args:
             preset: the endoscope.
@@ -69,7 +70,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self.preset = preset
         self.layout = Layout.of(self.model.ptr, preset)
         self._loads = Loads([preset], self.layout)
-        self._drives = [Drive(preset) for _ in range(preset.bending_planes)]
+        self._drives = [Drive(preset, zero) for zero in preset.command_zeros]
         self._travel = 0.0
         self._steps = round(preset.control_period / preset.time_step)
         self._sheath_bend = np.array([preset.sheath_bend])
@@ -81,9 +82,10 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._rewritten = Rewritten.of(self.layout, *(field[None] for field in fields))
         self._rewritten.joints[:] = joint_friction(preset)
         self._follow_load()
+        self._let_go()
 
     def reset(self, keyframe_id: int | None = None) -> None:
-        """Reset to straight and at rest, with a new sheath; drive and wear are reset too."""
+        """Reset to rest, with a new sheath; drive and wear are reset too."""
         super().reset(keyframe_id)
         if hasattr(self, "_drives"):  # dm_control resets while it builds, before there is anything to read
             for drive in self._drives:
@@ -91,6 +93,18 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             self._travel = 0.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
             self._follow_load()
+            self._let_go()
+
+    def _let_go(self) -> None:
+        """Let a curved section go from straight to where friction holds it, slowly."""
+        model, data = self._pair
+        if not is_curved(self.preset):
+            return
+        curve = model.qpos_spring[self.layout.hinge]
+        for share in release_shares(self.preset):
+            model.qpos_spring[self.layout.hinge] = share * curve
+            self.advance(*self.preset.command_zeros)
+        data.time = 0.0
 
     def bend(self) -> float:
         """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""

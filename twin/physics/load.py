@@ -10,7 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.friction import LEAST_FRICTION, friction_drift, friction_per_tension, hinge_friction
+from twin.mechanics.friction import (
+    LEAST_FRICTION,
+    friction_drift,
+    friction_floor,
+    friction_per_tension,
+    hinge_friction,
+)
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness
 from twin.physics.follow import follow_load
@@ -50,6 +56,8 @@ class Loads:
         elements = presets[0].sheath_elements
         self._friction = np.array([p.sheath_friction for p in presets])
         self._floor = np.array([max(p.sheath_friction_floor / elements, LEAST_FRICTION) for p in presets])
+        self._growth = np.array([p.sheath_friction_growth / elements for p in presets])
+        self._exponent = np.array([p.sheath_friction_exponent for p in presets])
         self._bend_offset = np.array([p.sheath_bend_offset for p in presets])
         self._warm_up = np.array([p.friction_warm_up for p in presets])
         self._warm_up_time = np.array([p.warm_up_time for p in presets])
@@ -124,7 +132,7 @@ class Loads:
         factor = np.ones(len(sheath_bend)) if drift is None else drift
         wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
         self._half_share = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
-        self._floor_now = self._floor * factor
+        self._floor_now = friction_floor(self._floor, self._growth, self._exponent, sheath_bend) * factor
         self._of_bend = sheath_bend
 
     def _rubbing(self, qpos: Array) -> Array:

@@ -16,7 +16,7 @@ from twin.files.assets import assets_folder
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups, joint_friction
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
+from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, sheath_floor
 from twin.physics.layout import PLANES
 from twin.preset.preset import Preset
 
@@ -129,7 +129,7 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
                 axis=[-1, 0, 0],
                 armature=element_mass(preset),
-                frictionloss=max(preset.sheath_friction_floor / preset.sheath_elements, LEAST_FRICTION),
+                frictionloss=max(sheath_floor(preset) / preset.sheath_elements, LEAST_FRICTION),
             )
             _make_friction_dry(joint, preset)
 
@@ -157,8 +157,9 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
     body = spec.worldbody
     for index in range(preset.vertebrae):
         body = body.add_body(name=f"vertebra_{index}", pos=[0 if index == 0 else link, 0, 0])
-        for plane, axis in zip(PLANES[: preset.bending_planes], ([0, -1, 0], [0, 0, 1]), strict=False):
-            _add_hinge(body, preset, f"{plane}hinge_{index}", axis, curved=not plane)
+        axes = ([0, -1, 0], [0, 0, 1])
+        for plane, axis, curve in zip(PLANES, axes, preset.initial_bends, strict=False):
+            _add_hinge(body, preset, f"{plane}hinge_{index}", axis, curve)
         body.mass = preset.section_mass / preset.vertebrae
         body.ipos = [link / 2, 0, 0]
         slender = body.mass * (link**2 / 12 + preset.wire_offset**2 / 4)
@@ -171,7 +172,7 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
     return body
 
 
-def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], *, curved: bool) -> None:
+def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], curve: float) -> None:
     """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.follow`)."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
@@ -180,7 +181,7 @@ def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int],
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=axis,
         stiffness=[stiffness, 0, stiffness * preset.section_stiffening * count**2],
-        springref=preset.initial_bend / count if curved else 0.0,
+        springref=curve / count,
         damping=[preset.section_damping * count + preset.time_step * stiffness, 0, 0],
         armature=section_inertia(preset) * count,
     )
@@ -192,12 +193,12 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
     plane, side = PLANES[place // 2], 1.0 - 2.0 * (place % 2)
     stiffness, quadratic = segment_stiffness(preset), quadratic_stiffness(preset)
     damping = preset.wire_damping * (preset.sheath_elements + 1) + preset.time_step * stiffness
-    for length, tension in enumerate(wound_tension(preset)):
+    for length, stretch in enumerate(rest_stretch(preset, antagonist=side < 0)):
         tendon = spec.add_tendon(
             name=f"wire_{wire}{length}",
             stiffness=[stiffness, quadratic, 0],
             damping=[damping, 0, 0],
-            springlength=[_FAR, -float(stretch_at(tension, stiffness, quadratic))],
+            springlength=[_FAR, -float(stretch)],
         )
         if length == 0:
             tendon.wrap_joint(f"{plane}pulley", side)

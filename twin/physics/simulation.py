@@ -42,7 +42,7 @@ def simulate(
             zero.
         sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
             angle; without it, the preset's.
-        state: initial state of the run. Without it the run begins straight and at rest, and goes to `pull[0]`
+        state: initial state of the run. Without it the run begins at rest, and goes to `pull[0]`
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
+from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
 from twin.physics.layout import Layout
 from twin.preset.preset import Preset
 
@@ -27,8 +27,8 @@ class Wires:
         self._of_one = layout.wire.shape
         self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]
         self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]
-        wound = np.array([[wound_tension(p)] * layout.wires for p in presets])
-        self.rest_stretch = stretch_at(wound, self.stiffness, self.quadratic)
+        sides = [bool(wire % 2) for wire in range(layout.wires)]
+        self.rest_stretch = np.array([[rest_stretch(p, side) for side in sides] for p in presets])
         self.lengthening = np.array([_lengthening(p, layout) for p in presets])
 
     def stretch(self, qpos: Array) -> Array:

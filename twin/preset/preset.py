@@ -23,6 +23,8 @@ class Preset:
     Attributes:
         name: name of the endoscope.
         bending_planes: 1 has two wires (a, b); 2 has four (c and d bend the section sideways).
+        wires_per_plane: 2 has antagonistic wires; 1 has wires a and c alone, and the section's own stiffness
+            brings it back. A wire that is alone is not wound up.
         vertebrae: number of rigid links of the bending section, each on a hinge (on two crossed hinges with
             two planes).
         section_length: length of the bending section [m].
@@ -33,6 +35,7 @@ class Preset:
             moment = section_stiffness * bend * (1 + section_stiffening * bend^2).
         section_damping: viscous damping of the whole section [N m s / rad].
         initial_bend: bend of the section when no wire pulls [rad].
+        lateral_initial_bend: the same in the plane of wires c and d [rad].
         joint_friction: mean dry friction torque of one hinge [N m]; independent of `vertebrae`, as hinges
             act in series.
         joint_friction_taper: taper of the hinge friction [-]: from (1 + taper) times the mean at the base to
@@ -45,20 +48,26 @@ class Preset:
             and liner settle.
         wire_damping: internal damping of one whole wire against its stretch rate [N s / m].
         pretension: tension that the wires are wound up to, at the pulley [N]; friction leaves less at the
-            tip.
+            tip. Wires with slack have none.
+        wire_slack: length by which each wire is too long to be taut in a new, straight endoscope [m].
         sheath_length: length of the sheath between pulley and bending section [m]; only drawn, as
             `wire_stiffness` is that of the whole wire.
         sheath_elements: number of friction elements along the sheath of each wire.
         sheath_friction: friction coefficient mu between wire and sheath, of the capstan equation [-].
         sheath_bend: bend angle phi of the sheath [rad]; a run may give its own.
         sheath_bend_offset: wrap angle of the wires in a straight sheath, by bends inside the housing [rad].
-        sheath_friction_floor: friction of one wire in the whole sheath that does not depend on its tension
-            [N].
+        sheath_friction_floor: friction of one wire in the whole sheath that does not depend on its tension,
+            in a straight sheath [N].
+        sheath_friction_growth: what a sheath bent by one radian adds to that [N].
+        sheath_friction_exponent: exponent p of that growth [-]: growth * bend^p.
         friction_warm_up: relative excess of the sheath friction at the start of a run [-]; it decays
             exponentially.
         warm_up_time: time constant of that decay [s].
         friction_wear: relative growth of the sheath friction per distance travelled by the pulley [1 / m].
         pulley_radius: radius of the driving pulley [m]; it converts a pulley angle to a pulling distance.
+        command_zero: command at which the endoscope is neutral [m]; the pulley is at command less zero.
+        lateral_command_zero: the same of wires c and d [m].
+        command_delay: time after which the motor follows a command [s].
         backlash: play between motor and pulley, as a distance at the pulley [m].
         servo_gain: proportional gain of the motor's position loop [1 / s]; 0 follows without lag.
         servo_speed: speed limit of the motor, as pulling speed [m / s]; 0 is none.
@@ -79,6 +88,7 @@ class Preset:
 
     # The bending section.
     bending_planes: int = _within(1, 1, 2)
+    wires_per_plane: int = _within(2, 1, 2)
     vertebrae: int = _within(16, 1, 128)
     section_length: float = _within(0.04, 1e-3, 2.0)
     section_mass: float = _within(2e-4, 1e-9, 10.0)
@@ -86,6 +96,7 @@ class Preset:
     section_stiffening: float = _within(0.0, 0.0, 20.0)
     section_damping: float = _within(3e-5, 0.0, 10.0)
     initial_bend: float = _within(0.0, -math.pi, math.pi)
+    lateral_initial_bend: float = _within(0.0, -math.pi, math.pi)
     joint_friction: float = _within(1e-3, 0.0, 10.0)
     joint_friction_taper: float = _within(0.0, -1.0, 1.0)
     wire_offset: float = _within(1.3e-3, 1e-4, 0.1)
@@ -96,6 +107,7 @@ class Preset:
     wire_stiffening: float = _within(0.0, 0.0, 10.0)
     wire_damping: float = _within(3.0, 0.0, 1e5)
     pretension: float = _within(3.0, 0.0, 500.0)
+    wire_slack: float = _within(0.0, 0.0, 0.02)
 
     # The sheath.
     sheath_length: float = _within(0.6, 1e-3, 10.0)
@@ -104,12 +116,17 @@ class Preset:
     sheath_bend: float = _within(math.pi, 0.0, 8 * math.pi)
     sheath_bend_offset: float = _within(0.0, 0.0, 8 * math.pi)
     sheath_friction_floor: float = _within(0.1, 0.0, 100.0)
+    sheath_friction_growth: float = _within(0.0, 0.0, 100.0)
+    sheath_friction_exponent: float = _within(1.0, 0.1, 4.0)
     friction_warm_up: float = _within(0.0, -0.9, 5.0)
     warm_up_time: float = _within(60.0, 1e-2, 1e6)
     friction_wear: float = _within(0.0, 0.0, 100.0)
 
     # The drive.
     pulley_radius: float = _within(0.01, 1e-4, 1.0)
+    command_zero: float = _within(0.0, -0.1, 0.1)
+    lateral_command_zero: float = _within(0.0, -0.1, 0.1)
+    command_delay: float = _within(0.0, 0.0, 0.5)
     backlash: float = _within(0.0, 0.0, 0.01)
     servo_gain: float = _within(0.0, 0.0, 1e3)
     servo_speed: float = _within(0.0, 0.0, 10.0)
@@ -150,7 +167,7 @@ class Preset:
 
     @property
     def wires(self) -> int:
-        """Number of wires: two for each bending plane."""
+        """Number of wires in a record: two for each bending plane, whether there are two or not."""
         return 2 * self.bending_planes
 
     @property
@@ -173,8 +190,22 @@ class Preset:
     def without_friction(self) -> "Preset":
         """Return the same endoscope with every dry friction set to zero."""
         return self.replace(
-            sheath_friction=0.0, sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0
+            sheath_friction=0.0,
+            sheath_friction_floor=0.0,
+            sheath_friction_growth=0.0,
+            joint_friction=0.0,
+            routing_friction=0.0,
         )
+
+    @property
+    def command_zeros(self) -> tuple[float, ...]:
+        """Command of each bending plane at which the endoscope is neutral [m]."""
+        return (self.command_zero, self.lateral_command_zero)[: self.bending_planes]
+
+    @property
+    def initial_bends(self) -> tuple[float, ...]:
+        """Bend of the section in each bending plane when no wire pulls [rad]."""
+        return (self.initial_bend, self.lateral_initial_bend)[: self.bending_planes]
 
     def without_viscosity(self) -> "Preset":
         """Return the same endoscope with every viscous term set to zero."""

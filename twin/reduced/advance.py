@@ -7,15 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.compiled import compiled
-from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive
-from twin.mechanics.friction import friction_drift
+from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive, delayed_command
+from twin.mechanics.friction import friction_drift, friction_floor
 from twin.reduced.chain import Array, Hinge, Plane, Segment, Work, new_work
 from twin.reduced.parameters import Parameters
 from twin.reduced.plane import solve_plane
 from twin.reduced.state import ReducedState
 
 _advance_drive = compiled(advance_drive)
+_delayed_command = compiled(delayed_command)
 _friction_drift = compiled(friction_drift)
+_friction_floor = compiled(friction_floor)
 
 
 @compiled
@@ -127,8 +129,11 @@ def advance_one(
         turns_back = False
         for p in range(planes):
             command = begin[p] * (1.0 - share) + inputs[p] * share
-            now = state.drive[m, p]
-            ahead[p] = _advance_drive(law, now[0], now[1], now[2], command)
+            now, past = state.drive[m, p], state.past[m, p]
+            wanted = _delayed_command(law.delay, past, command) - parameters.zero[m, p]
+            for late in range(len(past) - 1, -1, -1):
+                past[late] = past[late - 1] if late > 0 else command
+            ahead[p] = _advance_drive(law, now[0], now[1], now[2], wanted)
             turns_back = turns_back or (ahead[p, 2] - now[2]) * way[p] < 0.0
         if turns_back:
             done = (k - 1) / periods
@@ -149,7 +154,7 @@ def advance_one(
 @compiled
 def _law(parameters: Parameters, m: int) -> DriveLaw:
     law = parameters.drive[m]
-    return DriveLaw(law[0], law[1], law[2], law[3], law[4], law[5] != 0.0)
+    return DriveLaw(law[0], law[1], law[2], law[3], law[4], law[5] != 0.0, law[6])
 
 
 @compiled
@@ -164,6 +169,8 @@ def _increment(
     # As `friction_per_tension`, for the tension on each side instead of their mean.
     wrapped = parameters.sheath_friction[m] * drift * (sheath_bend + parameters.bend_offset[m])
     per_tension = math.tanh(wrapped / 2.0)
+    own, growth, exponent = parameters.floor[m], parameters.growth[m], parameters.exponent[m]
+    floor = float(_friction_floor(own, growth, exponent, sheath_bend))
     turned = np.zeros((planes, state.hinge.shape[2]))
     if planes == 2:
         turned[0] = state.hinge[m, 1] ** 2
@@ -178,7 +185,7 @@ def _increment(
                 parameters.wire_damping[m] / seconds,
             ),
             per_tension,
-            parameters.floor[m] * drift,
+            floor * drift,
             Hinge(
                 parameters.hinge_stiffness[m],
                 parameters.hinge_cubic[m],

@@ -15,18 +15,18 @@ class ReducedEndoscope:
     """One reduced twin, driven by control periods, with the readings of the MuJoCo twin's `Endoscope`."""
 
     def __init__(self, preset: Preset) -> None:
-        """Build the endoscope of a preset, straight and at rest."""
+        """Build the endoscope of a preset, at rest."""
         self.preset = preset
         self.twins = ReducedTwins([preset])
         self._group_of = group_of_hinge(preset.vertebrae)
 
     @classmethod
     def from_preset(cls, preset: Preset) -> "ReducedEndoscope":
-        """Build the endoscope of a preset, straight and at rest."""
+        """Build the endoscope of a preset, at rest."""
         return cls(preset)
 
     def reset(self) -> None:
-        """Reset to straight and at rest, with a new sheath; drive and wear are reset too."""
+        """Reset to rest, with a new sheath; drive and wear are reset too."""
         self.twins.reset()
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:

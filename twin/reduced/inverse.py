@@ -130,6 +130,7 @@ def _bend_after(trial: Trial, p: int) -> float:
     scratch.turn[m] = state.turn[m]
     scratch.pulley[m] = state.pulley[m]
     scratch.drive[m] = state.drive[m]
+    scratch.past[m] = state.past[m]
     scratch.command[m] = state.command[m]
     scratch.time[m] = state.time[m]
     scratch.travel[m] = state.travel[m]

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.mechanics.batch import check_alike
-from twin.mechanics.drive import drive_law, is_rigid
+from twin.mechanics.drive import commands_kept, drive_law, is_rigid
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups, joint_friction
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
+from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -27,7 +27,9 @@ class Parameters(NamedTuple):
         wire_damping: (M,) of a segment [N s / m].
         sheath_friction: (M,) coefficient of one element [-].
         bend_offset: (M,) wrap angle of a straight sheath [rad].
-        floor: (M,) friction of one element without tension [N].
+        floor: (M,) friction of one element without tension, in a straight sheath [N].
+        growth: (M,) what one radian of its bend adds [N].
+        exponent: (M,) of that growth [-].
         warm_up: (M,) excess of the friction at the start [-].
         warm_up_time: (M,) its time constant [s].
         wear: (M,) growth of the friction with the travel [1 / m].
@@ -39,7 +41,9 @@ class Parameters(NamedTuple):
         size: (G,) number of hinges of each group.
         arm: (M,) moment arm of the wires [m].
         routing: (M,) friction coefficient of wires on vertebrae [-].
-        drive: (M, 6) constants of `DriveLaw`.
+        drive: (M, 7) constants of `DriveLaw`.
+        zero: (M, planes) command at which the endoscope is neutral [m].
+        late: most commands that a delay makes any of them keep.
         rigid: (M,) whether the pulley follows the command exactly.
         control_period: between two updates of the drive [s].
     """
@@ -51,6 +55,8 @@ class Parameters(NamedTuple):
     sheath_friction: Array
     bend_offset: Array
     floor: Array
+    growth: Array
+    exponent: Array
     warm_up: Array
     warm_up_time: Array
     wear: Array
@@ -63,6 +69,8 @@ class Parameters(NamedTuple):
     arm: Array
     routing: Array
     drive: Array
+    zero: Array
+    late: int
     rigid: NDArray[np.bool_]
     control_period: float
 
@@ -87,26 +95,32 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
         return rows
 
     return Parameters(
-        rest=each(_rest_stretch),
+        rest=each(_chain_at_rest),
         wire_stiffness=each(segment_stiffness),
         wire_quadratic=each(quadratic_stiffness),
         wire_damping=each(lambda p: p.wire_damping * (p.sheath_elements + 1)),
         sheath_friction=each(lambda p: p.sheath_friction / p.sheath_elements),
         bend_offset=each(lambda p: p.sheath_bend_offset),
         floor=each(lambda p: max(p.sheath_friction_floor / p.sheath_elements, LEAST_FRICTION)),
+        growth=each(lambda p: p.sheath_friction_growth / p.sheath_elements),
+        exponent=each(lambda p: p.sheath_friction_exponent),
         warm_up=each(lambda p: p.friction_warm_up),
         warm_up_time=each(lambda p: p.warm_up_time),
         wear=each(lambda p: p.friction_wear),
         hinge_stiffness=each(lambda p: p.section_stiffness * p.vertebrae),
         hinge_cubic=each(lambda p: p.section_stiffness * p.section_stiffening * p.vertebrae**3),
-        hinge_rest=each(lambda p: [p.initial_bend / p.vertebrae, 0.0][: p.bending_planes]),
+        hinge_rest=each(lambda p: [bend / p.vertebrae for bend in p.initial_bends]),
         hinge_damping=each(lambda p: p.section_damping * p.vertebrae),
         joint_friction=each(joint_friction),
         size=np.array([len(group) for group in hinge_groups(presets[0].vertebrae)], dtype=float),
         arm=each(lambda p: p.wire_offset),
         routing=each(lambda p: p.routing_friction),
         drive=np.array(laws, dtype=float)[order],
-        rigid=np.array([is_rigid(law) for law in laws])[order],
+        zero=each(lambda p: p.command_zeros),
+        late=max(map(commands_kept, laws)),
+        rigid=np.array(
+            [is_rigid(law) and not any(p.command_zeros) for law, p in zip(laws, unique, strict=True)]
+        )[order],
         control_period=presets[0].control_period,
     )
 
@@ -123,7 +137,6 @@ def refuse_gravity(preset: Preset) -> None:
             raise InputError(f"{name} = {value:g}: the reduced twin has no gravity, choose that in MuJoCo")
 
 
-def _rest_stretch(preset: Preset) -> Array:
-    """Return the stretch that winding up leaves in each segment, along the whole chain, (2 E + 2,) [m]."""
-    stretch = stretch_at(wound_tension(preset), segment_stiffness(preset), quadratic_stiffness(preset))
-    return np.concatenate([stretch, stretch[::-1]])
+def _chain_at_rest(preset: Preset) -> Array:
+    """Return the stretch of the segments of both wires, along the whole chain, (2 E + 2,) [m]."""
+    return np.concatenate([rest_stretch(preset, False), rest_stretch(preset, True)[::-1]])

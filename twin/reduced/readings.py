@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.friction import element_friction, friction_per_tension
+from twin.mechanics.friction import element_friction, friction_floor, friction_per_tension
 from twin.mechanics.wire import tension_at
 from twin.reduced.parameters import Parameters
 
@@ -44,4 +44,5 @@ def sheath_friction(parameters: Parameters, tension: Array, sheath_bend: Array, 
     """
     wrapped = parameters.sheath_friction * drift * (sheath_bend + parameters.bend_offset)
     per_tension = friction_per_tension(wrapped, 1.0, 1)[..., None, None]
-    return element_friction(tension, per_tension, (parameters.floor * drift)[..., None, None])
+    floor = friction_floor(parameters.floor, parameters.growth, parameters.exponent, sheath_bend) * drift
+    return element_friction(tension, per_tension, floor[..., None, None])

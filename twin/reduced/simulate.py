@@ -18,7 +18,8 @@ from twin.reduced.advance import Trace, advance_record, keep, new_trace
 from twin.reduced.endoscope import ReducedEndoscope
 from twin.reduced.parameters import Parameters, parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
-from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state, not_converged
+from twin.reduced.rest import state_at_rest
+from twin.reduced.state import MISSING_LIMIT_N, ReducedState, not_converged
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def simulate_batch(
     """
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     parameters = parameters_of(presets)
-    state = new_state(parameters, np.array([command.sheath_bend[0] for command in commands]))
+    state = state_at_rest(presets, parameters)
     total, done = sum(len(command.pull) for command in commands), 0
     records: list[Episode | None] = []
 
@@ -91,7 +92,7 @@ def simulate(
         lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; else zero.
         sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
             angle; without it, the preset's.
-        state: initial state of the run. Without it the run begins straight and at rest, and goes to `pull[0]`
+        state: initial state of the run. Without it the run begins at rest, and goes to `pull[0]`
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
@@ -152,7 +153,7 @@ def _record(
 
 def _only(parameters: Parameters, m: int) -> Parameters:
     """Return the parameters of one endoscope."""
-    shared = ("size", "control_period")
+    shared = ("size", "late", "control_period")
     return Parameters(
         **{
             name: values if name in shared else values[m : m + 1]

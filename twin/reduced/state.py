@@ -28,6 +28,7 @@ class ReducedState(NamedTuple):
         turn: (M, P, G) the same of each group.
         pulley: (M, P) position of the pulley [m].
         drive: (M, P, 3) motor, its last stride and the gear behind it [m].
+        past: (M, P, L) commands of the last control periods that a delay keeps, the last one first [m].
         command: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] that it stands at.
         time: (M,) since the start of the run [s].
         travel: (M,) that the pulleys have travelled [m].
@@ -41,6 +42,7 @@ class ReducedState(NamedTuple):
     turn: Signs
     pulley: Array
     drive: Array
+    past: Array
     command: Array
     time: Array
     travel: Array
@@ -49,7 +51,7 @@ class ReducedState(NamedTuple):
 
 
 def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
-    """Return the state of endoscopes that are straight and at rest.
+    """Return the state of endoscopes that are straight, as they are built.
 
     Args:
         parameters: of M endoscopes.
@@ -58,6 +60,7 @@ def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
     count, planes = parameters.hinge_rest.shape
     elements, groups = parameters.rest.shape[1] - 2, len(parameters.size)
     command = np.zeros((count, 3))
+    command[:, :planes] = parameters.zero
     command[:, 2] = sheath_bend
     return ReducedState(
         element=np.zeros((count, planes, elements)),
@@ -66,6 +69,7 @@ def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
         turn=np.zeros((count, planes, groups), np.int8),
         pulley=np.zeros((count, planes)),
         drive=np.zeros((count, planes, 3)),
+        past=np.repeat(parameters.zero[:, :, None], parameters.late, axis=2),
         command=command,
         time=np.zeros(count),
         travel=np.zeros(count),

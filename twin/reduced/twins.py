@@ -14,7 +14,8 @@ from twin.reduced.advance import advance
 from twin.reduced.inverse import Inverse, find_pulls, new_inverse
 from twin.reduced.parameters import parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
-from twin.reduced.state import MISSING_LIMIT_N, ReducedState, new_state
+from twin.reduced.rest import state_at_rest
+from twin.reduced.state import MISSING_LIMIT_N, ReducedState
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class ReducedTwins:
     """
 
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
-        """Build endoscopes that are straight and at rest.
+        """Build endoscopes that are at rest.
 
         Args:
             presets: M endoscopes with equal numbers of planes, vertebrae and elements and equal control
@@ -45,14 +46,13 @@ class ReducedTwins:
         self.presets = list(presets)
         self.parameters = parameters_of(presets)
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
-        self.state = new_state(self.parameters, np.array([preset.sheath_bend for preset in presets]))
+        self.state = state_at_rest(self.presets, self.parameters)
         self._inputs = self.state.command.copy()
         self._scratch: ReducedState | None = None
 
     def reset(self) -> None:
-        """Reset all endoscopes to straight and at rest, with new sheaths; drives and wear are reset too."""
-        bends = np.array([preset.sheath_bend for preset in self.presets])
-        self.restore_state(new_state(self.parameters, bends))
+        """Reset all endoscopes to rest, with new sheaths; drives and wear are reset too."""
+        self.restore_state(state_at_rest(self.presets, self.parameters))
 
     def step(
         self, pull: ArrayLike, lateral_pull: ArrayLike = 0.0, sheath_bend: ArrayLike | None = None
@@ -181,11 +181,12 @@ class ReducedTwins:
         """
         if not isinstance(state, ReducedState):
             raise InputError(f"a state of reduced twins is needed, this is a {type(state).__name__:.40}")
-        if len(state.time) != len(self.presets) or not np.array_equal(state.layout, self.state.layout):
+        fits = len(state.time) == len(self.presets) and state.past.shape == self.state.past.shape
+        if not fits or not np.array_equal(state.layout, self.state.layout):
             planes, elements, vertebrae = state.layout
             raise InputError(
-                f"a state of {len(state.time)} endoscopes with {planes} planes, {elements} elements and "
-                f"{vertebrae} vertebrae does not fit this endoscope"
+                f"a state of {len(state.time)} endoscopes with {planes} planes, {elements} elements, "
+                f"{vertebrae} vertebrae and {state.past.shape[2]} late commands does not fit this endoscope"
             )
         for name in state._fields:
             getattr(self.state, name)[...] = getattr(state, name)

@@ -1,0 +1,68 @@
+"""A section that is curved by itself begins where friction holds it, in both twins alike."""
+
+import numpy as np
+import pytest
+from both_twins import MUJOCO, REDUCED
+
+from twin.mechanics.hinges import joint_friction
+from twin.preset.preset import Preset
+
+CURVED = Preset(
+    "curved",
+    vertebrae=8,
+    initial_bend=0.5,
+    section_stiffness=0.03,
+    joint_friction=2e-3,
+    joint_friction_taper=0.4,
+    sheath_friction=0.1,
+    sheath_friction_floor=1.0,
+)
+
+
+def missing_moment(preset: Preset, endoscope) -> np.ndarray:
+    """Return what spring and wires leave for friction to hold at each hinge, (vertebrae,) [N m]."""
+    away = endoscope.joint_angle() - preset.initial_bend / preset.vertebrae
+    tension = endoscope.wire_tension()[:, -1]
+    return preset.wire_offset * (tension[0] - tension[1]) - preset.section_stiffness * preset.vertebrae * away
+
+
+def test_friction_is_at_its_limit_where_the_section_came_to_rest_and_never_beyond(twin):
+    endoscope = twin.endoscope.from_preset(CURVED)
+    held = np.abs(missing_moment(CURVED, endoscope))
+    assert 0 < endoscope.bend() < CURVED.initial_bend
+    np.testing.assert_array_less(held, 1.02 * joint_friction(CURVED))
+    assert held.max() > 0.9 * joint_friction(CURVED).min()
+
+
+def test_section_that_was_let_go_stays_where_it_is(twin):
+    endoscope = twin.endoscope.from_preset(CURVED)
+    begun = endoscope.bend()
+    for _ in range(200):
+        endoscope.advance(0.0)
+    assert endoscope.bend() == pytest.approx(begun, abs=np.radians(1e-3))
+
+
+def test_reset_leads_to_the_same_rest_and_no_time_has_passed(twin):
+    endoscope = twin.endoscope.from_preset(CURVED)
+    begun = endoscope.bend()
+    for pull in np.linspace(0, 2e-3, 50):
+        endoscope.advance(float(pull))
+    endoscope.reset()
+    assert endoscope.bend() == pytest.approx(begun, abs=1e-6)
+    record = twin.simulate(CURVED, np.zeros(3), 0.1)
+    assert record.bend[0] == pytest.approx(begun, abs=1e-6)
+
+
+@pytest.mark.parametrize("planes", [1, 2])
+@pytest.mark.parametrize("curve", [-0.4, 0.1, 1.0])
+def test_both_twins_come_to_rest_at_the_same_bend(curve, planes):
+    preset = CURVED.replace(initial_bend=curve, bending_planes=planes)
+    one, other = (kind.endoscope.from_preset(preset) for kind in (MUJOCO, REDUCED))
+    assert one.bend() == pytest.approx(other.bend(), rel=0.01, abs=np.radians(0.15))
+    assert one.lateral_bend() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_rest_does_not_depend_on_the_time_step():
+    fine = CURVED.replace(time_step=CURVED.time_step / 4, control_period=CURVED.control_period / 4)
+    default, finer = (MUJOCO.endoscope.from_preset(preset).bend() for preset in (CURVED, fine))
+    assert default == pytest.approx(finer, abs=np.radians(0.15))
