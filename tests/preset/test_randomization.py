@@ -128,10 +128,10 @@ def test_shipped_ranges_lie_around_their_preset_and_give_endoscopes(name):
         ("{bending_planes: [1, 2]}", "range of bending_planes: it is not drawn"),
         ("{sheath_elements: [1, 9]}", "range of sheath_elements: it is not drawn"),
         ("{encoder_counts: [100, 200]}", "range of encoder_counts: it is not drawn"),
-        ("{}", "preset 'mine' states no ranges: add `ranges:` with"),
-        ("[1, 2]", "preset 'mine' states no ranges"),
-        ("wide", "preset 'mine' states no ranges"),
-        ("", "preset 'mine' states no ranges"),
+        ("{}", "mine.yaml states no ranges: add `ranges:` with"),
+        ("[1, 2]", "mine.yaml states no ranges"),
+        ("wide", "mine.yaml states no ranges"),
+        ("", "mine.yaml states no ranges"),
     ],
 )
 def test_ranges_that_hold_no_endoscope_are_refused_in_one_line(tmp_path, ranges, message):
@@ -141,7 +141,7 @@ def test_ranges_that_hold_no_endoscope_are_refused_in_one_line(tmp_path, ranges,
 
 
 def test_preset_without_ranges_and_unknown_files_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="preset 'mine' states no ranges"):
+    with pytest.raises(ValueError, match=r"mine\.yaml states no ranges"):
         load_ranges(write(tmp_path, "pretension: 5"))
     with pytest.raises(ValueError, match="unknown preset 'uretroscope'"):
         load_ranges("uretroscope")

@@ -38,7 +38,7 @@ def workspace(tmp_path_factory, few_steps):
         "--policy runs/ram/policy.onnx runs/direct/policy.onnx runs/lstm/lstm.onnx "
         "--suite paper --seeds 2 --out results --json",
         "generate --preset ureteroscope --command-csv loop.csv --episodes 2 --out data/loops --json",
-        "calibrate data/loops --preset short.yaml --free section_stiffness --evaluations 20 "
+        "calibrate data/loops --preset short.yaml --free section_stiffness --starts 1 "
         "--out fitted.yaml --json",
         "benchmark --preset coarse.yaml --only return_point closed_cycles --cycles 4 "
         "--out benchmark.json --json",
@@ -189,7 +189,9 @@ def test_what_is_odd_in_a_measured_log_is_one_line_of_warning(tmp_path):
     assert code == 0
     gap = "endotwin import: warning: log.csv line 11: a gap of 42 times the usual step comes before it\n"
     assert err == gap
-    assert out.startswith("out/other.mcap: 10 samples, 50 s, bent from 0.0 to 50.0 deg")
+    assert out.startswith(
+        "out/other.mcap: 10 samples, 50 s at 1 Hz, pulled from 0 to 8.73 mm, bent from 0.0 to 50.0 deg"
+    )
 
 
 def test_a_mistake_is_the_exit_code_of_the_process_too(tmp_path):
@@ -290,7 +292,7 @@ def mistakes(workspace):
         ("generate --stroke 2 --out x", "--stroke ['2']: must be FLOAT FLOAT"),
         ("generate --out x --bogus", "--bogus"),
         ("generate --preset ureteroscope", "--out"),
-        ("generate --stroke 2 400 --out x", "pulled by at most 8.17 mm"),
+        ("generate --stroke 2 400 --out x", "pulled by at most 30.5 mm: is the unit right?"),
         ("generate --sample-time nan --out x", "sample_time_s = nan: input should be a finite number"),
         ("generate --seed -1 --out x", "--seed -1"),
         ("generate --stroke -1 1 --episodes 2 --seconds 8 --seed 1 --out data/train", "of another recipe"),
@@ -315,14 +317,14 @@ def mistakes(workspace):
         ("generate --set wire_stifness=1 --out x", "did you mean 'wire_stiffness'?"),
         ("generate --set wire_stiffness --out x", "must be NAME=VALUE"),
         ("generate --lateral-stroke -1 1 --out x", "has one bending plane, it needs two"),
-        ("generate --preset bare.yaml --randomize --out x", "'bare' states no ranges"),
+        ("generate --preset bare.yaml --randomize --out x", "bare.yaml states no ranges"),
         ("generate --sheath-bend-to-deg -5 --out x", "bend of the sheath -5 deg: must be from 0"),
         ("calibrate --out x.yaml", "no data given"),
         ("calibrate data/test --out x.json", "must end in .yaml"),
         ("calibrate data/test --free mass --out x.yaml", "unknown preset parameter 'mass'"),
         ("calibrate data/test --fraction 2 --out x.yaml", "--fraction 2"),
         ("calibrate data/test --pace 0 --out x.yaml", "--pace 0"),
-        ("calibrate data/test --evaluations 1 --out x.yaml", "--evaluations 1"),
+        ("calibrate data/test --starts 0 --out x.yaml", "--starts 0"),
         ("calibrate data/one-way --out x.yaml", "the command never reverses"),
         ("benchmark --only speed --out x.json", "unknown measurement 'speed'; valid: rate_independence"),
         ("benchmark --draws 0 --out x.json", "must be positive"),

@@ -87,11 +87,11 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
         ValueError: the preset is unknown, states no ranges, or one of them is none.
         FileNotFoundError: a path to a YAML file that does not exist.
     """
-    name, values = read_preset_file(name_or_path)
+    _, values = read_preset_file(name_or_path)
     stated = values.get("ranges")
     if not isinstance(stated, dict) or not stated:
         rule = "add `ranges:` with `parameter: [low, high]` lines"
-        raise InputError(f"preset {shown(name)} states no ranges: {rule}")
+        raise InputError(f"preset {name_or_path} states no ranges: {rule}")
     try:
         file = RangesFile.model_validate({"ranges": stated})
         return Ranges(tuple((parameter, *limits) for parameter, limits in file.ranges.items()))
