@@ -40,6 +40,7 @@ SPOKEN = {
     "recorded_variance": "--sensor-variance",
     "recover_episode": "`endotwin export FILE --recover`",
     "reverse_angle": "--reverse-angle",
+    "reverse_lateral_angle": "--reverse-lateral-angle",
 }
 """Names of the library that a command line spells otherwise, or that belong to another verb."""
 

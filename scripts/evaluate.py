@@ -56,8 +56,9 @@ class Evaluate:
     """Names of the methods to compare, as in the tables; all of the suite, if not given."""
     suite: str = "paper"
     """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full."""
-    measurements: Literal["drawn", "recorded"] = "drawn"
-    """drawn: the truth and noise drawn anew; recorded: what the sensor of the record saw, once."""
+    measurements: Literal["auto", "drawn", "recorded"] = "auto"
+    """drawn: the truth and noise drawn anew; recorded: what the sensor of the record saw, once. auto:
+    recorded where all records are measured logs, else drawn; the full suite draws."""
     sensor_variance: float | None = None
     """R that is told with recorded measurements [deg^2]; if not given, as the records tell it, else 0.1."""
     write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -101,6 +102,7 @@ def _full(args: Evaluate) -> Summary:
         )
     from rl.suite.full import run_full_suite
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
+    from twin.evaluation.recorded import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
@@ -122,6 +124,8 @@ def _full(args: Evaluate) -> Summary:
         seed=args.seed,
     )
     output_folder(args.out, FULL_FILES)
+    if args.data:
+        _say_of_measured_logs(chosen_measurements("drawn", args.data)[1])
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
     line = f"{result.path}: {len(methods)} methods, {result.records} records, {args.seeds} noise seeds"
@@ -137,7 +141,7 @@ def _paper(args: Evaluate) -> Summary:
     from rl.suite.paper import PaperSuite, given_files, run_paper_suite
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
-    from twin.evaluation.recorded import DEFAULT_VARIANCE, common_variance
+    from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements, common_variance
     from twin.files.atomic import write_whole
     from twin.files.bounds import LARGEST_VARIANCE_DEG2, check_between
     from twin.hysteresis import ColemanHodgdon
@@ -148,7 +152,8 @@ def _paper(args: Evaluate) -> Summary:
     for name in args.methods:
         find_method(name)
     check_between("episodes", args.episodes, *LIMITS["episodes"])
-    recorded = args.measurements == "recorded"
+    measurements, of_logs = chosen_measurements(args.measurements, args.data)
+    recorded = measurements == "recorded"
     T = args.sample_time[0] if args.sample_time else PAPER_SAMPLE_TIME
     protocol = Protocol(args.suite, args.seeds, T, args.initial_error_deg, args.seed)
     model, source = _model(args)
@@ -184,6 +189,7 @@ def _paper(args: Evaluate) -> Summary:
         write_estimates=args.write_estimates,
         recorded_variance=DEFAULT_VARIANCE if variance is None else variance,
     )
+    _say_of_measured_logs(of_logs)
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables
     shown = table(result.scores, "plain")
@@ -197,6 +203,11 @@ def _paper(args: Evaluate) -> Summary:
         line += f"; estimates in {args.out}/estimates"
     values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
     return Summary(line, values, table=shown)
+
+
+def _say_of_measured_logs(line: str) -> None:
+    if line:
+        complain(f"endotwin evaluate: {line}")
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel, str]":

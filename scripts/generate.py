@@ -49,7 +49,20 @@ class Generate:
     signal: str | None = None
     """sine, decaying-sine, triangle, multi-sine, random-steps, or all of them in turn."""
     command_csv: Path | None = None
-    """Follow a recorded command (pull_mm or command_deg, over time_s or phase_rad) instead."""
+    """Follow a recorded command instead: a CSV file, as `endotwin import` reads it."""
+    command_column: str | None = None
+    """Of the CSV file: command of wire a; if not given, pull_mm or command_deg, whichever there is."""
+    command_unit: Literal["deg", "rad", "mm", "m"] | None = None
+    """Unit of the command, if its column's name does not end in it; deg and rad are angles of the preset's
+    pulley."""
+    lateral_command_column: str | None = None
+    """Command of wire c, for a preset with two bending planes."""
+    time_column: str | None = None
+    """Time or phase; if not given, time_s or phase_rad, whichever there is."""
+    time_unit: Literal["s", "ms", "us", "rad"] | None = None
+    """Its unit, if the column's name does not end in it; rad for a phase."""
+    seconds_per_cycle: float | None = None
+    """Time that 2 pi of a phase take [s]; 20, if not given."""
     sheath_bend_deg: float | None = None
     """Bend the sheath by this instead of the preset's angle [deg]."""
     sheath_bend_to_deg: float | None = None
@@ -153,8 +166,7 @@ def _changes(args: Generate) -> dict[str, Any]:
         "seconds": args.seconds,
         "sample_time_s": args.sample_time,
         "signals": args.signal and (list(SIGNALS) if args.signal == "all" else [args.signal]),
-        # Paths on the command line are relative to where it is typed, not to the recipe.
-        "command_csv": args.command_csv and os.path.abspath(args.command_csv),
+        "command_csv": _command(args) or None,
         "sheath_bends_deg": None if start is end is None else [start if end is None else (start, end)],
         "sensor": None if args.sensor_variance is None else {"variance_deg2": args.sensor_variance},
         "camera": None if args.camera is None else {"pictures_per_second": args.camera},
@@ -164,6 +176,26 @@ def _changes(args: Generate) -> dict[str, Any]:
     if args.preset and args.preset.endswith((".yaml", ".yml")):
         given["preset"] = os.path.abspath(args.preset)
     return {key: value for key, value in given.items() if value is not None}
+
+
+def _command(args: Generate) -> dict[str, Any]:
+    """Return the flags of a recorded command that are given, as a recipe's file says them."""
+    columns = {
+        "command_column": args.command_column,
+        "command_unit": args.command_unit,
+        "lateral_command_column": args.lateral_command_column,
+        "time_column": args.time_column,
+        "time_unit": args.time_unit,
+        "seconds_per_cycle": args.seconds_per_cycle,
+    }
+    given = {name: value for name, value in columns.items() if value is not None}
+    if args.command_csv is not None:
+        # Paths on the command line are relative to where it is typed, not to the recipe.
+        return {"file": os.path.abspath(args.command_csv), **given}
+    if given and args.recipe is None:
+        flag = f"--{next(iter(given)).replace('_', '-')}"
+        raise ValueError(f"{flag} tells how --command-csv is read: name its file")
+    return given
 
 
 def _summary(folder: Path, preset: str, written: "Written") -> Summary:

@@ -2,16 +2,22 @@
 
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
 from scripts.command import Summary, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
+
+if TYPE_CHECKING:
+    from twin.episode import Episode
+    from twin.hysteresis import HysteresisModel
+    from twin.identification.nuisances import Log, Nuisances
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +40,14 @@ class Identify:
     """Candidates of the genetic algorithm; prandtl-ishlinskii needs none."""
     generations: int = 150
     """Number of generations."""
+    fraction: float = 1.0
+    """Share of each record, from its start, that is fitted; the rest is predicted, and its error told."""
+    offset: Literal["auto", "on", "off"] = "auto"
+    """Fit a zero of the angle for each record beside the model: auto does for measured logs. A
+    prandtl-ishlinskii model has no zero."""
+    delay: Literal["auto", "on", "off"] = "auto"
+    """Fit a delay of the command beside the model: auto does for measured logs with a clock and a command of
+    more than one speed."""
     seed: int = 0
     json: bool = False
     """Print the summary as one JSON object."""
@@ -41,12 +55,13 @@ class Identify:
 
 def identify(args: Identify) -> Summary:
     """Write the model's file, `coleman_hodgdon.json` or its like."""
-    from twin.evaluation.reading import read_episodes, whole_pieces
+    from twin.evaluation.reading import read_episodes
     from twin.files.atomic import write_whole
     from twin.files.bounds import SAMPLE_TIMES, check_between
-    from twin.hysteresis import IdentifiedModel
+    from twin.hysteresis import IdentifiedModel, PrandtlIshlinskii
     from twin.identification import OPTIMIZERS, check_options
     from twin.identification import identify as fit
+    from twin.identification.nuisances import Nuisances, fit_nuisances, records_of
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
@@ -58,12 +73,17 @@ def identify(args: Identify) -> Summary:
         generations=args.generations,
     )
     check_between("sample_time", args.sample_time, *SAMPLE_TIMES, "s")
+    if not 0 < args.fraction <= 1:
+        raise ValueError(f"--fraction {args.fraction:g}: must be above 0, at most 1")
+    if args.offset == "on" and args.model == PrandtlIshlinskii.name:
+        raise ValueError(f"--offset on: a {args.model} model has no zero of the angle")
     episodes = read_episodes(args.data, args.sample_time)
     out = args.out or Path(args.model.replace("-", "_") + ".json")
     output_file(out, (".json",), '"rmse_deg"', inputs=args.data)
     progress = Progress("identify", "gen")
+    logs = [_log(episode, args) for episode in episodes]
     model, rmse = fit(
-        [piece for episode in episodes for piece in whole_pieces(episode)],
+        records_of(logs, Nuisances((0.0,) * len(logs)), args.sample_time),
         args.seed,
         args.model,
         monotone=args.monotone,
@@ -72,17 +92,98 @@ def identify(args: Identify) -> Summary:
         generations=args.generations,
         on_generation=lambda done, rmse: progress(done, args.generations, f"RMSE {rmse:.3f} deg"),
     )
+    how = OPTIMIZERS[args.model].format(population=args.population, generations=args.generations)
+    nuisances = Nuisances((0.0,) * len(logs))
+    if any(log.has_offset or log.has_delay for log in logs):
+        model, rmse, nuisances = fit_nuisances(
+            model, logs, args.sample_time, monotone=args.monotone, thresholds_mm=args.thresholds_mm
+        )
+        how += ", then scipy least_squares with the nuisances"
     values = IdentifiedModel(
         model=model,
         rmse_deg=rmse,
-        optimizer=OPTIMIZERS[args.model].format(population=args.population, generations=args.generations),
+        optimizer=how,
         seed=args.seed,
         source=", ".join(str(path) for path in args.data),
     ).to_dict()
+    values |= _beside(args, model, episodes, logs, nuisances)
     write_whole(out, json.dumps(values, indent=2) + "\n")
     parameters = ", ".join(f"{name} = {_text(value)}" for name, value in model.to_dict().items())
-    line = f"{out}: {parameters}, RMSE {rmse:.3f} deg over {len(episodes)} records"
+    line = f"{out}: {parameters}, RMSE {rmse:.3f} deg over {len(episodes)} records{_told(values)}"
     return Summary(line, {"out": str(out), **values})
+
+
+def _fitted_samples(samples: int, fraction: float) -> int:
+    """Return how many samples of a record, from its start, are fitted."""
+    return max(math.ceil(fraction * samples), 2)
+
+
+def _log(episode: "Episode", args: Identify) -> "Log":
+    """Return the share of a record that is fitted, and which nuisances it has."""
+    from twin.evaluation.reading import whole_ranges
+    from twin.hysteresis import PrandtlIshlinskii
+    from twin.identification.nuisances import Log, tells_delay
+
+    has_zero = args.model != PrandtlIshlinskii.name
+    fitted = _fitted_samples(len(episode.time), args.fraction)
+    # A phase is played at a rate of our own: its delay would be of no clock.
+    has_clock = episode.is_measured and episode.metadata.get("seconds_per_cycle") is None
+    return Log(
+        episode.pull_mm,
+        episode.measured_bend_deg,
+        tuple(whole_ranges(episode, fitted)),
+        has_offset=(episode.is_measured and has_zero) if args.offset == "auto" else args.offset == "on",
+        has_delay=(has_clock and tells_delay(episode.pull_mm))
+        if args.delay == "auto"
+        else args.delay == "on",
+    )
+
+
+def _beside(
+    args: Identify,
+    model: "HysteresisModel",
+    episodes: "Sequence[Episode]",
+    logs: "Sequence[Log]",
+    nuisances: "Nuisances",
+) -> dict[str, Any]:
+    """Return the entries of the file beside the model: nuisances, and the error of the prediction."""
+    from twin.evaluation.reading import record_name, whole_ranges
+    from twin.identification.nuisances import rmse_from
+
+    beside: dict[str, Any] = {}
+    if any(log.has_offset for log in logs):
+        beside["offsets_deg"] = [
+            {"record": record_name(episode, place), "offset_deg": offset if log.has_offset else None}
+            for place, (episode, log, offset) in enumerate(
+                zip(episodes, logs, nuisances.offsets_deg, strict=True)
+            )
+        ]
+    if any(log.has_delay for log in logs):
+        beside["delay_s"] = nuisances.delay_s
+    if args.fraction < 1:
+        whole = [
+            dataclasses.replace(log, pieces=tuple(whole_ranges(episode)))
+            for log, episode in zip(logs, episodes, strict=True)
+        ]
+        first = [_fitted_samples(len(log.pull_mm), args.fraction) for log in logs]
+        beside["fraction"] = args.fraction
+        beside["predicted_rmse_deg"] = rmse_from(model, whole, first, nuisances, args.sample_time)
+    return beside
+
+
+def _told(values: dict[str, Any]) -> str:
+    """Return the entries beside the model in the words of the summary."""
+    told = ""
+    if "fraction" in values:
+        rest = f"{values['predicted_rmse_deg']:.3f} deg where it was not fitted"
+        told += f" ({values['fraction']:.0%} of each), {rest}"
+    offsets = [one["offset_deg"] for one in values.get("offsets_deg", []) if one["offset_deg"] is not None]
+    if offsets:
+        low, high = f"{min(offsets):.2f}", f"{max(offsets):.2f}"
+        told += f"; offsets from {low} to {high} deg" if len(offsets) > 1 else f"; offset {low} deg"
+    if "delay_s" in values:
+        told += f"; the command acts {1e3 * values['delay_s']:.0f} ms late"
+    return told
 
 
 def _text(value: Any) -> str:

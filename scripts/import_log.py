@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb
+from scripts.command import Summary, run_verb, with_flags
 from scripts.ending import complain
 from scripts.outputs import output_folder
 
@@ -33,6 +33,12 @@ class Import:
     """Its unit, if the column's name does not end in it."""
     reverse_angle: bool = False
     """The sensor counts a bend towards wire a, the pulled one, as negative."""
+    lateral_command_column: str | None = None
+    """Command of the second bending plane, of wires c and d, in a log of two; units as those of the first."""
+    lateral_angle_column: str | None = None
+    """Measured bending angle in that plane."""
+    reverse_lateral_angle: bool = False
+    """The sensor counts a bend towards wire c as negative."""
     time_column: str | None = None
     """Time or phase; if not given, time_s or phase_rad, whichever there is."""
     time_unit: Literal["s", "ms", "us", "rad"] | None = None
@@ -45,6 +51,9 @@ class Import:
     """Tension of wire b at the pulley [N]."""
     sheath_bend_deg: float | None = None
     """Angle that the sheath was bent by; if not given, the column of that name, where there is one."""
+    window_column: str | None = None
+    """Column of numbers that change from window to window, of a file of pieces cut from longer records
+    without what came before them; each window becomes an MCAP file of its own, NAME_window_0000 ..."""
     name: str | None = None
     """Name of the MCAP file without its ending; that of the CSV file if not given."""
     seed: int = 0
@@ -58,9 +67,11 @@ def import_log(args: Import) -> Summary:
     import numpy as np
 
     from twin.files.names import check_file_name
-    from twin.measured.folder import write_measured
+    from twin.measured.folder import write_measured, write_windows
     from twin.measured.log import read_measured_log
     from twin.measured.log_format import LogFormat
+    from twin.measured.plausibility import oddities
+    from twin.measured.windows import read_windows
 
     name = args.file.stem if args.name is None else args.name
     check_file_name(name)
@@ -71,6 +82,9 @@ def import_log(args: Import) -> Summary:
         angle_column=args.angle_column,
         angle_unit=args.angle_unit,
         reverse_angle=args.reverse_angle,
+        lateral_command_column=args.lateral_command_column,
+        lateral_angle_column=args.lateral_angle_column,
+        reverse_lateral_angle=args.reverse_lateral_angle,
         time_column=args.time_column,
         time_unit=args.time_unit,
         seconds_per_cycle=args.seconds_per_cycle,
@@ -78,28 +92,49 @@ def import_log(args: Import) -> Summary:
         tension_b_column=args.tension_b_column,
         sheath_bend_deg=args.sheath_bend_deg,
     )
-    episode = read_measured_log(args.file, form, on_warning=_warn)
-    path = write_measured(output_folder(args.out), name, episode)
-    low, high = float(episode.bend_deg.min()), float(episode.bend_deg.max())
-    missing = int(np.isnan(episode.measured_bend).sum())
+    windows = args.window_column is not None
+    if args.window_column is None:
+        episodes = [read_measured_log(args.file, form, on_warning=_warn)]
+    else:
+        episodes = read_windows(args.file, args.window_column, form, on_warning=_warn)
+    for oddity in oddities(*episodes):
+        _warn(f"{args.file}: {oddity}")
+    folder = output_folder(args.out)
+    paths = write_windows(folder, name, episodes) if windows else [write_measured(folder, name, episodes[0])]
+    pull_mm, bend_deg, measured = (
+        np.concatenate([getattr(one, field) for one in episodes])
+        for field in ("pull_mm", "bend_deg", "measured_bend")
+    )
+    low, high, least, most = map(float, (bend_deg.min(), bend_deg.max(), pull_mm.min(), pull_mm.max()))
+    missing = int(np.isnan(measured).sum())
     without = f" ({missing} without a measurement)" if missing else ""
-    seconds = float(episode.time[-1])
+    seconds = float(sum(one.time[-1] for one in episodes))
+    sample_time = float(np.median([one.sample_time for one in episodes]))
+    lateral = np.degrees(np.concatenate([one.lateral_bend for one in episodes]))
+    lateral_deg = [float(lateral.min()), float(lateral.max())] if lateral.size else None
+    sideways = f", sideways from {lateral_deg[0]:.1f} to {lateral_deg[1]:.1f} deg" if lateral_deg else ""
+    what = f"{args.out}: {len(paths)} windows, " if windows else f"{paths[0]}: "
     return Summary(
-        f"{path}: {len(episode.time)} samples{without}, {seconds:g} s, bent from {low:.1f} to {high:.1f} deg",
+        f"{what}{len(pull_mm)} samples{without}, {seconds:g} s at {1 / sample_time:.3g} Hz, "
+        f"pulled from {least:.3g} to {most:.3g} mm, bent from {low:.1f} to {high:.1f} deg"
+        f"{sideways}",
         {
             "out": str(args.out),
-            "file": str(path),
-            "samples": len(episode.time),
+            "file": str(paths[0]),
+            "samples": len(pull_mm),
             "missing": missing,
             "seconds": seconds,
-            "sample_time_s": episode.sample_time,
+            "sample_time_s": sample_time,
+            "pull_mm": [least, most],
             "bend_deg": [low, high],
+            **({"lateral_bend_deg": lateral_deg} if lateral_deg else {}),
+            **({"files": [str(path) for path in paths]} if windows else {}),
         },
     )
 
 
 def _warn(line: str) -> None:
-    complain(f"endotwin import: warning: {line}")
+    complain(f"endotwin import: warning: {with_flags(line, Import)}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

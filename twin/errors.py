@@ -28,7 +28,6 @@ EXTRA_OF = {
     "numba": "sim",
     "dm_control": "sim",
     "pymoo": "sim",
-    "cma": "sim",
     "torch": "rl",
     "stable_baselines3": "rl",
     "gymnasium": "rl",

@@ -25,6 +25,15 @@ def test_a_choice_makes_the_other_one_void(chosen, void):
     assert change_recipe({void: [1.0, 2.0]}, {"seconds": 1}) == {void: [1.0, 2.0], "seconds": 1}
 
 
+def test_columns_of_a_command_are_changed_beside_its_path():
+    column = {"command_csv": {"command_column": "knob_deg"}}
+    assert change_recipe({"command_csv": "a.csv"}, column) == {
+        "command_csv": {"file": "a.csv", "command_column": "knob_deg"}
+    }
+    other = {"command_csv": {"file": "b.csv"}, "given_lateral_pull_m": [0.0, 1.0]}
+    assert change_recipe(other, column) == {"command_csv": {"file": "b.csv", "command_column": "knob_deg"}}
+
+
 @pytest.mark.parametrize(("episodes", "met"), [(1, 1), (2, 2), (3, 3), (4, None)])
 def test_episodes_that_do_not_meet_every_stroke_and_bend_are_told(episodes, met):
     bends = ((0.0, 0.0), (90.0, 90.0))

@@ -198,7 +198,11 @@ def test_record_of_another_preset_or_outside_the_ranges_is_found(tmp_path):
 
 
 def test_recipe_with_a_camera_and_a_given_command_fits_the_schema(tmp_path):
-    recipe = changed(camera=Camera(10, 320, 240), given_pull_m=(0.0, 1e-3), physics="reduced")
+    given = (0.0, 1e-3)
+    recipe = changed(
+        camera=Camera(10, 320, 240), given_pull_m=given, given_lateral_pull_m=given, physics="reduced"
+    )
     described = describe(recipe)
-    assert {"camera", "given_pull_m", "physics"} <= set(described)
+    assert {"camera", "given_pull_m", "given_lateral_pull_m", "physics"} <= set(described)
+    assert described["given_lateral_pull_m"] == "2 samples: see recipe.yaml"
     assert to_json_values(SimulatedRecipe.model_validate_json(json.dumps(described))) == described

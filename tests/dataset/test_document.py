@@ -9,7 +9,7 @@ from repository import REPOSITORY
 from small_dataset import SMALL, make
 
 from twin.dataset.recipe import Recipe
-from twin.dataset.recipe_file import RecipeFile, SensorFile, load_recipe
+from twin.dataset.recipe_file import RESOLVED_KEYS, CommandFile, RecipeFile, SensorFile, load_recipe
 from twin.files.assets import assets_folder
 from twin.recording import endotwin_pb2, read_episode
 from twin.recording.camera import CAMERA_TOPIC
@@ -36,9 +36,11 @@ def test_every_topic_is_described_with_its_schema(topic):
         assert f"`{SCHEMAS[topic].DESCRIPTOR.full_name}`" in DOCUMENT
 
 
-@pytest.mark.parametrize("key", [*RecipeFile.model_fields, *SensorFile.model_fields])
+@pytest.mark.parametrize(
+    "key", [*RecipeFile.model_fields, *SensorFile.model_fields, *CommandFile.model_fields]
+)
 def test_every_key_of_a_recipe_is_described(key):
-    if key != "given_pull_m":  # a resolved recipe's, which nobody writes
+    if key not in RESOLVED_KEYS:
         assert described(key)
 
 
@@ -65,5 +67,5 @@ def test_example_recipe_is_one_and_shows_every_key():
     assert {recipe.conditions(number).stroke_mm for number in range(20)} == {(2, 4), (-1, 1)}
     text = path.read_text()
     for key in RecipeFile.model_fields:
-        assert f"{key}:" in text or key == "given_pull_m", key
+        assert f"{key}:" in text or key in RESOLVED_KEYS, key
     assert yaml.safe_load(text.replace("# camera", "camera"))["camera"]["width"] == 320

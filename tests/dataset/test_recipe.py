@@ -146,6 +146,7 @@ def test_what_an_episode_depends_on_does_not_tell_how_many_there_are():
         {"sensor_variance_deg2": 0.0},
         {"camera": Camera()},
         {"given_pull_m": (0.0, 1e-3)},
+        {"given_lateral_pull_m": (0.0, 1e-3)},
     ],
     ids=lambda change: next(iter(change)),
 )

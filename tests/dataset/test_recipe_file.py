@@ -1,12 +1,13 @@
 """A recipe's file: what each key becomes, and what is refused, in one line with what may be."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from twin.dataset.recipe import Recipe
-from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
+from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve, resolve_alone
 from twin.measured.command import read_command
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
@@ -82,13 +83,39 @@ def test_recipe_of_no_keys_is_that_of_the_defaults():
 def test_preset_and_command_are_looked_for_beside_the_recipe(folder):
     (folder / "recipe.yaml").write_text("preset: parts/mine.yaml\ncommand_csv: parts/command.csv\n")
     recipe = load_recipe(folder / "recipe.yaml")
-    pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02)
+    pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02).pull
     assert recipe.given_pull_m == tuple(pull.tolist())
     assert recipe.seconds == pytest.approx(2.0)
     assert recipe.strokes_mm == (
         (pytest.approx(1e3 * pull.min(), abs=1e-8), pytest.approx(1e3 * pull.max(), abs=1e-8)),
     )
     assert {recipe.conditions(number).signal for number in range(3)} == {"given"}
+
+
+def test_columns_of_a_command_are_told_beside_its_path(folder):
+    (folder / "parts" / "log.csv").write_text("t_ms,knob_deg,side\n0,0,0\n500,10,1\n1000,0,2\n")
+    command = "{file: log.csv, command_column: knob_deg, lateral_command_column: side, time_column: t_ms}"
+    text = f"preset: mine.yaml\nset: {{bending_planes: 2}}\ncommand_csv: {command}\n"
+    (folder / "parts" / "recipe.yaml").write_text(text)
+    with pytest.raises(ValueError, match="column side does not end in its unit"):
+        load_recipe(folder / "parts" / "recipe.yaml")
+    (folder / "parts" / "log.csv").write_text("t_ms,knob_deg,side_mm\n0,0,0\n500,10,1\n1000,0,2\n")
+    (folder / "parts" / "recipe.yaml").write_text(text.replace("side,", "side_mm,"))
+    recipe = load_recipe(folder / "parts" / "recipe.yaml")
+    assert (len(recipe.given_pull_m), len(recipe.given_lateral_pull_m)) == (50, 50)
+    assert max(recipe.given_pull_m) == pytest.approx(np.radians(10) * recipe.preset.pulley_radius)
+    assert recipe.given_lateral_pull_m[25] == pytest.approx(1e-3)
+    assert resolve_alone(recipe.to_dict()) == recipe
+    with pytest.raises(ValueError, match=r"a lateral command: .* has one bending plane, it needs two"):
+        dataclasses.replace(recipe, preset=recipe.preset.replace(bending_planes=1)).check()
+    with pytest.raises(ValueError, match="lateral_stroke_mm and a recorded lateral command: choose one"):
+        dataclasses.replace(recipe, lateral_stroke_mm=(0.0, 1.0)).check()
+    with pytest.raises(ValueError, match="given_lateral_pull_m has 50 samples, given_pull_m 0"):
+        dataclasses.replace(recipe, given_pull_m=None, seconds=1.0).check()
+    with pytest.raises(ValueError, match="given_lateral_pull_m has 3 samples, given_pull_m 50"):
+        dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.0, 0.0)).check()
+    with pytest.raises(ValueError, match=r"stroke \[0, 100\] mm: this endoscope"):
+        dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.1) * 25).check()
 
 
 def test_preset_can_be_given_by_its_parameters():
@@ -160,7 +187,7 @@ SIGNAL_NAMES = "sine, decaying-sine, triangle, multi-sine, random-steps"
         ("strokes_mm: [[1, 2], [2]]", r"strokes_mm\[1\] = \[2\]: must be pairs of numbers"),
         ("strokes_mm: [[1, a]]", r"strokes_mm\[0\]\[1\] = 'a': must be pairs of numbers"),
         ("strokes_mm: [[4, 2]]", r"stroke \[4, 2\] mm: the first must be below the second"),
-        ("strokes_mm: [[0, 900]]", "this endoscope is pulled by at most 8.17 mm"),
+        ("strokes_mm: [[0, 900]]", "this endoscope is pulled by at most 30.5 mm: is the unit right?"),
         ("lateral_stroke_mm: 5", r"lateral_stroke_mm = 5: must be two numbers, as in \[-1, 1\]"),
         ("lateral_stroke_mm: [1, 2]", "'ureteroscope' has one bending plane, it needs two"),
         ("sheath_bends_deg: 90", r"sheath_bends_deg = 90: must be angles, or pairs of a start and an end"),
@@ -195,7 +222,7 @@ SIGNAL_NAMES = "sine, decaying-sine, triangle, multi-sine, random-steps"
         ("given_pull_m: []", r"given_pull_m = \[\]: list should have at least 2 items"),
         ("given_pull_m: [0.001]", "given_pull_m = .* at least 2 items"),
         ("given_pull_m: [0, .nan]", r"given_pull_m\[1\] = nan: input should be a finite number"),
-        ("given_pull_m: [0, 1]", "this endoscope is pulled by at most 8.17 mm"),
+        ("given_pull_m: [0, 1]", r"stroke \[0, 1000\] mm: this endoscope is pulled by at most 30.5 mm"),
         ("given_pull_m: [0, 1]\ncommand_csv: a.csv", "command_csv and given_pull_m: choose one"),
         ("[1, 2]", "no recipe: expected `key: value` lines"),
         ("word", "no recipe: expected `key: value` lines"),
@@ -204,6 +231,13 @@ SIGNAL_NAMES = "sine, decaying-sine, triangle, multi-sine, random-steps"
             "ranges: pretension is set, or bent by sheath_bends_deg: choose one",
         ),
         ("{command_csv: parts/command.csv, seconds: 3}", "command_csv and seconds: choose one"),
+        ("command_csv: 5", "command_csv = 5: must be a CSV file, or with columns, as in {file: log.csv"),
+        ("command_csv: {time_column: t}", "command_csv = .*: must be a CSV file, or with columns"),
+        ("command_csv: {file: a.csv, column: t}", r"unknown key 'column' .*valid: file, command_column"),
+        (
+            "command_csv: {file: a.csv, time_unit: h}",
+            "command_csv.time_unit = 'h': input should be 's', 'ms'",
+        ),
         ("a: b: c", "not a YAML file: line 1: mapping values are not allowed"),
     ],
 )

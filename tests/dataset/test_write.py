@@ -187,10 +187,10 @@ def test_simulation_that_diverges_is_named_and_leaves_no_dataset_file_but_the_wh
         ({"seeds": (1, 2, 1)}, r"seeds = \[1, 2, 1\]: one is given twice"),
         ({"seeds": ()}, "seeds: none is given"),
         ({"strokes_mm": ((0.0, np.nan),)}, r"stroke \[0, nan\] mm: this endoscope is pulled by at most"),
-        ({"strokes_mm": ((0.0, 50.0),)}, r"stroke \[0, 50\] mm: this endoscope is pulled by at most 8\.17"),
+        ({"strokes_mm": ((0.0, 90.0),)}, r"stroke \[0, 90\] mm: this endoscope is pulled by at most 76\.5"),
         ({"lateral_stroke_mm": (0.0, 1.0)}, "'small' has one bending plane, it needs two"),
         ({"preset": TWO_PLANES, "lateral_stroke_mm": (1.0, 0.0)}, r"stroke \[1, 0\] mm: the first must be"),
-        ({"preset": TWO_PLANES, "lateral_stroke_mm": (-50.0, 0.0)}, r"stroke \[-50, 0\] mm: this endoscope"),
+        ({"preset": TWO_PLANES, "lateral_stroke_mm": (-90.0, 0.0)}, r"stroke \[-90, 0\] mm: this endoscope"),
         ({"sheath_bends_deg": ((0.0, -6.0),)}, r"bend of the sheath -6 deg: must be from 0 to 1440 deg"),
         (
             {"sheath_bends_deg": ((0.0, 90.0), (1719.0, 0.0))},

@@ -11,6 +11,7 @@ from twin.evaluation.method import Method
 from twin.evaluation.paper import paper_value
 from twin.evaluation.protocol import PAPER_CONDITIONS, Protocol
 from twin.evaluation.record import EvaluationRecord
+from twin.report.tables import paper_tables
 from twin.signals.noise import noise_variance
 
 PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
@@ -124,11 +125,20 @@ def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
 
 
 def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
-    rows, _ = evaluate(
-        two_records, [Method("RAM", measurement_itself), Method("y", measurement_itself)], PROTOCOL
-    )
+    methods = [Method("RAM", measurement_itself), Method("y", measurement_itself)]
+    of_paper = [dataclasses.replace(record, preset="ureteroscope") for record in two_records]
+    rows, _ = evaluate(of_paper, methods, PROTOCOL)
     assert pick(rows, "RAM", "gaussian", 1.0).paper_rmse_deg == 0.6354
     assert pick(rows, "y", "gaussian", 1.0).paper_rmse_deg is None
+    assert "(paper 0.635)" in paper_tables(rows)
+    for records in (
+        two_records,
+        [of_paper[0], two_records[1]],
+    ):  # of another instrument, in one group or whole
+        rows, _ = evaluate(records, methods, PROTOCOL)
+        assert {row.paper_rmse_deg for row in rows} == {None}
+        assert "RAM" in paper_tables(rows)
+        assert "paper" not in paper_tables(rows)
     assert paper_value("poisson", 2.0, "C-H", "mae_deg") == 4.4908
 
 

@@ -43,10 +43,13 @@ def test_a_sample_that_was_not_measured_is_neither_measured_nor_scored(tmp_path)
 
 def test_import_says_how_many_samples_have_no_measurement(tmp_path, capsys):
     csv = tmp_path / "log.csv"
-    csv.write_text("time_s,command_deg,angle_deg\n0,0,1\n1,1,\n2,2,nan\n3,1,4\n")
+    csv.write_text("time_s,command_deg,angle_deg\n0,0,1\n1,9,\n2,18,nan\n3,9,7\n")
     summary = import_log(Import(csv, tmp_path / "out"))
     assert summary.values["missing"] == 2
-    assert summary.line.endswith(": 4 samples (2 without a measurement), 3 s, bent from 1.0 to 4.0 deg")
+    assert summary.line.endswith(
+        ": 4 samples (2 without a measurement), 3 s at 1 Hz, pulled from 0 to 3.14 mm, "
+        "bent from 1.0 to 7.0 deg"
+    )
     (warning,) = capsys.readouterr().err.splitlines()
     assert warning.startswith("endotwin import: warning: ")
     assert warning.endswith(

@@ -9,6 +9,7 @@ from mcap_protobuf.reader import read_protobuf_messages
 from recorded import assert_equal, make_episode
 from small_dataset import RECIPE, make, measured_log
 
+import twin
 from scripts import evaluate as verb
 from twin.dataset.recipe import Recipe
 from twin.estimation.active_model import ActiveModel
@@ -17,8 +18,13 @@ from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, as_method
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.reading import evaluation_record
-from twin.evaluation.recorded import common_variance, recorded_variance, write_estimates
+from twin.evaluation.reading import evaluation_record, evaluation_records
+from twin.evaluation.recorded import (
+    chosen_measurements,
+    common_variance,
+    recorded_variance,
+    write_estimates,
+)
 from twin.export.names import named_files
 from twin.measured.folder import write_measured
 from twin.recording import episode_files, read_episode
@@ -70,6 +76,65 @@ def test_a_measured_log_does_not_tell_its_noise(tmp_path):
     write_measured(tmp_path / "data", "log", measured_log(tmp_path))
     assert recorded_variance(read_episode(tmp_path / "data/log.mcap")) is None
     assert common_variance([tmp_path / "data"]) == (0.1, False)
+
+
+@pytest.fixture
+def logs(tmp_path):
+    """A folder of one measured log."""
+    (tmp_path / "data").mkdir()
+    write_measured(tmp_path / "data", "log", measured_log(tmp_path))
+    return tmp_path / "data"
+
+
+def test_measured_logs_keep_their_measurements_unless_noise_is_asked_for(folder, logs):
+    simulated = len(episode_files(folder))
+    assert chosen_measurements("auto", [folder]) == ("drawn", "")
+    assert chosen_measurements("recorded", [folder]) == ("recorded", "")
+    chosen, line = chosen_measurements("auto", [logs])
+    assert chosen == "recorded"
+    assert line.startswith(
+        "1 of 1 records are measured logs: estimators get their recorded measurements, and"
+    )
+    for asked, paths, count in (("drawn", [logs], 1), ("auto", [folder, logs], simulated + 1)):
+        chosen, line = chosen_measurements(asked, paths)
+        assert chosen == "drawn"
+        assert line == (
+            f"1 of {count} records are measured logs: their angles are taken for true, and noise is drawn on "
+            "top of them"
+        )
+    with pytest.raises(ValueError, match="measurements = 'both': must be auto, drawn or recorded"):
+        chosen_measurements("both", [logs])
+
+
+def test_the_library_scores_measured_logs_as_they_were_measured(logs, model):
+    estimators = {"AM": ActiveModel(model, 0.1)}
+    (score,) = twin.evaluate(logs, estimators)
+    assert (score.noise, score.seeds, score.paper_rmse_deg) == ("recorded", 1, None)
+    assert len(twin.evaluate(logs, estimators, seeds=1, suite="paper-only", measurements="drawn")) == 5
+
+
+def test_records_know_the_preset_that_simulated_them(folder, logs):
+    assert {record.preset for record in evaluation_records([folder], 0.1)} == {RECIPE.preset.name}
+    assert [record.preset for record in evaluation_records([logs], 0.1)] == [""]
+
+
+def test_the_verb_says_what_it_does_with_measured_logs_and_prints_no_figure_of_the_paper(
+    logs, tmp_path, model, capsys
+):
+    (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
+    line = [str(logs), "--model", str(tmp_path / "model.json"), "--suite", "paper-only", "--seeds", "1"]
+    for words, noise, said in (
+        ([], {"recorded"}, "estimators get their recorded measurements, and are scored against the same"),
+        (["--measurements", "drawn"], {"gaussian", "poisson"}, "and noise is drawn on top of them"),
+    ):
+        assert verb.main([*line, *words, "--out", str(tmp_path / "out")]) == 0
+        printed = capsys.readouterr()
+        assert "endotwin evaluate: 1 of 1 records are measured logs: " in printed.err
+        assert said in printed.err
+        rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]
+        assert {row["noise"] for row in rows} == noise
+        assert {row["paper_rmse_deg"] for row in rows} == {None}
+        assert "(paper" not in printed.out + (tmp_path / "out/tables.md").read_text()
 
 
 def test_a_record_without_measurements_is_refused(folder):

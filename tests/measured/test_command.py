@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from twin.measured.command import SECONDS_PER_CYCLE, read_command
+from twin.measured.command import CommandFormat, read_command
+from twin.measured.units import SECONDS_PER_CYCLE
 from twin.preset.file import load_preset
 
 
@@ -17,7 +18,7 @@ def write(path, text):
 
 def test_pull_over_time_is_taken_as_it_is(tmp_path, preset):
     path = write(tmp_path / "c.csv", "time_s,pull_mm\n0,0\n1,2\n2,1\n")
-    pull = read_command(path, preset, 0.5)
+    pull = read_command(path, preset, 0.5).pull
     np.testing.assert_allclose(pull, [0, 1e-3, 2e-3, 1.5e-3])
 
 
@@ -25,14 +26,14 @@ def test_angle_over_phase_becomes_a_pull_at_the_stated_rate(tmp_path, preset):
     phase = np.linspace(0, 2 * np.pi, 401)
     lines = [f"{p},{60 * np.sin(p)},1" for p in phase]
     path = write(tmp_path / "c.csv", "phase_rad,command_deg,angle_deg\n" + "\n".join(lines))
-    pull = read_command(path, preset, 0.1)
+    pull = read_command(path, preset, 0.1).pull
     assert len(pull) == SECONDS_PER_CYCLE / 0.1
     assert pull.max() == pytest.approx(np.radians(60) * 0.02, rel=1e-3)
 
 
 def test_samples_at_one_time_are_averaged(tmp_path, preset):
     path = write(tmp_path / "c.csv", "time_s,pull_mm\n0,0\n0,2\n1,1\n")
-    np.testing.assert_allclose(read_command(path, preset, 0.5), [1e-3, 1e-3])
+    np.testing.assert_allclose(read_command(path, preset, 0.5).pull, [1e-3, 1e-3])
 
 
 @pytest.mark.parametrize(
@@ -46,12 +47,60 @@ def test_samples_at_one_time_are_averaged(tmp_path, preset):
         ("pull_mm\n1\n", "no column time_s or phase_rad"),
         ("time_s,pull_mm\n", "holds no lines"),
         ("time_s,pull_mm\n0,1\n0.001,2\n", "less than one sample"),
+        (
+            "time_s,pull_mm\n0,1\n1e6,2\n",
+            "lasts 1e\\+06 s, at most 100000 s are simulated: check `time_unit`",
+        ),
+        ("time_s,pull_mm\n0,1\n1,2000\n", "line 3: pull_mm is 2000 mm of .* check `command_unit`$"),
     ],
 )
 def test_a_file_that_is_no_command_is_refused(tmp_path, preset, text, message):
     path = write(tmp_path / "c.csv", text)
     with pytest.raises(ValueError, match=message):
         read_command(path, preset, 0.02)
+
+
+def test_columns_are_those_that_are_named_in_their_units(tmp_path, preset):
+    path = write(
+        tmp_path / "c.csv", "pull_mm,clock,knob_rad,other,stamp_s\n9,0,0,1,5\n9,500,0.1,3,5\n9,1000,0.2,5,6\n"
+    )
+    form = CommandFormat(
+        command_column="knob_rad", time_column="clock", time_unit="ms", lateral_command_column="knob_rad"
+    )
+    command = read_command(path, preset, 0.5, form)
+    np.testing.assert_allclose(command.pull, [0, 2e-3])
+    np.testing.assert_allclose(command.lateral_pull, command.pull)
+    metres = CommandFormat(command_column="other", command_unit="mm", time_column="stamp_s")
+    command = read_command(path, preset, 0.5, metres)
+    np.testing.assert_allclose(command.pull, [2e-3, 3.5e-3])
+    assert command.lateral_pull is None
+
+
+def test_a_phase_is_played_as_slowly_as_asked_for(tmp_path, preset):
+    path = write(tmp_path / "c.csv", f"turn,pull_mm\n0,0\n{np.pi},1\n")
+    form = CommandFormat(time_column="turn", time_unit="rad", seconds_per_cycle=4.0)
+    np.testing.assert_allclose(read_command(path, preset, 0.5, form).pull, [0, 2.5e-4, 5e-4, 7.5e-4])
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        ({"command_column": "knob"}, "has no column knob; its columns: time_s, pull, pull_mm"),
+        ({"command_column": "pull"}, "pull does not end in its unit: give `command_unit`, mm, m, deg or rad"),
+        ({"lateral_command_column": "side_mm"}, "no column side_mm"),
+        ({"time_column": "pull"}, "pull does not end in its unit: give `time_unit`, s, ms, us or rad"),
+        (
+            {"command_column": "pull", "command_unit": "rad"},
+            "line 2: pull is .* pulley_radius of the preset, 0.02",
+        ),
+        ({"seconds_per_cycle": 0.0}, "seconds_per_cycle = 0: must be positive"),
+    ],
+)
+def test_a_column_that_is_not_there_or_has_no_unit_is_refused(tmp_path, preset, form, message):
+    path = write(tmp_path / "c.csv", "time_s,pull,pull_mm\n0,12,0\n1,13,1\n")
+    with pytest.raises(ValueError, match=message) as refused:
+        read_command(path, preset, 0.02, CommandFormat(**form))
+    assert "\n" not in str(refused.value)
 
 
 def test_a_missing_or_binary_file_is_refused(tmp_path, preset):

@@ -17,7 +17,14 @@ from twin.measured.csv_reader import read_columns
 from twin.measured.numbers import MISSING
 
 HEADER = b"time_s,command_deg,angle_deg\n"
+SEMICOLONS = HEADER.replace(b",", b";")
 ROWS = b"0,0,0\n1,1,1\n"
+
+
+@pytest.fixture(autouse=True)
+def few_at_once(monkeypatch):
+    """Rows are worked off a few at a time, so that short files have several parts."""
+    monkeypatch.setattr(csv_reader, "_CELLS_AT_ONCE", 90)
 
 
 def read(path, content=None):
@@ -34,10 +41,19 @@ def read(path, content=None):
         (HEADER + ROWS + b"2\n3,1,1\n", "line 4 has 1 field, its header has 3"),
         (HEADER + ROWS + b"2,1", "line 4 has 2 fields, its header has 3; the file ends within this line"),
         (b"a,b\n" + b"1,2,\n", "line 2 has 3 fields, its header has 2"),
-        (HEADER.replace(b",", b";") + b"0;0;0\n", "its header has 1 column: .* commas, not by semicolons"),
-        (HEADER.replace(b",", b"\t") + b"0\t0\t0\n", "its header has 1 column: .* commas, not by tabs"),
-        (HEADER.replace(b",", b"|") + b"0|0|0\n", "its header has 1 column: .* commas, not by bars"),
-        (HEADER.replace(b",", b" ") + b"0 0 0\n", "its header has 1 column: .* commas, not by spaces"),
+        (HEADER.replace(b",", b";") + b"0;0;0;0\n", "line 2 has 4 fields, its header has 3$"),
+        (HEADER.replace(b",", b"|") + b"0|0|0\n", "its header has 1 column: .* or tabs, not by bars"),
+        (HEADER.replace(b",", b" ") + b"0 0 0\n", "its header has 1 column: .* or tabs, not by spaces"),
+        (b"t,knob;bend\n0,1;2\n", "its header has commas and semicolons, and does not tell which of them"),
+        (b"time_s,a;angle_deg\n0,1;2\n", "its header has commas and semicolons, and does not tell which"),
+        (
+            SEMICOLONS + b"0;0,5;0\n\n1;1;1.5\n",
+            r"line 4: angle_deg is '1\.5', and line 2: command_deg is '0,5': decimals must all have a point",
+        ),
+        (
+            SEMICOLONS + b"0;0.5;0\n" + b"1;1;1\n" * 99 + b"1;1; 1,5\n",
+            r"line 2: command_deg is '0\.5', and line 102: angle_deg is '1,5': decimals must",
+        ),
         (HEADER + b'0,0,"0\n' + ROWS, "line 2: a quote of the row that begins here is never closed"),
         (HEADER + b'0,"' + b"1\n" * 70_000, "line 2: a field has more than 131072 characters: is a quote"),
         (HEADER + ROWS + b'2,"1"1,0\n', "line 4 is no line of a CSV file"),
@@ -68,12 +84,40 @@ def test_what_is_no_csv_file_is_refused_in_one_line(tmp_path, content, fault):
         b"time_s,command_deg,angle_deg\r0,0,0\r1,1,1\r",
         b'note,time_s,command_deg,angle_deg\n"two\nlines",0,0,0\n"a ""word""",1,1,1\n',
         "Maß,time_s,command_deg,angle_deg\n°,0, 0 ,0\n°,+1,1.e0,\t1\n".encode(),
+        b"time_s;command_deg;angle_deg\n0;0;0\n1;1;1\n",
+        b"\n \r\ntime_s;command_deg;angle_deg\r\n0;0;0\r\n1;1.0;1\r\n",
+        b"time_s;command_deg;angle_deg\n0;0,0;-0,0\n1,000;1e0;+1,\n",
+        b"\xef\xbb\xbftime_s\tcommand_deg\tangle_deg\r\n0\t0\t0\r\n1\t1,0\t,1e1\r\n",
+        b'"a;b","c\td",time_s,command_deg,angle_deg\n"1,5;",x,0,0,0\n,,1,1,1\n',
+        b'"force, N";time_s;command_deg;angle_deg\n2.5;0;0,0;0\n1.234,5;1;1,0;1\n',
+        b"force, N;time_s;command_deg;angle_deg\n1;0;0;0\n1;1;1;1\n",
+        b"time_s,command_deg,angle_deg,raw;x;y\n0,0,0,0\n1,1,1,1\n",
     ],
 )
 def test_what_loggers_write_is_read(tmp_path, content):
     table = read(tmp_path / "log.csv", content)
     for name in ("time_s", "command_deg", "angle_deg"):
         np.testing.assert_array_equal(table.column(name), [0, 1])
+
+
+@pytest.mark.parametrize("text", ["1.234,5", "1,234,567", "1,2.5", ",", "1,,5", "1_0,5", "0x1,5"])
+def test_a_decimal_comma_groups_no_digits(tmp_path, text):
+    table = read(tmp_path / "log.csv", SEMICOLONS + f"0;0;0\n1;{text};1\n".encode())
+    with pytest.raises(ValueError, match=r"line 3: command_deg is .*, not a finite number"):
+        table.column("command_deg", may_miss=True)
+
+
+def test_a_decimal_comma_is_a_point(tmp_path):
+    table = read(tmp_path / "log.csv", SEMICOLONS + b"0,5;-1,25e1;NA\n,75;3;4\n")
+    np.testing.assert_array_equal(table.column("time_s"), [0.5, 0.75])
+    np.testing.assert_array_equal(table.column("command_deg"), [-12.5, 3])
+    np.testing.assert_array_equal(table.column("angle_deg", may_miss=True), [np.nan, 4])
+    assert table.lines.tolist() == [2, 3]
+
+
+def test_blank_lines_before_a_header_count_as_lines(tmp_path):
+    table = read(tmp_path / "log.csv", b"\n \r" * 500 + SEMICOLONS + b"0;0;0\n1;1;1\n")
+    assert table.lines.tolist() == [503, 504]  # CR and LF end one line
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,19 @@ def test_round_trip(folder, samples, vertebrae, elements, seed, start, planes, d
     assert_equal(read_episode(path), written)
 
 
+@pytest.mark.parametrize("planes", [1, 2])
+def test_hidden_state_is_left_out_where_nobody_asks_for_it(tmp_path, planes):
+    written = make_episode(planes=planes, drive=True)
+    path = write_episode(tmp_path / "seen.mcap", written)
+    bare = {"wire_tension": 3, "sheath_friction": 3, "joint_angle": 2}
+    for read in (read_episode(path, hidden=False), *read_dataset(tmp_path, hidden=False)):
+        for name, axes in bare.items():
+            assert getattr(read, name).shape[axes - 1] == 0
+            read = dataclasses.replace(read, **{name: getattr(written, name)})
+        hidden = ("wire_slack", "lateral_joint_angle")
+        assert_equal(dataclasses.replace(read, **{name: getattr(written, name) for name in hidden}), written)
+
+
 @pytest.mark.parametrize("field", OPTIONAL)
 def test_each_optional_field_comes_back_without_the_others(tmp_path, field):
     whole = make_episode(planes=2, drive=True)

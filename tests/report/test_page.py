@@ -10,6 +10,7 @@ from PIL import Image
 from small_dataset import measured_log
 
 from twin.episode import Episode
+from twin.evaluation.paper import paper_value
 from twin.evaluation.track import Track, save_tracks
 from twin.measured.folder import write_measured
 from twin.recording import write_episode
@@ -46,7 +47,7 @@ def make_rows() -> list[dict]:
                     "rmse_steady_deg": rmse,
                     "rmse_ci95_deg": [0.99 * rmse, 1.01 * rmse],
                     "seeds": 20,
-                    "paper_rmse_deg": None,
+                    "paper_rmse_deg": paper_value(noise, level, method, "rmse_deg"),
                 }
             )
     return rows

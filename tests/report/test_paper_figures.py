@@ -38,7 +38,15 @@ def test_our_rmse_stands_beside_the_published_one():
     rest = dict.fromkeys(("mae_deg", "md_deg", "var_deg2", "bias_deg", "rmse_steady_deg"), 0.0)
     rest |= {"oracle": False, "rmse_ci95_deg": [0.0, 9.0], "seeds": 1}
     rows = [
-        {"noise": "gaussian", "level": 5.0, "method": "RAM", "rmse_deg": 1.337, **here, **rest},
+        {
+            "noise": "gaussian",
+            "level": 5.0,
+            "method": "RAM",
+            "rmse_deg": 1.337,
+            **here,
+            **rest,
+            "paper_rmse_deg": 1.0444,
+        },
         {"noise": "gaussian", "level": 1.0, "method": "Direct RL", "rmse_deg": 1.2, **here, **rest},
     ]
     # The tracks are of the first records at the longest sample time: other rows are not theirs.
@@ -47,6 +55,8 @@ def test_our_rmse_stands_beside_the_published_one():
     figures = paper_figures(ALL, [Score.from_dict(row) for row in rows])
     assert "RAM: 1.34 (paper 1.04)" in legend(figures[7][0])
     assert "Direct RL: 1.20" in legend(figures[5][0])  # of which the paper has no figure
+    other = [Score.from_dict(row | {"paper_rmse_deg": None}) for row in rows]  # of another instrument
+    assert "RAM: 1.34" in legend(paper_figures(ALL, other)[7][0])
 
 
 @pytest.mark.parametrize("missing", ["noise", "method"])

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from distributed import LocalCluster
@@ -126,6 +127,29 @@ def test_episodes_that_are_too_few_for_all_strokes_are_said(told, tmp_path):
     assert "pairs" not in err
 
 
+def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
+    rows = "\n".join(f"{50 * n},{n % 9 - 4},{0.05 * n},{n}" for n in range(21))
+    (tmp_path / "log.csv").write_text("clock,knob_deg,side,angle_deg\n" + rows)
+    columns = "--command-column knob_deg --lateral-command-column side --time-column clock --time-unit ms"
+    bare = "recipe.yaml --workers 1 --set bending_planes=2 --episodes 1"
+    line = f"{bare} --command-csv log.csv {columns}"
+    (tmp_path / "recipe.yaml").write_text(RECIPE.replace("seconds: 1\nsignals: [sine, triangle]\n", ""))
+    code, _, err = told(f"{line} --out data")
+    assert code == 2
+    assert err.endswith(
+        "log.csv: column side does not end in its unit: give --command-unit, mm, m, deg or rad\n"
+    )
+    (tmp_path / "log.csv").write_text("clock,knob_deg,side_mm,angle_deg\n" + rows)
+    assert told(f"{line} --out data".replace("side ", "side_mm "))[0] == 0
+    episode = read_episode("data/episode_0000.mcap")
+    degrees = episode.pull / episode.metadata["preset"]["pulley_radius"]
+    assert (len(episode.time), 1e3 * episode.lateral_pull[25]) == (50, pytest.approx(0.5))
+    assert np.degrees([degrees.min(), degrees.max()]) == pytest.approx([-4, 4], abs=0.9)
+    assert "a given command sideways" in Path("data/README.md").read_text()
+    assert told("--verify --out data")[0] == 0
+    assert told("--replay data/episode_0000.mcap")[0] == 0
+
+
 def test_camera_adds_pictures(told):
     told("recipe.yaml --out data --workers 1 --camera 2 --episodes 1")
     assert recipe_of("data")["camera"]["pictures_per_second"] == 2
@@ -138,6 +162,8 @@ def test_camera_adds_pictures(told):
         ("nothing.yaml --out x", "no recipe nothing.yaml"),
         ("recipe.yaml", "--out: name the folder"),
         ("--preset ureteroscope --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
+        ("--command-column x --out x", "--command-column tells how --command-csv is read: name its file"),
+        ("recipe.yaml --time-unit ms --out x", "must be a CSV file, or with columns, as in {file: log.csv"),
         ("recipe.yaml --workers -1 --out x", "--workers -1: must not be negative"),
         ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),
         ("recipe.yaml --dask tcp --out x", "--dask 'tcp': must be as in tcp://192.168.0.7:8786"),

@@ -15,7 +15,7 @@ seeds: [3]
 randomize: true
 """
 LEARN = "--model coleman_hodgdon.json --episodes 16 --horizon 64 --environments 4 --minibatch 32 --seed 1"
-CALIBRATE = "calibrate short --preset tiny.yaml --evaluations 20 --sample-time 0.1"
+CALIBRATE = "calibrate short --preset tiny.yaml --starts 1 --sample-time 0.1"
 RENDER = "render data/train --out"
 
 

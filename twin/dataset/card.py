@@ -45,7 +45,7 @@ def write_card(
         The path of the README.md.
     """
     shown = _to_show(recipe, contents.files)
-    episodes = (read_episode(folder / file.name) for file in shown)  # one in memory at a time
+    episodes = (read_episode(folder / file.name, hidden=False) for file in shown)  # one in memory at a time
     write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
     if not figure_alone:
         write_whole(folder / CARD, card_text(recipe, contents))
@@ -154,6 +154,8 @@ def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
         lines.append(f"strokes: {_all_of(files, 'stroke_mm', _stroke)} mm")
     else:
         lines.append("a given command, in `recipe.yaml`")
+    if recipe.given_lateral_pull_m is not None:
+        lines.append("a given command sideways, in `recipe.yaml`")
     if recipe.lateral_stroke_mm is not None:
         lines.append(f"stroke sideways: {_stroke(recipe.lateral_stroke_mm)} mm, by the next of the signals")
     if recipe.sheath_bends_deg:

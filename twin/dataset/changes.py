@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-CHOSEN_INSTEAD = {"command_csv": "given_pull_m", "randomize": "ranges"}
-"""Key that a change makes void, by the key that is changed."""
+CHOSEN_INSTEAD = {"command_csv": ("given_pull_m", "given_lateral_pull_m"), "randomize": ("ranges",)}
+"""Keys that a change makes void, by the key that is changed."""
+SHORT_FORMS = {"command_csv": "file"}
+"""Key within a mapping that a value stands for where it is written without its mapping, by the key."""
 
 
 def change_recipe(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -16,6 +18,10 @@ def change_recipe(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict
     """
     changed = dict(values)
     for key, value in changes.items():
-        changed[key] = {**(changed.get(key) or {}), **value} if isinstance(value, Mapping) else value
-        changed.pop(CHOSEN_INSTEAD.get(key, ""), None)
+        there = changed.get(key) or {}
+        if key in SHORT_FORMS and not isinstance(there, Mapping):
+            there = {SHORT_FORMS[key]: there}
+        changed[key] = {**there, **value} if isinstance(value, Mapping) else value
+        for void in CHOSEN_INSTEAD.get(key, ()):
+            changed.pop(void, None)
     return changed

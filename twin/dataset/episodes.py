@@ -104,6 +104,8 @@ def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
         stroke = in_metres(conditions.stroke_mm)
         pull = command(conditions.signal, stroke, recipe.seconds, recipe.sample_time_s, signal_rng)
     lateral_pull = None
+    if recipe.given_lateral_pull_m is not None:
+        lateral_pull = np.array(recipe.given_lateral_pull_m)
     if recipe.lateral_stroke_mm is not None:
         kind = recipe.signals[(key.number + 1) % len(recipe.signals)]
         stroke, seconds = in_metres(recipe.lateral_stroke_mm), len(pull) * recipe.sample_time_s

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from twin.dataset.farthest import farthest_pull
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS
 from twin.files.shown import shown
@@ -85,6 +86,7 @@ class Recipe:
         episodes: number of episodes of each seed.
         seeds: seeds.
         given_pull_m: (N,) command of wire a to follow instead of a drawn one [m].
+        given_lateral_pull_m: (N,) the same of wire c [m].
         physics: the twin that simulates, `mujoco` or `reduced`.
     """
 
@@ -101,6 +103,7 @@ class Recipe:
     episodes: int = 5
     seeds: tuple[int, ...] = (0,)
     given_pull_m: tuple[float, ...] | None = None
+    given_lateral_pull_m: tuple[float, ...] | None = None
     physics: str = PHYSICS[0]
 
     @property
@@ -176,6 +179,14 @@ class Recipe:
             given = len(self.given_pull_m) * self.sample_time_s
             if abs(given - self.seconds) > 1e-9 * given:
                 raise InputError(f"{self.seconds:g} s: the given command lasts {given:g} s")
+        if self.given_lateral_pull_m is not None:
+            if self.lateral_stroke_mm is not None:
+                raise InputError("lateral_stroke_mm and a recorded lateral command: choose one")
+            if len(self.given_lateral_pull_m) != len(self.given_pull_m or ()):
+                raise InputError(
+                    f"given_lateral_pull_m has {len(self.given_lateral_pull_m)} samples, given_pull_m "
+                    f"{len(self.given_pull_m or ())}"
+                )
         if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():
             raise InputError("sheath_bends_deg and a range of sheath_bend: choose one")
         self._check_strokes(rng)
@@ -188,14 +199,17 @@ class Recipe:
             self.camera.check()
 
     def _check_strokes(self, rng: np.random.Generator) -> None:
-        if self.lateral_stroke_mm is not None and self.preset.bending_planes == 1:
-            raise InputError(f"a lateral stroke: {self.preset.name!r} has one bending plane, it needs two")
-        farthest_mm = 2e3 * np.pi * self.preset.wire_offset  # as far as a wire is shortened by one whole turn
+        given = self.given_lateral_pull_m
+        if self.preset.bending_planes == 1 and not (self.lateral_stroke_mm is given is None):
+            what = "stroke" if given is None else "command"
+            raise InputError(f"a lateral {what}: {self.preset.name!r} has one bending plane, it needs two")
+        farthest_mm = farthest_pull(self.preset) * 1e3
         lateral = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
-        for stroke in [*self.strokes_mm, *lateral]:
+        followed = [] if given is None else [(min(given) * 1e3, max(given) * 1e3)]
+        for stroke in [*self.strokes_mm, *lateral, *followed]:
             if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest_mm:
                 most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
-                raise InputError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}")
+                raise InputError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}: is the unit right?")
         for stroke in [*(self.strokes_mm if self.given_pull_m is None else []), *lateral]:
             for kind in self.signals:
                 command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)
@@ -216,6 +230,9 @@ class Recipe:
             "camera": None if self.camera is None else dataclasses.asdict(self.camera),
             "preset": self.preset.to_dict(),
             "given_pull_m": None if self.given_pull_m is None else _floats(self.given_pull_m),
+            "given_lateral_pull_m": None
+            if self.given_lateral_pull_m is None
+            else _floats(self.given_lateral_pull_m),
             # Left out where it is the default: recipes of earlier versions keep their hash.
             "physics": None if self.physics == PHYSICS[0] else self.physics,
         }

@@ -3,17 +3,19 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictInt, ValidationError
 
+from twin.dataset.changes import SHORT_FORMS
 from twin.dataset.recipe import MOST_EPISODES, MOST_GIVEN, Interval, Recipe
 from twin.errors import InputError, MissingFileError
 from twin.files.bounded import read_limited
 from twin.files.shown import cut, shown
 from twin.files.yaml_text import MOST_BYTES, parse_yaml
-from twin.measured.command import read_command
+from twin.measured.command import CommandFormat, read_command
+from twin.measured.units import SECONDS_PER_CYCLE
 from twin.preset.fidelity import at_fidelity
 from twin.preset.file import load_preset, preset_of
 from twin.preset.preset import Preset, suggestion
@@ -31,6 +33,7 @@ MOST_CONDITIONS = 1000
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
+Samples = Annotated[list[Number], Field(min_length=2, max_length=MOST_GIVEN)]
 
 
 class _Strict(BaseModel):
@@ -67,6 +70,38 @@ class SensorFile(_Strict):
         return {name: value for name, value in given.items() if value is not None}
 
 
+class CommandFile(_Strict):
+    """The key `command_csv`: a recorded command, and which of its columns mean what.
+
+    Attributes:
+        file: CSV file.
+        command_column: command of wire a; if not given, pull_mm or command_deg.
+        command_unit: unit of the commands, if the names of their columns do not end in it.
+        lateral_command_column: command of wire c.
+        time_column: time or phase; if not given, time_s or phase_rad.
+        time_unit: its unit, if its name does not end in it; rad for a phase.
+        seconds_per_cycle: time that 2 pi of a phase take [s].
+    """
+
+    file: Path
+    command_column: str | None = None
+    command_unit: Literal["deg", "rad", "mm", "m"] | None = None
+    lateral_command_column: str | None = None
+    time_column: str | None = None
+    time_unit: Literal["s", "ms", "us", "rad"] | None = None
+    seconds_per_cycle: Number = SECONDS_PER_CYCLE
+
+    @property
+    def form(self) -> CommandFormat:
+        """Columns and units, as the reader takes them."""
+        return CommandFormat(**self.model_dump(exclude={"file"}))
+
+
+def _file_alone(value: Any) -> Any:
+    """Return the mapping that a path stands for."""
+    return {SHORT_FORMS["command_csv"]: value} if isinstance(value, str | Path) else value
+
+
 class RecipeFile(_Strict):
     """The keys of a recipe's file.
 
@@ -87,8 +122,9 @@ class RecipeFile(_Strict):
             at the end [deg].
         sensor: noise, resolution, period and latency of the sensor.
         camera: rate and size of pictures.
-        command_csv: recorded command to follow instead of signals.
+        command_csv: recorded command to follow instead of signals: a path, or the path and its columns.
         given_pull_m: (N,) the same, as pulling distances at each sample [m].
+        given_lateral_pull_m: (N,) the same of wire c [m].
         fidelity: fine, standard or fast: how finely the preset is divided, but for what is set here.
         physics: mujoco, or reduced: quasi-static, far faster, without gravity.
     """
@@ -109,17 +145,22 @@ class RecipeFile(_Strict):
     ] = []
     sensor: SensorFile = SensorFile()
     camera: Camera | None = None
-    command_csv: Path | None = None
-    given_pull_m: Annotated[list[Number], Field(min_length=2, max_length=MOST_GIVEN)] | None = None
+    command_csv: Annotated[CommandFile | None, BeforeValidator(_file_alone)] = None
+    given_pull_m: Samples | None = None
+    given_lateral_pull_m: Samples | None = None
     fidelity: str = "standard"
     physics: str = PHYSICS[0]
 
+
+RESOLVED_KEYS = ("given_pull_m", "given_lateral_pull_m")
+"""Keys of a recipe that is resolved, which nobody writes by hand."""
 
 _FORMS = {
     "preset": "must be a name, the path of a .yaml file, or parameters, the `name` among them",
     "set": "must be parameters and their numbers, as in {pretension: 3}",
     "ranges": "must be parameters, each with two numbers, as in {pretension: [1, 6]}",
     "sensor": "must be keys and numbers, as in {variance_deg2: 0.1, period_s: 0.04}",
+    "command_csv": "must be a CSV file, or with columns, as in {file: log.csv, command_column: knob_deg}",
     "camera": "must be keys and numbers, as in {pictures_per_second: 10, width: 320, height: 240}",
     "seeds": "must be whole numbers, as in [1, 2]",
     "signals": f"must be a list of {', '.join(SIGNALS)}",
@@ -214,12 +255,15 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
     check_sample_time(preset, file.sample_time_s)
     bends = _sheath_bends(file, preset)
     chosen = set(changes) | ({"sheath_bend"} if bends else set())
-    given = file.given_pull_m
+    given, lateral = file.given_pull_m, file.given_lateral_pull_m
     if file.command_csv is not None:
-        for name in ("given_pull_m", "seconds", "strokes_mm", "signals"):
+        for name in ("given_pull_m", "given_lateral_pull_m", "seconds", "strokes_mm", "signals"):
             if name in file.model_fields_set and (name != "signals" or file.lateral_stroke_mm is None):
                 raise InputError(f"command_csv and {name}: choose one, the recorded command says all of it")
-        given = read_command(folder / file.command_csv, preset, file.sample_time_s).tolist()
+        path, form = folder / file.command_csv.file, file.command_csv.form
+        command = read_command(path, preset, file.sample_time_s, form)
+        given = command.pull.tolist()
+        lateral = None if command.lateral_pull is None else command.lateral_pull.tolist()
     strokes: list[Interval] = [(low, high) for low, high in file.strokes_mm]
     seconds = file.seconds
     if given is not None:
@@ -242,6 +286,7 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
         camera=file.camera,
         seeds=tuple(file.seeds),
         given_pull_m=None if given is None else tuple(given),
+        given_lateral_pull_m=None if lateral is None else tuple(lateral),
         physics=file.physics,
     )
     episodes = file.episodes
@@ -260,12 +305,16 @@ def _validated(values: Mapping[str, Any]) -> RecipeFile:
         first = error.errors(include_url=False, include_context=False)[0]
         key, last = str(first["loc"][0]), str(first["loc"][-1])
         if first["type"] in ("extra_forbidden", "unexpected_keyword_argument", "invalid_key"):
-            inside = {"sensor": list(SensorFile.model_fields), "camera": list(Camera.__dataclass_fields__)}
-            valid = inside.get(key, [name for name in RecipeFile.model_fields if name != "given_pull_m"])
+            inside = {
+                "sensor": list(SensorFile.model_fields),
+                "camera": list(Camera.__dataclass_fields__),
+                "command_csv": list(CommandFile.model_fields),
+            }
+            valid = inside.get(key, [name for name in RecipeFile.model_fields if name not in RESOLVED_KEYS])
             raise InputError(f"unknown key {shown(last)}{suggestion(last, valid)}") from None
         name, value = _place(values, first["loc"])
         rule = cut(first["msg"][0].lower() + first["msg"][1:])
-        if "." not in name or key not in ("sensor", "camera"):
+        if "." not in name or key not in ("sensor", "camera", "command_csv"):
             rule = _FORMS.get(key, rule)
         raise InputError(f"{cut(name, 60)} = {shown(value)}: {rule}") from None
 

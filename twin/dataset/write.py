@@ -160,8 +160,9 @@ def _contents(recipe: Recipe, folder: Path, files: list[Entry]) -> dict[str, Any
 def describe(recipe: Recipe) -> dict[str, Any]:
     """Return a recipe as `dataset.json` holds it: without the samples of a given command."""
     described = recipe.to_dict()
-    if "given_pull_m" in described:
-        described["given_pull_m"] = f"{len(described['given_pull_m'])} samples: see recipe.yaml"
+    for name in ("given_pull_m", "given_lateral_pull_m"):
+        if name in described:
+            described[name] = f"{len(described[name])} samples: see recipe.yaml"
     return described
 
 

@@ -13,7 +13,7 @@ from twin.errors import DivergedError
 from twin.evaluation.case import group_records, make_case
 from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices
-from twin.evaluation.paper import paper_value
+from twin.evaluation.paper import INSTRUMENT, paper_value
 from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.score import Score
@@ -119,6 +119,9 @@ def _row(
         raise DivergedError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
+    published = None
+    if not method.oracle and all(record.preset == INSTRUMENT for _, record in records):
+        published = paper_value(noise, level, method.name, "rmse_deg")
     return Score(
         noise=noise,
         level=level,
@@ -131,5 +134,5 @@ def _row(
         rmse_steady_deg=float(late["rmse_deg"].mean()),
         rmse_ci95_deg=(low, high),
         seeds=protocol.seeds,
-        paper_rmse_deg=None if method.oracle else paper_value(noise, level, method.name, "rmse_deg"),
+        paper_rmse_deg=published,
     )

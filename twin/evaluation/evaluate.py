@@ -10,7 +10,7 @@ from twin.evaluation.compare import evaluate as compare
 from twin.evaluation.method import as_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.reading import evaluation_records
-from twin.evaluation.recorded import common_variance
+from twin.evaluation.recorded import chosen_measurements, common_variance
 from twin.evaluation.score import Score
 
 
@@ -23,7 +23,7 @@ def evaluate(
     sample_time: float = 0.1,
     initial_error_deg: float = 20.0,
     seed: int = 0,
-    measurements: Literal["drawn", "recorded"] = "drawn",
+    measurements: Literal["auto", "drawn", "recorded"] = "auto",
     variance: float | None = None,
 ) -> list[Score]:
     """Run estimators on records under noise and score them against the true angle.
@@ -36,7 +36,8 @@ def evaluate(
         sample_time: T; records are thinned to it [s].
         initial_error_deg: error of the initial estimate [deg].
         seed: of the draws.
-        measurements: `drawn`, the truth and noise drawn anew, or `recorded`, once, as the sensor saw it.
+        measurements: `drawn`, the truth and noise drawn anew, or `recorded`, once, as the sensor saw it;
+            `auto` is recorded where every record is a measured log, else drawn.
         variance: R that is told with recorded measurements; if not given, as the records tell it [deg^2].
 
     Returns:
@@ -52,9 +53,7 @@ def evaluate(
         raise InputError("no estimator given: name at least one, as in {'my filter': estimator}")
     if not paths:
         raise InputError("no data given: name folders of MCAP files, or files")
-    if measurements not in ("drawn", "recorded"):
-        raise InputError(f"measurements = {measurements!r}: must be drawn or recorded")
-    recorded = measurements == "recorded"
+    recorded = chosen_measurements(measurements, paths)[0] == "recorded"
     if recorded:
         variance = common_variance(paths)[0] if variance is None else variance
     protocol = Protocol(

@@ -11,6 +11,8 @@ import dataclasses
 
 from twin.estimation.registry import method_spec
 
+INSTRUMENT = "ureteroscope"
+"""Preset of the paper's instrument: its figures stand beside results on records of this one alone."""
 INDICES = ("mae_deg", "rmse_deg", "md_deg", "var_deg2")
 
 

@@ -29,7 +29,7 @@ def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
         FileNotFoundError: a path does not exist or a folder holds no MCAP file.
         ValueError: a file is damaged, or the sample time does not fit it.
     """
-    episodes = [episode for path in paths for episode in read_dataset(path)]
+    episodes = [episode for path in paths for episode in read_dataset(path, hidden=False)]
     return [at_sample_time(episode, sample_time) for episode in episodes]
 
 
@@ -73,15 +73,28 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
         ValueError: no piece is left.
     """
     pull, bend = episode.pull_mm, episode.measured_bend_deg
-    known = ~np.isnan(bend)
+    return [(pull[begin:end], bend[begin:end]) for begin, end in whole_ranges(episode)]
+
+
+def whole_ranges(episode: Episode, samples: int | None = None) -> list[tuple[int, int]]:
+    """Return the first sample of each piece of `whole_pieces`, and the one after its last.
+
+    Args:
+        episode: at even samples.
+        samples: look at so many from the start on; all, if not given.
+
+    Raises:
+        ValueError: no piece is left.
+    """
+    pull, known = episode.pull_mm[:samples], ~np.isnan(episode.measured_bend[:samples])
     if known.all():
-        return [(pull, bend)]
+        return [(0, len(known))]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
-    pieces = [(pull[begin:end], bend[begin:end]) for begin, end in edges.reshape(-1, 2)]
-    moving = [piece for piece in pieces if (np.abs(np.diff(piece[0])) > STILL_MM).any()]
+    pieces = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+    moving = [(begin, end) for begin, end in pieces if (np.abs(np.diff(pull[begin:end])) > STILL_MM).any()]
     if not moving:
         raise InputError(
-            f"{_name(episode, 0)}: too much of the measured angle is missing at this sample time"
+            f"{record_name(episode, 0)}: too much of the measured angle is missing at this sample time"
         )
     return moving
 
@@ -94,9 +107,8 @@ def evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
     """
     seen = np.isfinite(episode.measured_bend) if episode.is_measured else np.ones(len(episode.time), bool)
     if seen.sum() < 2:
-        raise InputError(
-            f"{_name(episode, number)}: the angle is known at {seen.sum()} samples, at least 2 are needed"
-        )
+        name = record_name(episode, number)
+        raise InputError(f"{name}: the angle is known at {seen.sum()} samples, at least 2 are needed")
     first = int(seen.argmax())
     pull = episode.pull_mm[first:]
     low, high = episode.metadata.get("stroke_mm") or np.round([pull.min(), pull.max()], 1) + 0.0
@@ -106,8 +118,9 @@ def evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
         seen=seen[first:],
         stroke_mm=(float(low), float(high)),
         twin=_twin(episode),
-        name=_name(episode, number),
+        name=record_name(episode, number),
         measured_deg=episode.measured_bend_deg[first:],
+        preset="" if episode.is_measured else _preset(episode),
     )
 
 
@@ -117,9 +130,14 @@ def _twin(episode: Episode) -> str:
         return str(facts["twin"])
     if episode.is_measured:
         return "measured"
-    preset = facts.get("preset")
-    return str(preset.get("name", "simulated") if isinstance(preset, Mapping) else preset or "simulated")
+    return _preset(episode) or "simulated"
 
 
-def _name(episode: Episode, number: int) -> str:
+def _preset(episode: Episode) -> str:
+    preset = episode.metadata.get("preset")
+    return str((preset.get("name") if isinstance(preset, Mapping) else preset) or "")
+
+
+def record_name(episode: Episode, number: int) -> str:
+    """Return the name of a record; `number` names it where it has none."""
     return str(episode.metadata.get("name") or f"episode_{episode.metadata.get('episode', number):04}")

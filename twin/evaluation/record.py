@@ -20,6 +20,7 @@ class EvaluationRecord:
         twin: what left the record: the kind of twin, `measured`, or the name of a preset.
         name: of the record.
         measured_deg: (N,) angle as the sensor of the record measured it, NaN where it is missing [deg].
+        preset: name of the preset that simulated it; empty, if none did or it does not tell.
     """
 
     pull_mm: Array
@@ -29,3 +30,4 @@ class EvaluationRecord:
     twin: str
     name: str
     measured_deg: Array | None = None
+    preset: str = ""

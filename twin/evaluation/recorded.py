@@ -6,15 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from twin.episode import Episode
+from twin.errors import InputError
 from twin.evaluation.case import make_case
 from twin.evaluation.method import Method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.reading import at_sample_time, evaluation_record
 from twin.files.yaml_text import parse_yaml
-from twin.recording import EpisodeWriter, episode_files, read_episode
+from twin.recording import EpisodeWriter, episode_files, read_episode, read_metadata
 from twin.recording.estimate import estimate_message, estimate_topic
 from twin.recording.messages import to_nanoseconds
 
+MEASUREMENTS = ("auto", "drawn", "recorded")
+"""Choices of what estimators get."""
 DEFAULT_VARIANCE = 0.1
 """R of a sensor that nothing is known of: that of the paper's training [deg^2]."""
 
@@ -53,6 +56,38 @@ def common_variance(paths: Sequence[Path]) -> tuple[float, bool]:
     found = [recorded_variance(read_episode(file)) for path in paths for file in episode_files(path)]
     known = [variance for variance in found if variance is not None]
     return (float(np.mean(known)) if known else DEFAULT_VARIANCE), len(known) == len(found)
+
+
+def chosen_measurements(asked: str, paths: Sequence[Path]) -> tuple[str, str]:
+    """Return the measurements that estimators get, and a line that says so of measured logs.
+
+    Args:
+        asked: `drawn` or `recorded`, or `auto`: recorded where every record is a measured log, which holds
+            what its sensor saw, else drawn.
+        paths: folders of records, or files.
+
+    Returns:
+        `drawn` or `recorded`; and the line, empty where no record is a measured log.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: a file is damaged, or there is no such choice.
+    """
+    if asked not in MEASUREMENTS:
+        raise InputError(
+            f"measurements = {asked!r}: must be {', '.join(MEASUREMENTS[:-1])} or {MEASUREMENTS[-1]}"
+        )
+    files = [file for path in paths for file in episode_files(path)]
+    measured = sum(read_metadata(file).get("source") == "measured" for file in files)
+    chosen = asked
+    if asked == "auto":
+        chosen = "recorded" if files and measured == len(files) else "drawn"
+    if not measured:
+        return chosen, ""
+    logs = f"{measured} of {len(files)} records are measured logs"
+    if chosen == "recorded":
+        return chosen, f"{logs}: estimators get their recorded measurements, and are scored against the same"
+    return chosen, f"{logs}: their angles are taken for true, and noise is drawn on top of them"
 
 
 def write_estimates(

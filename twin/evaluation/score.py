@@ -60,7 +60,8 @@ class Score:
         rmse_steady_deg: RMSE without the first 5 s [deg].
         rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds [deg].
         seeds: draws of the noise that the figures are means over.
-        paper_rmse_deg: RMSE that the paper published, if it has this row [deg].
+        paper_rmse_deg: RMSE that the paper published, if it has this row and the records are of its
+            instrument [deg].
     """
 
     noise: str

@@ -130,6 +130,9 @@ class SimulatedRecipe(_Recipe):
     given_pull_m: str | None = Field(
         None, description="number of samples of a recorded command; left out if none"
     )
+    given_lateral_pull_m: str | None = Field(
+        None, description="number of samples of a recorded lateral command; left out if none"
+    )
     physics: str | None = Field(None, description="`reduced`; left out where MuJoCo simulated")
 
 

@@ -4,6 +4,7 @@ The search finds the basin. The trust region method of Branch, Coleman and Li (1
 its bottom, which five parameters that compensate each other make long and flat.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -50,26 +51,26 @@ def identify_bouc_wen(
     stack = Stack(records)
 
     def cost(unit: Array) -> Array:
-        return stack.mean_square_error(_model(unit.T[..., None]))  # candidates before records
+        return stack.mean_square_error(model_at(unit.T[..., None]))  # candidates before records
 
     def errors(point: Array) -> Array:
-        return stack.error(_model(point)).ravel()
+        return stack.error(model_at(point)).ravel()
 
     def derivatives(point: Array) -> Array:
         """Return central differences of all variables in one batch; one-sided at the edge of the cube."""
         ends = [np.clip(point + sign * DIFFERENCE * np.eye(len(point)), 0, 1) for sign in (1, -1)]
-        above, below = (stack.error(_model(end.T[..., None])).reshape(len(point), -1) for end in ends)
+        above, below = (stack.error(model_at(end.T[..., None])).reshape(len(point), -1) for end in ends)
         return ((above - below) / np.diagonal(ends[0] - ends[1])[:, None]).T
 
     best, _ = search(cost, len(LOWER), seed, population, generations, on_generation)
     best = least_squares(errors, best, derivatives, bounds=(0, 1), xtol=1e-10, ftol=1e-12, max_nfev=100).x
-    found = _model(best)
+    found = model_at(best)
     parameters = (found.kappa_x_deg_per_mm, found.kappa_w_deg, found.rho_per_mm, found.sigma, found.n)
     model = BoucWen(*(float(np.asarray(value)) for value in parameters))
     return model, float(np.sqrt(stack.mean_square_error(model)))
 
 
-def _model(unit: Array) -> BoucWen:
+def model_at(unit: Array) -> BoucWen:
     """Return the model at points (5, ...) of the unit cube."""
     kappa_x, kappa_w, rho, sigma, n = (
         low * (high / low) ** value if logarithmic else low + (high - low) * value
@@ -77,3 +78,12 @@ def _model(unit: Array) -> BoucWen:
     )
     kappa_w = np.where(np.abs(kappa_w) < 1e-6, 1e-6, kappa_w)  # w of an angle is over kappa_w
     return BoucWen(kappa_x, kappa_w, rho, sigma, n)
+
+
+def point_of(model: BoucWen) -> Array:
+    """Return the point (5,) of the unit cube that a model is at, or the nearest one."""
+    values = np.array(dataclasses.astuple(model), dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logarithms = np.log(values / LOWER) / np.log(UPPER / LOWER)
+    point: Array = np.where(LOGARITHMIC, logarithms, (values - LOWER) / (UPPER - LOWER)).clip(0, 1)
+    return point

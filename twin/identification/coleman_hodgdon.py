@@ -1,5 +1,6 @@
 """Identification of the Coleman-Hodgdon model by a genetic algorithm over batches, as in the RAM paper."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -58,3 +59,12 @@ def model_at(unit: Array, monotone: bool = False) -> ColemanHodgdon:
     b = LOWER[1] + (UPPER[1] - LOWER[1]) * unit[1]
     c = LOWER[2] + (UPPER[2] - LOWER[2]) * unit[2]
     return ColemanHodgdon(a, b, c + b / 2 if monotone else c)
+
+
+def point_of(model: ColemanHodgdon, monotone: bool = False) -> Array:
+    """Return the point (3,) of the unit cube that a model is at, or the nearest one."""
+    a, b, c = (float(np.asarray(value)) for value in dataclasses.astuple(model))
+    above = (np.array([a, b, c - b / 2 if monotone else c]) - LOWER) / (UPPER - LOWER)
+    above[0] = np.log(a / LOWER[0]) / np.log(UPPER[0] / LOWER[0])
+    point: Array = above.clip(0, 1)
+    return point

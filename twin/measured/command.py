@@ -1,43 +1,115 @@
 """Recorded command signal from a CSV file, resampled to an even time grid."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.measured.csv_columns import average_repeats
+from twin.files.bounds import LONGEST_SECONDS
+from twin.measured.csv_columns import CsvColumns, average_repeats
 from twin.measured.csv_reader import read_columns
+from twin.measured.units import (
+    SECONDS_PER_CYCLE,
+    TIME_COLUMNS,
+    check_cycle,
+    pulling_distance,
+    refuse_implausible_times,
+    time_unit_of,
+)
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-SECONDS_PER_CYCLE = 20.0
-"""Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
 
-_COMMANDS = ("pull_mm", "command_deg")
-TIME_COLUMNS = ("time_s", "phase_rad")
-"""Names of the column of the time, the first of which counts."""
+COMMAND_COLUMNS = ("pull_mm", "command_deg")
+"""Names of the column of the command, the first of which counts."""
 
 
-def read_command(path: Path, preset: Preset, sample_time: float) -> Array:
-    """Read a recorded command; returns its pulling distance, (N,) [m].
+@dataclasses.dataclass(frozen=True)
+class CommandFormat:
+    """Columns and units of a recorded command; a unit of None is the ending of the column's name.
 
-    The file has a header. The command is in `pull_mm`, or in `command_deg`, an angle of the preset's pulley;
-    time is in `time_s`, or in `phase_rad`. Samples at one time are averaged; between samples the command is
-    linear.
+    Attributes:
+        command_column: column of the command of wire a; None: pull_mm or command_deg, whichever exists.
+        command_unit: deg or rad for an angle of the preset's pulley, mm or m for a pulling distance; of both
+            commands.
+        lateral_command_column: column of the command of wire c; None: it is not commanded by the file.
+        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
+        time_unit: s, ms or us; rad for a phase.
+        seconds_per_cycle: duration of a phase of 2 pi [s].
+    """
+
+    command_column: str | None = None
+    command_unit: str | None = None
+    lateral_command_column: str | None = None
+    time_column: str | None = None
+    time_unit: str | None = None
+    seconds_per_cycle: float = SECONDS_PER_CYCLE
+
+    @property
+    def columns(self) -> set[str]:
+        """Names of all columns that such a file may have."""
+        names = {self.command_column} if self.command_column else {*COMMAND_COLUMNS}
+        names |= {self.time_column} if self.time_column else {*TIME_COLUMNS}
+        return names | ({self.lateral_command_column} if self.lateral_command_column else set())
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordedCommand:
+    """Recorded command at even samples.
+
+    Attributes:
+        pull: (N,) pulling distance of wire a [m].
+        lateral_pull: (N,) pulling distance of wire c [m]; None where the file commands none.
+    """
+
+    pull: Array
+    lateral_pull: Array | None
+
+
+def read_command(
+    path: Path, preset: Preset, sample_time: float, form: CommandFormat | None = None
+) -> RecordedCommand:
+    """Read a recorded command.
+
+    The file has a header. A command that is an angle is one of the preset's pulley. Samples at one time are
+    averaged; between samples the command is linear.
+
+    Args:
+        path: the file.
+        preset: of the endoscope that is driven.
+        sample_time: time between two samples [s].
+        form: columns and units.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: a column is missing, a value is no finite number, or time runs backwards.
+        ValueError: a column is missing or has no known unit, a value is no finite number or implausible, time
+            runs backwards, or the command is too short or too long.
     """
-    table = read_columns(path, (*_COMMANDS, *TIME_COLUMNS), "command file")
-    command_name, time_name = table.first_of(_COMMANDS), table.first_of(TIME_COLUMNS)
-    command, time = table.column(command_name), table.time(time_name)
-    if time_name == "phase_rad":
-        time = time * SECONDS_PER_CYCLE / (2 * np.pi)
-    pull = command * 1e-3 if command_name == "pull_mm" else np.radians(command) * preset.pulley_radius
+    form = form or CommandFormat()
+    check_cycle(form.seconds_per_cycle)
+    table = read_columns(path, form.columns, "command file")
+    command_name = table.first_of((form.command_column,) if form.command_column else COMMAND_COLUMNS)
+    time_name = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
+    _, unit = time_unit_of(table, time_name, form.time_unit, form.seconds_per_cycle)
+    refuse_implausible_times(table, time_name, unit)
+    names = [command_name, *([form.lateral_command_column] if form.lateral_command_column else [])]
+    pulls = np.column_stack([_pull(table, name, preset, form) for name in names])
 
-    instants, mean_pull = average_repeats(time, pull)
-    if instants[-1] - instants[0] < sample_time:
+    instants, means = average_repeats(table.time(time_name) * unit, pulls)
+    seconds = float(instants[-1] - instants[0])
+    if seconds < sample_time:
         raise InputError(f"{path}: the command lasts less than one sample of {sample_time:g} s")
-    return np.interp(np.arange(instants[0], instants[-1], sample_time), instants, mean_pull)
+    if seconds > LONGEST_SECONDS:
+        most = f"at most {LONGEST_SECONDS:g} s are simulated: check `time_unit`"
+        raise InputError(f"{path}: the command lasts {seconds:g} s, {most}")
+    grid = np.arange(instants[0], instants[-1], sample_time)
+    pull, *lateral = (np.interp(grid, instants, mean) for mean in means.T)
+    return RecordedCommand(pull, lateral[0] if lateral else None)
+
+
+def _pull(table: CsvColumns, name: str, preset: Preset, form: CommandFormat) -> Array:
+    advice = f"pulley_radius of the preset, {preset.pulley_radius:g} m"
+    pull, _ = pulling_distance(table, name, form.command_unit, preset.pulley_radius, advice, may_miss=False)
+    return pull

@@ -31,8 +31,8 @@ class CsvColumn:
     odd: NDArray[np.uint16]
     texts: tuple[tuple[str, bool], ...]
 
-    def only(self, rows: NDArray[np.bool_]) -> "CsvColumn":
-        """Return the rows selected by a mask (N,)."""
+    def only(self, rows: "NDArray[np.bool_] | slice") -> "CsvColumn":
+        """Return the rows selected by a mask (N,) or a slice."""
         return CsvColumn(self.values[rows], self.odd[rows], self.texts)
 
     def wrong(self, may_miss: bool) -> NDArray[np.bool_]:
@@ -116,8 +116,12 @@ class CsvColumns:
             raise InputError(f"{self.path} line {line}: {shown_name(name)} runs backwards")
         return values
 
-    def only(self, rows: NDArray[np.bool_]) -> "CsvColumns":
-        """Return the table of the rows selected by a mask (N,), with their line numbers."""
+    def part(self, begin: int, end: int) -> "CsvColumns":
+        """Return the table of the rows from one to before another."""
+        return self.only(slice(begin, end))
+
+    def only(self, rows: "NDArray[np.bool_] | slice") -> "CsvColumns":
+        """Return the table of the rows selected by a mask (N,) or a slice, with their line numbers."""
         columns = {name: column.only(rows) for name, column in self.columns.items()}
         return dataclasses.replace(self, lines=self.lines[rows], columns=columns)
 

@@ -1,7 +1,7 @@
-"""A folder of measured logs: one MCAP file each, beside a `dataset.json` that describes them."""
+"""A folder of measured logs: an MCAP file for each log or window, and the `dataset.json` that lists them."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ from twin.recording.listing import describe_episode, totals
 
 WAIT_SECONDS = 60.0
 """Longest time that an import waits for another one into the same folder [s]."""
+
+_WINDOW = "_window_{:04}"
+"""Ending of the name of a window's file: its number, so that names are in the order of windows."""
 
 _KEYS_OF_ORIGIN = ("file", "file_sha256")
 """Metadata that says which CSV file a log was read from."""
@@ -83,16 +86,75 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
         ValueError: the name is none, the folder holds what no import made or a damaged `dataset.json`, the
             log of another CSV file is under this name, or another run keeps writing into the folder.
     """
+    return _write(folder, name, {name: episode})[0]
+
+
+def write_windows(folder: Path, name: str, episodes: Sequence[Episode]) -> list[Path]:
+    """Add the windows of a measured log to a folder, as `write_measured` adds a whole log.
+
+    Args:
+        folder: where; it exists.
+        name: of the log; that of a file is `NAME_window_0000` and so on, in the order of the windows.
+        episodes: from `read_windows`, at least one.
+
+    Returns:
+        The paths of the MCAP files.
+
+    Raises:
+        ValueError: as of `write_measured`.
+    """
+    names = (f"{name}{_WINDOW.format(place)}" for place in range(len(episodes)))
+    return _write(folder, name, dict(zip(names, episodes, strict=True)))
+
+
+def _write(folder: Path, name: str, episodes: Mapping[str, Episode]) -> list[Path]:
+    """Write the episodes of one CSV file, by the names of their files, and list them.
+
+    What the same CSV file left under `name` before, as one log or as other windows, is removed: the folder
+    would hold the same samples twice.
+    """
     check_file_name(name)
-    path = folder / f"{name}.mcap"
-    named = dataclasses.replace(episode, metadata=episode.metadata | {"name": name})
+    for each in episodes:
+        check_file_name(each)
+    named = {
+        folder / f"{each}.mcap": dataclasses.replace(episode, metadata=episode.metadata | {"name": each})
+        for each, episode in episodes.items()
+    }
+    csv_sha256 = next(iter(episodes.values())).metadata["file_sha256"]
     with claim(folder, WAIT_SECONDS):
         listing = _listed(folder)
-        _refuse_to_mix(path, listing, episode.metadata["file_sha256"])
-        write_episode(path, named)
-        listing.add(path, named)
+        _refuse_to_mix([*named], listing, csv_sha256)
+        fresh = [path for path in named if not path.exists()]
+        try:
+            for path, episode in named.items():
+                write_episode(path, episode)
+                listing.add(path, episode)
+        except BaseException:
+            for path in fresh:
+                path.unlink(missing_ok=True)
+            raise
+        for path in _read_before(folder, name, listing, csv_sha256):
+            if path not in named:
+                del listing.files[path.name]
+                path.unlink()
         write_contents(folder, listing.contents())
-    return path
+    return [*named]
+
+
+def _read_before(folder: Path, name: str, listing: _Listing, csv_sha256: str) -> list[Path]:
+    """Return the files that a CSV file left under a name, as one log or as windows."""
+    mine = [folder / each for each, entry in listing.files.items() if entry["csv_sha256"] == csv_sha256]
+    return [
+        path
+        for path in mine
+        if path.stem == name or (_is_window_of(path.stem, name) and "window" in read_metadata(path))
+    ]
+
+
+def _is_window_of(stem: str, name: str) -> bool:
+    """Return True if a file's name is that of a window of a log of some name."""
+    number = stem.removeprefix(name).removeprefix(_WINDOW.format(0)[:-4])
+    return number.isdecimal() and stem == name + _WINDOW.format(int(number))
 
 
 def _listed(folder: Path) -> _Listing:
@@ -118,25 +180,27 @@ def _listed(folder: Path) -> _Listing:
     return _Listing(files, listed["features"])
 
 
-def _refuse_to_mix(path: Path, listing: _Listing, csv_sha256: str) -> None:
+def _refuse_to_mix(paths: Sequence[Path], listing: _Listing, csv_sha256: str) -> None:
     """Refuse to write over the log of another CSV file, or beside files that no import wrote.
 
     A file that an import wrote and did not list, as it was killed between the two, is listed here, or about
     to be written again.
     """
-    unlisted = [file for file in sorted(path.parent.glob("*.mcap")) if file.name not in listing.files]
+    folder = paths[0].parent
+    unlisted = [file for file in sorted(folder.glob("*.mcap")) if file.name not in listing.files]
     metadata = {file: _metadata_of_import(file) for file in unlisted}
     for file, facts in metadata.items():
         if facts is None:
-            held = f"{path.parent} holds {file.name}"
+            held = f"{folder} holds {file.name}"
             raise InputError(f"{held}, which no import wrote: choose another `folder`")
-    there = listing.files[path.name]["csv_sha256"] if path.name in listing.files else None
-    if path in metadata:
-        there = (metadata[path] or {})["file_sha256"]
-    if path.is_symlink() or (there is not None and there != csv_sha256):
-        raise InputError(f"{path} is the log of another CSV file: choose another `name`, or remove it")
+    for path in paths:
+        there = listing.files[path.name]["csv_sha256"] if path.name in listing.files else None
+        if path in metadata:
+            there = (metadata[path] or {})["file_sha256"]
+        if path.is_symlink() or (there is not None and there != csv_sha256):
+            raise InputError(f"{path} is the log of another CSV file: choose another `name`, or remove it")
     for file in unlisted:
-        if file != path:
+        if file not in paths:
             listing.add(file, read_episode(file))
 
 

@@ -4,8 +4,10 @@ Logs have holes. A measured angle that is missing stays missing: an estimator pr
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
 """
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,26 +15,22 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.measured.command import TIME_COLUMNS
 from twin.measured.csv_columns import CsvColumns, average_repeats, hold
 from twin.measured.csv_reader import read_columns
-from twin.measured.log_format import (
-    ANGLE_UNITS,
-    LARGEST_SHEATH_BEND_DEG,
-    LENGTH_UNITS,
-    SHEATH_BEND_COLUMN,
-    TIME_UNITS,
-    LogFormat,
+from twin.measured.log_columns import (
+    commanded_pull,
+    measured_angle,
+    refuse_standstill,
+    sheath_bend,
+    tensions,
 )
-from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
+from twin.measured.log_format import LogFormat
+from twin.measured.units import ANGLE_UNITS, TIME_COLUMNS, refuse_implausible_times, time_unit_of
 
 Array = NDArray[np.float64]
 
 GAP = 20.0
 """Time step, relative to the median one, from which on it counts as a gap."""
-
-# Plausible limits beside the shared ones: a value beyond them is in another unit than stated.
-_TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 
 def read_measured_log(
@@ -54,8 +52,10 @@ def read_measured_log(
     Returns:
         N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
         `measured_bend` is NaN and `bend` linear between its neighbours, or level before the first and after
-        the last. There are no joints and no friction; `wire_tension` is (N, 2, 1) where both tensions were
-        measured, else (N, 2, 0). The metadata tells how the file was read, so that a pulling distance can
+        the last. With two bending planes `lateral_bend` is the angle in the second one, its holes filled in
+        the same way; `measured_bend` is then NaN where either angle is missing, as nothing else can say so.
+        There are no joints and no friction; `wire_tension` is (N, 2, 1) where both tensions of one plane were
+        measured, else (N, wires, 0). The metadata tells how the file was read, so that a pulling distance can
         become a pulley's angle again.
 
     Raises:
@@ -65,57 +65,95 @@ def read_measured_log(
             time, or any in phase; the angle is measured at fewer than two times; the command does not move.
     """
     form = form or LogFormat()
+    return log_of(log_table(path, form), form, on_warning=on_warning)
+
+
+def log_table(path: Path, form: LogFormat, *more: str) -> CsvColumns:
+    """Read the columns of a measured log, and `more` of that file.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: a number of the form cannot be, or the file is no CSV file.
+    """
     form.check()
     if not path.name.isprintable():
         raise InputError(f"{str(path)!r:.40}: a log records the name of its file, which must be printable")
-    table = read_columns(path, form.columns)
+    return read_columns(path, {*form.columns, *more})
 
+
+def log_of(
+    table: CsvColumns,
+    form: LogFormat,
+    *,
+    may_stand_still: bool = False,
+    on_warning: Callable[[str], None] | None = None,
+) -> Episode:
+    """Return the episode of a table, or of a part of it, as `read_measured_log` reads a whole file.
+
+    Args:
+        table: the columns of `form`.
+        form: its columns and units.
+        may_stand_still: allow a command that does not move.
+        on_warning: called with each warning, in one line.
+
+    Raises:
+        ValueError: as of `read_measured_log`.
+    """
+    path = table.path
     time_column = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
-    time_units = TIME_UNITS | {"rad": form.seconds_per_cycle / (2 * np.pi)}
-    time_unit = _unit(table, time_column, form.time_unit, time_units, "time_unit")
+    time_unit, unit = time_unit_of(table, time_column, form.time_unit, form.seconds_per_cycle)
     row_count, sha256 = len(table.lines), table.sha256
-    table, time = _in_time_order(table, time_column, time_units[time_unit], time_unit == "rad", on_warning)
+    table, time = _in_time_order(table, time_column, unit, time_unit == "rad", on_warning)
 
-    pull, command_unit = _pull(table, form)
-    bend, angle_unit = _bend(table, form)
-    _warn_of_missing(table, form.command_column, pull, "the last one is held", on_warning)
-    _warn_of_missing(table, form.angle_column, bend, "nothing is measured there", on_warning)
-    tension_columns = _tension_columns(table, form, on_warning)
-    sheath_bend_column = _sheath_bend_column(table, form)
-    columns = [pull, bend]
-    for name in tension_columns:
-        tension = table.column(name)
-        _refuse_implausible(table, name, tension, "N", _TENSION_N, "a tension is read in newton")
-        columns.append(tension)
-    if sheath_bend_column is not None:
-        columns.append(_sheath_bend_deg(table, sheath_bend_column))
+    if not may_stand_still:
+        refuse_standstill(table, form.command_column)
+    own = _plane(table, form, form.command_column, form.angle_column, form.reverse_angle)
+    planes = [own]
+    if form.lateral_command_column is not None and form.lateral_angle_column is not None:
+        columns = form.lateral_command_column, form.lateral_angle_column
+        planes.append(_plane(table, form, *columns, form.reverse_lateral_angle))
+    for plane in planes:
+        also = "nothing is measured there" + (", in either plane" if len(planes) > 1 else "")
+        _warn_of_missing(table, plane.command_column, plane.pull, "the last one is held", on_warning)
+        _warn_of_missing(table, plane.angle_column, plane.bend, also, on_warning)
+    tension_columns, tension = tensions(table, form, on_warning)
+    sheath_bend_column, sheath_bends = sheath_bend(table, form)
 
-    instants, means = average_repeats(time, np.column_stack(columns))
+    instants, pulls = average_repeats(time, np.column_stack([plane.pull for plane in planes]))
     if len(instants) < 2:
         raise InputError(f"{path}: all rows have the same {time_column}, a record needs two times")
     _warn_of_gap(table, time, instants, on_warning)
-    count = len(instants)
-    if np.isnan(means[0, 0]):
-        line = f"{path} line {table.lines[0]}"
-        raise InputError(f"{line}: {form.command_column} is missing, and no row before it has one to hold")
-    measured = means[:, 1].copy()
-    known = ~np.isnan(measured)
-    if known.sum() < 2:
-        raise InputError(f"{path}: {form.angle_column} is measured {known.sum()} times, a record needs two")
-    between = np.interp(instants, instants[known], measured[known])
-    sheath_bend = means[:, -1] if sheath_bend_column is not None else np.empty(0)
+    for plane, pull in zip(planes, pulls.T, strict=True):
+        if np.isnan(pull[0]):
+            rule = f"{plane.command_column} is missing, and no row before it has one to hold"
+            raise InputError(f"{path} line {table.lines[0]}: {rule}")
+    _, measured = average_repeats(time, np.column_stack([plane.bend for plane in planes]))
+    seen = ~np.isnan(measured).any(axis=1)
+    if seen.sum() < 2:
+        names = " and ".join(plane.angle_column for plane in planes)
+        are = "is" if len(planes) == 1 else "are both"
+        raise InputError(f"{path}: {names} {are} measured {seen.sum()} times, a record needs two")
+    count, wires = len(instants), 2 * len(planes)
+    bends = [_without_holes(instants, angle) for angle in measured.T]
+    _, tension = average_repeats(time, tension)
+    if sheath_bend_column is not None:
+        _, sheath_bends = average_repeats(time, sheath_bends)
     if form.sheath_bend_deg is not None:
-        sheath_bend = np.full(count, form.sheath_bend_deg)
-    mended = {"rows_dropped": row_count - len(time), "commands_held": int(np.isnan(pull).sum())}
+        sheath_bends = np.full(count, np.radians(form.sheath_bend_deg))
+    held = sum(int(np.isnan(plane.pull).sum()) for plane in planes)
+    mended = {"rows_dropped": row_count - len(time), "commands_held": held}
+    in_angles = any(plane.command_unit in ANGLE_UNITS for plane in planes)
     return Episode(
-        time=(instants - instants[0]) * time_units[time_unit],
-        pull=hold(means[:, 0]),
-        bend=np.where(known, measured, between),
-        measured_bend=measured,
+        time=(instants - instants[0]) * unit,
+        pull=hold(pulls[:, 0]),
+        bend=bends[0],
+        measured_bend=np.where(seen, measured[:, 0], np.nan),
         joint_angle=np.empty((count, 0)),
-        wire_tension=means[:, 2 : 2 + len(tension_columns)].reshape(count, 2, len(tension_columns) // 2),
-        sheath_friction=np.empty((count, 2, 0)),
-        sheath_bend=np.radians(sheath_bend),
+        wire_tension=tension.reshape(count, wires, len(tension_columns) // 2),
+        sheath_friction=np.empty((count, wires, 0)),
+        sheath_bend=sheath_bends,
+        lateral_pull=hold(pulls[:, 1]) if len(planes) > 1 else np.empty(0),
+        lateral_bend=bends[1] if len(planes) > 1 else np.empty(0),
         metadata={
             "source": "measured",
             "signal": "measured",
@@ -124,15 +162,16 @@ def read_measured_log(
             "file_sha256": sha256,
             "rows": row_count,
             "command_column": form.command_column,
-            "command_unit": command_unit,
-            "pulley_radius": form.pulley_radius if command_unit in ANGLE_UNITS else None,
+            "command_unit": own.command_unit,
+            "pulley_radius": form.pulley_radius if in_angles else None,
             "angle_column": form.angle_column,
-            "angle_unit": angle_unit,
+            "angle_unit": own.angle_unit,
             "reverse_angle": form.reverse_angle,
+            **(_lateral_facts(planes[1], form) if len(planes) > 1 else {}),
             "time_column": time_column,
             "time_unit": time_unit,
             "seconds_per_cycle": form.seconds_per_cycle if time_unit == "rad" else None,
-            "tension_columns": list(tension_columns),
+            "tension_columns": tension_columns,
             "sheath_bend_column": sheath_bend_column,
             "sheath_bend_deg": form.sheath_bend_deg,
             "endotwin": __version__,
@@ -141,104 +180,49 @@ def read_measured_log(
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class _Plane:
+    """Command and measured angle of a bending plane, row by row: (N,) [m], (N,) [rad], NaN where missing."""
+
+    command_column: str
+    pull: Array
+    command_unit: str
+    angle_column: str
+    bend: Array
+    angle_unit: str
+
+
+def _plane(table: CsvColumns, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
+    pull = commanded_pull(table, form, command)
+    return _Plane(command, *pull, angle, *measured_angle(table, form, angle, reverse=reverse))
+
+
+def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
+    return {
+        "lateral_command_column": plane.command_column,
+        "lateral_command_unit": plane.command_unit,
+        "lateral_angle_column": plane.angle_column,
+        "lateral_angle_unit": plane.angle_unit,
+        "reverse_lateral_angle": form.reverse_lateral_angle,
+    }
+
+
+def _without_holes(time: Array, angle: Array) -> Array:
+    """Return an angle (N,) with each NaN linear between its neighbours, level at the ends."""
+    known = ~np.isnan(angle)
+    return np.where(known, angle, np.interp(time, time[known], angle[known]))
+
+
 def _in_time_order(
     table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
 ) -> tuple[CsvColumns, Array]:
     """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
     table = table.timed(name, on_warning)
-    with np.errstate(over="ignore"):
-        seconds = table.column(name) * unit
-    _refuse_implausible(table, name, seconds, "s", (-LARGEST_TIME_S, LARGEST_TIME_S), "check `time_unit`")
+    refuse_implausible_times(table, name, unit)
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if not phase:
         table = table.in_order(name, on_warning)
     return table, table.time(name)
-
-
-def _pull(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """Return the commanded pulling distance (N,) [m], NaN where missing, and the unit of its column."""
-    name = form.command_column
-    values = table.column(name, may_miss=True)
-    lengths = LENGTH_UNITS | {unit: size * form.pulley_radius for unit, size in ANGLE_UNITS.items()}
-    unit = _unit(table, name, form.command_unit, lengths, "command_unit")
-    with np.errstate(over="ignore"):
-        pull = values * lengths[unit]
-        millimetres = pull * 1e3
-    advice = "check `command_unit`" + (" and `pulley_radius`" if unit in ANGLE_UNITS else "")
-    limits = (-LARGEST_PULL_MM, LARGEST_PULL_MM)
-    _refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
-    known = values[~np.isnan(values)]
-    if not known.size:
-        raise InputError(f"{table.path}: {name} is missing in every row")
-    if known.min() == known.max():
-        raise InputError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
-    return pull, unit
-
-
-def _bend(table: CsvColumns, form: LogFormat) -> tuple[Array, str]:
-    """Return the measured bending angle (N,) [rad], NaN where missing, and the unit of its column."""
-    name = form.angle_column
-    values = table.column(name, may_miss=True)
-    unit = _unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
-    bend = values * ANGLE_UNITS[unit] * (-1 if form.reverse_angle else 1)
-    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
-    with np.errstate(over="ignore"):
-        degrees = np.degrees(bend)
-    _refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
-    return bend, unit
-
-
-def _sheath_bend_column(table: CsvColumns, form: LogFormat) -> str | None:
-    there = SHEATH_BEND_COLUMN in table.names
-    return SHEATH_BEND_COLUMN if form.sheath_bend_deg is None and there else None
-
-
-def _sheath_bend_deg(table: CsvColumns, name: str) -> Array:
-    bend = table.column(name)
-    advice = "give `sheath_bend_deg`"
-    _refuse_implausible(table, name, bend, "deg", (0.0, LARGEST_SHEATH_BEND_DEG), advice)
-    return bend
-
-
-def _tension_columns(
-    table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
-) -> tuple[str, ...]:
-    """Return the names of both tension columns, or none: one wire alone is of no use."""
-    names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
-    found = [name for name in names if name in table.names]
-    asked_for = form.tension_a_column is not None or form.tension_b_column is not None
-    if len(found) == 2 or asked_for:
-        return names
-    if found and on_warning:
-        (missing,) = set(names) - set(found)
-        on_warning(f"{table.path} has {found[0]} but no {missing}: no tension is recorded")
-    return ()
-
-
-def _unit(table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], parameter: str) -> str:
-    *most, last = units
-    valid = f"{', '.join(most)} or {last}"
-    if given is not None:
-        if given not in units:
-            raise InputError(f"{parameter} = {given}: must be {valid}")
-        return given
-    ending = name.lower().rpartition("_")[2] if "_" in name else ""
-    if ending not in units:
-        raise InputError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
-    return ending
-
-
-def _refuse_implausible(
-    table: CsvColumns, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
-) -> None:
-    low, high = limits
-    wrong = (values < low) | (values > high)
-    if wrong.any():
-        row = int(wrong.argmax())
-        raise InputError(
-            f"{table.path} line {table.lines[row]}: {name} is {values[row]:g} {unit}, "
-            f"which is not from {low:g} to {high:g}: {advice}"
-        )
 
 
 def _warn_of_missing(

@@ -1,5 +1,7 @@
 """Numbers of the fields of a table: decimal digits with a point, and nothing else that Python would take.
 
+Where commas do not separate fields, one may stand in the place of the point.
+
 `float` also reads `1_000`, digits of other scripts, `infinity` and blanks of other scripts; a log that holds
 them was not written by a logger, or means something else.
 """
@@ -18,8 +20,15 @@ _PLAIN = b"0123456789.+-eE \t"
 """Characters of a number; blanks may stand around it."""
 
 
-def to_numbers(texts: Sequence[str]) -> Array:
-    """Return the numbers of texts, (N,): NaN where a text is no finite number."""
+def to_numbers(texts: Sequence[str], *, comma: bool = False) -> Array:
+    """Return the numbers of texts, (N,): NaN where a text is no finite number.
+
+    Args:
+        texts: of the fields.
+        comma: a decimal comma may stand in the place of the point; a text with both is no number.
+    """
+    if comma:
+        texts = [text.replace(",", ".") for text in texts]  # two points are no number
     if not "".join(texts).encode().translate(None, _PLAIN):
         try:
             values = np.fromiter(map(float, texts), float, len(texts))

@@ -21,6 +21,9 @@ PASSED_OVER = ("/scene", "/camera/")
 TOPICS = frozenset(topic for topic in SCHEMAS if not topic.startswith(PASSED_OVER))
 """Topics that an episode is read from."""
 
+JOINTS_TOPIC = "/joint_states"
+"""Topic of the hinge angles."""
+
 MOST_METADATA = 4 * MEBIBYTE
 """Characters of the metadata of an episode."""
 
@@ -159,8 +162,8 @@ class Contents:
         check_facts(metadata)
         return metadata
 
-    def episode(self, metadata: dict[str, Any]) -> Episode:
-        """Return the episode of the messages.
+    def episode(self, metadata: dict[str, Any], *, hidden: bool = True) -> Episode:
+        """Return the episode of the messages, with its hidden state or without.
 
         Raises:
             ValueError: a topic is missing or of another schema, or messages or arrays do not fit together.
@@ -168,7 +171,7 @@ class Contents:
         """
         self.check_topics()
         self._check_joints()
-        arrays = decode(self.times, self.payloads)
+        arrays = decode(self.times, self.payloads, hidden=hidden)
         return Episode(**arrays, metadata=metadata, attachments=self.attachments)
 
     def check_topics(self) -> None:
@@ -193,7 +196,7 @@ class Contents:
     def _check_joints(self) -> None:
         """Check the number of joints before decoding: an empty one of 2 bytes becomes an object of 100."""
         joints = sum(
-            payload.count(tag) for payload in self.payloads.get("/joint_states", []) for tag in _JOINT_TAGS
+            payload.count(tag) for payload in self.payloads.get(JOINTS_TOPIC, []) for tag in _JOINT_TAGS
         )
         if joints > max(_SMALLEST_JOINT_LIMIT, self.file_size):
             raise InputError("/joint_states has more joints than a file of this size may hold")

@@ -73,6 +73,7 @@ class EpisodeFacts(BaseModel):
         seconds_per_cycle: length of a cycle of a log of phases [s].
         file: name of the file that a measured log was read from.
         file_sha256: its SHA-256.
+        window: number of a window in the file that it was cut from.
         endotwin: version that wrote the record.
         mujoco: version that simulated it.
     """
@@ -95,6 +96,7 @@ class EpisodeFacts(BaseModel):
     seconds_per_cycle: Positive | None = None
     file: Text | None = None
     file_sha256: Name | None = None
+    window: Number | None = None
     endotwin: Name | None = None
     mujoco: Name | None = None
 

@@ -65,12 +65,15 @@ def to_nanoseconds(time: Array) -> list[int]:
     return cast(list[int], nanoseconds.tolist())
 
 
-def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[bytes]]) -> dict[str, Array]:
+def decode(
+    times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[bytes]], *, hidden: bool = True
+) -> dict[str, Array]:
     """Decode the serialised messages of each topic into the arrays of an episode, by field name.
 
     Args:
         times: nanoseconds of the messages of each topic.
         payloads: the messages of each topic, in the same order.
+        hidden: False leaves out the wires, as if they were not recorded.
 
     Returns:
         Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded;
@@ -98,6 +101,7 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
     truths = [Truth.FromString(payload) for payload in payloads["/truth"]]
     measurements = [Measurement.FromString(payload) for payload in payloads["/measurement"]]
     joints = [JointStates.FromString(payload).joints for payload in payloads.get("/joint_states", [])]
+    own, sideways = _hinges(joints, count)
     measured_bend = np.full(count, np.nan)
     measured_bend[_places(times["/measurement"], times["/command"])] = np.radians(
         [message.bend_deg for message in measurements]
@@ -107,7 +111,7 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
         "pull": np.array([message.pull_mm for message in commands]) / 1e3,
         "bend": np.radians([message.bend_deg for message in truths]),
         "measured_bend": measured_bend,
-        "joint_angle": _hinges("joints", joints, count, lateral=False),
+        "joint_angle": own,
         "pulley": _optional(truths, "pulley_mm") / 1e3,
         "sheath_bend": np.radians(_optional(truths, "sheath_bend_deg")),
     }
@@ -115,13 +119,15 @@ def decode(times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[b
         "lateral_pull": _optional(commands, "lateral_pull_mm") / 1e3,
         "lateral_bend": np.radians(_optional(truths, "lateral_bend_deg")),
     }
-    sideways = _hinges("lateral joints", joints, count, lateral=True)
     if sideways.shape[1] not in (0, arrays["joint_angle"].shape[1]):
         sizes = arrays["joint_angle"].shape[1], sideways.shape[1]
         raise InputError(f"/joint_states has {sizes[0]} hinges, {sizes[1]} lateral ones")
     if sideways.shape[1] > 0:
         lateral["lateral_joint_angle"] = sideways
     wires = wire_names(lateral.values())
+    if not hidden:
+        nothing = np.empty((count, len(wires), 0))
+        return arrays | lateral | {"wire_tension": nothing, "sheath_friction": nothing}
     slack_mm = _wires(truths, "wire_slack_{}_mm", wires)
     if slack_mm.shape[2] > 0:
         arrays["wire_slack"] = slack_mm / 1e3
@@ -154,12 +160,14 @@ def _optional(messages: list[Any], field: str) -> Array:
     return np.array([getattr(message, field) for message in messages])
 
 
-def _hinges(name: str, joints: list[Any], count: int, *, lateral: bool) -> Array:
-    """Return the angles of the lateral hinges, or of the others, as (count, columns)."""
-    rows = [
-        [joint.position for joint in row if joint.name.startswith(LATERAL_HINGE) is lateral] for row in joints
-    ]
-    return _table(name, rows, count)
+def _hinges(joints: list[Any], count: int) -> tuple[Array, Array]:
+    """Return the angles of the hinges and of the lateral ones, each (count, columns)."""
+    own, lateral = [], []
+    for row in joints:
+        angles = [(joint.name.startswith(LATERAL_HINGE), joint.position) for joint in row]
+        own.append([angle for sideways, angle in angles if not sideways])
+        lateral.append([angle for sideways, angle in angles if sideways])
+    return _table("joints", own, count), _table("lateral joints", lateral, count)
 
 
 def _wires(truths: list[Any], field: str, wires: str) -> Array:

@@ -9,7 +9,7 @@ from mcap.opcode import Opcode
 
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
-from twin.recording.contents import TOPICS, Contents
+from twin.recording.contents import JOINTS_TOPIC, TOPICS, Contents
 from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
 
 HINT = "; `recover_episode` saves what is whole"
@@ -18,11 +18,12 @@ HINT = "; `recover_episode` saves what is whole"
 _DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
-def read_episode(path: str | Path) -> Episode:
+def read_episode(path: str | Path, *, hidden: bool = True) -> Episode:
     """Read one episode; `messages.decode` says which arrays are empty where nothing was recorded.
 
     Args:
         path: an MCAP file as `write_episode` makes it. Topics beyond those of an episode are skipped.
+        hidden: False leaves out the hinge angles and the wires, which take most of the time.
 
     Returns:
         The episode. In its metadata, tuples have become lists, as JSON has no tuples.
@@ -32,9 +33,9 @@ def read_episode(path: str | Path) -> Episode:
         ValueError: it is not an MCAP file, is cut off or damaged, or holds no whole episode.
     """
     path = Path(path)
-    contents = _read(path, TOPICS)
+    contents = _read(path, TOPICS if hidden else TOPICS - {JOINTS_TOPIC})
     try:
-        return whole_episode(contents)
+        return whole_episode(contents, hidden=hidden)
     except ValueError as error:
         raise InputError(f"{path} {error}") from error
 
@@ -57,14 +58,18 @@ def read_metadata(path: str | Path) -> dict[str, Any]:
         raise InputError(f"{path} holds no whole episode: {one_line(error)}") from error
 
 
-def read_dataset(path: str | Path) -> list[Episode]:
+def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:
     """Read all episodes of a folder, in the order of the file names, or the one of a file.
+
+    Args:
+        path: the folder or file.
+        hidden: False leaves out the hidden state, as in `read_episode`.
 
     Raises:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.
         ValueError: a file is damaged (see `read_episode`).
     """
-    return [read_episode(file) for file in episode_files(path)]
+    return [read_episode(file, hidden=hidden) for file in episode_files(path)]
 
 
 def episode_files(path: str | Path) -> list[Path]:
@@ -110,14 +115,14 @@ def whole_contents(data: bytes, kept: Collection[str] = TOPICS) -> Contents:
     return contents
 
 
-def whole_episode(contents: Contents) -> Episode:
-    """Return the episode of the contents of a file.
+def whole_episode(contents: Contents, *, hidden: bool = True) -> Episode:
+    """Return the episode of the contents of a file, with its hidden state or without.
 
     Raises:
         ValueError: they make none; the text goes on after the name of the file.
     """
     try:
-        return contents.episode(contents.metadata())
+        return contents.episode(contents.metadata(), hidden=hidden)
     except MemoryError:
         raise
     except Exception as error:

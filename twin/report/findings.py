@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from twin.estimation.registry import method_specs, proposed_method
-from twin.evaluation.paper import noise_label, paper_value
+from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.report.tables import protocol_scores
 
@@ -72,7 +72,7 @@ def _line(ours: Score, rival: Score) -> str:
     )
     if _overlap(ours, rival):
         line += f"; their 95{_NBSP}% intervals overlap"
-    published = paper_value(*ours.condition, ours.method, "rmse_deg")
+    published = ours.paper_rmse_deg
     if published is None:
         return f"{line}."
     return f"{line}. The paper's {ours.method}: {published + 1e-9:.3f} deg."

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from twin.estimation.registry import method_specs
-from twin.evaluation.paper import noise_label, paper_value
+from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.figures import tracking_figure
@@ -30,7 +30,7 @@ def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict
         scores: of the records that the tracks are from; their RMSE goes into the legend.
     """
     by_noise = {(track.noise, track.level): track for track in tracks}
-    rmse = {(*score.condition, score.method): score.rmse_deg for score in protocol_scores(scores)}
+    by_method = {(*score.condition, score.method): score for score in protocol_scores(scores)}
     figures = {}
     for number, noise, level in FIGURES:
         track = by_noise.get((noise, level))
@@ -40,10 +40,11 @@ def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict
             continue
         notes = {}
         for method in methods:
-            if (noise, level, method) in rmse:
-                published = paper_value(noise, level, method, "rmse_deg")
+            score = by_method.get((noise, level, method))
+            if score is not None:
+                published = score.paper_rmse_deg
                 beside = "" if published is None else f" (paper {published + 1e-9:.2f})"
-                notes[method] = f"{rmse[noise, level, method]:.2f}{beside}"
+                notes[method] = f"{score.rmse_deg:.2f}{beside}"
         label = noise_label(noise, level)
         caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
         if notes:

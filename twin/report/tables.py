@@ -145,7 +145,7 @@ def _cell(score: Score | None, index: str, fmt: str, best: bool) -> str:
     if best and fmt != "plain":
         ours = f"<strong>{ours}</strong>" if fmt == "html" else f"**{ours}**"
     published = paper_value(*score.condition, score.label, index)
-    if published is None:
+    if published is None or score.paper_rmse_deg is None:  # that of another instrument is no peer
         return ours
     rounded = f"{published + 1e-9:.3f}"  # the paper prints four decimals: a last 5 is rounded up
     return f"{ours} <small>paper {rounded}</small>" if fmt == "html" else f"{ours} (paper {rounded})"

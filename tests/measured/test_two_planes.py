@@ -1,0 +1,141 @@
+"""A log of two bending planes: the lateral command and angle become those of wires c and d."""
+
+import json
+
+import numpy as np
+import pytest
+from csv_logs import steps, write
+
+from scripts.import_log import main
+from twin.measured.log import read_measured_log
+from twin.measured.log_format import LogFormat
+from twin.measured.windows import read_windows
+from twin.recording import read_dataset, read_episode
+
+PLANES = {"lateral_command_column": "side_deg", "lateral_angle_column": "tilt_deg"}
+LOG = steps(side_deg=[3, 1, -2, 0], tilt_deg=[1.5, 0.5, -1, -0.5])
+
+
+def test_the_second_plane_is_read_in_si_units_and_comes_back_from_the_file(tmp_path):
+    form = LogFormat(pulley_radius=0.02, **PLANES)
+    episode = read_measured_log(write(tmp_path, LOG), form)
+    np.testing.assert_allclose(episode.lateral_pull, np.radians(LOG["side_deg"]) * 0.02, rtol=1e-12)
+    np.testing.assert_allclose(np.degrees(episode.lateral_bend), LOG["tilt_deg"], rtol=1e-12)
+    np.testing.assert_allclose(episode.bend_deg, LOG["angle_deg"], rtol=1e-12)
+    assert episode.wire_tension.shape == (4, 4, 0)
+    turned = read_measured_log(tmp_path / "log.csv", LogFormat(reverse_lateral_angle=True, **PLANES))
+    np.testing.assert_array_equal(turned.lateral_bend, -episode.lateral_bend)
+    np.testing.assert_array_equal(turned.bend, episode.bend)
+    columns = ["--lateral-command-column", "side_deg", "--lateral-angle-column", "tilt_deg"]
+    line = [str(tmp_path / "log.csv"), *columns, "--pulley-radius-mm", "20", "--out", str(tmp_path / "out")]
+    assert main(line) == 0
+    (read,) = read_dataset(tmp_path / "out")
+    np.testing.assert_allclose(read.lateral_pull, episode.lateral_pull, atol=1e-15)
+    np.testing.assert_allclose(read.lateral_bend, episode.lateral_bend, rtol=1e-12)
+    assert read.metadata["lateral_angle_column"] == "tilt_deg"
+    features = json.loads((tmp_path / "out" / "dataset.json").read_text())["features"]
+    assert {"lateral_pull_mm", "lateral_bend_deg"} <= features.keys()
+
+
+def test_units_are_those_of_the_lateral_columns(tmp_path):
+    columns = steps(side_mm=[0, 1, 2, 1], tilt_rad=[0, 0.1, 0.2, 0.1])
+    form = LogFormat(lateral_command_column="side_mm", lateral_angle_column="tilt_rad")
+    episode = read_measured_log(write(tmp_path, columns), form)
+    np.testing.assert_allclose(episode.lateral_pull, [0, 1e-3, 2e-3, 1e-3])
+    np.testing.assert_allclose(episode.lateral_bend, columns["tilt_rad"])
+    assert episode.metadata["lateral_command_unit"] == "mm"
+    assert episode.metadata["pulley_radius"] == 0.01  # of the first plane
+
+
+def test_a_sample_counts_as_measured_where_both_angles_are(tmp_path):
+    said = []
+    columns = {
+        "time_s": [0, 1, 4, 5, 6],
+        "command_deg": [0, 1, 2, 1, 0],
+        "angle_deg": [0, "", 4, 2, 0],
+        "side_deg": [2, "", 1, 0, 1],
+        "tilt_deg": [1, 2, "", 6, ""],
+    }
+    log = write(tmp_path, columns)
+    episode = read_measured_log(log, LogFormat(**PLANES), on_warning=said.append)
+    np.testing.assert_allclose(episode.measured_bend_deg, [0, np.nan, np.nan, 2, np.nan])
+    np.testing.assert_allclose(episode.bend_deg, [0, 1, 4, 2, 0])
+    np.testing.assert_allclose(np.degrees(episode.lateral_bend), [1, 2, 5, 6, 6])
+    np.testing.assert_allclose(np.degrees(episode.lateral_pull) * 100, [2, 2, 1, 0, 1])
+    rest = "is missing, as in"
+    assert said == [
+        f"{log} line 3: angle_deg {rest} 1 of 5 rows: nothing is measured there, in either plane",
+        f"{log} line 3: side_deg {rest} 1 of 5 rows: the last one is held",
+        f"{log} line 4: tilt_deg {rest} 2 of 5 rows: nothing is measured there, in either plane",
+    ]
+    assert episode.metadata["commands_held"] == 1
+
+
+def test_tensions_of_two_wires_are_left_out_and_that_is_told(tmp_path):
+    said = []
+    log = write(tmp_path, LOG | {"tension_a_n": [1, 2, 3, 4], "tension_b_n": [4, 3, 2, 1]})
+    episode = read_measured_log(log, LogFormat(**PLANES), on_warning=said.append)
+    assert episode.wire_tension.shape == (4, 4, 0)
+    rule = "tensions of a log of two bending planes are not read"
+    assert said == [f"{log} has tension_a_n and tension_b_n: {rule}"]
+    with pytest.raises(ValueError, match=f"{rule}: leave out `tension_a_column`"):
+        read_measured_log(log, LogFormat(tension_a_column="tension_a_n", **PLANES))
+
+
+def test_windows_have_both_planes(tmp_path):
+    log = write(tmp_path, LOG | {"window": [0, 0, 1, 1]})
+    first, second = read_windows(log, "window", LogFormat(**PLANES))
+    np.testing.assert_allclose(np.degrees(first.lateral_bend), [1.5, 0.5])
+    np.testing.assert_allclose(np.degrees(second.lateral_bend), [-1, -0.5])
+
+
+@pytest.mark.parametrize(
+    ("columns", "form", "fault"),
+    [
+        (
+            LOG,
+            {"lateral_angle_column": None},
+            "give `lateral_command_column` and `lateral_angle_column` both",
+        ),
+        (LOG, {"lateral_command_column": None}, "`lateral_angle_column` both, or neither"),
+        (LOG, {"lateral_command_column": "command_deg"}, "column command_deg is named twice"),
+        (LOG, {"lateral_angle_column": "angle_deg"}, "column angle_deg is named twice"),
+        (
+            LOG,
+            {"reverse_lateral_angle": True, "lateral_command_column": None, "lateral_angle_column": None},
+            "`reverse_lateral_angle` turns an angle: name its `lateral_angle_column` too",
+        ),
+        (LOG, {"lateral_angle_column": "sway_deg"}, "has no column sway_deg; its columns: time_s"),
+        (LOG | {"side_deg": ["", 1, 2, 3]}, {}, "line 2: side_deg is missing, and no row before it has one"),
+        (LOG | {"tilt_deg": [0, "x", 2, 3]}, {}, "line 3: tilt_deg is 'x', not a finite number"),
+        (
+            LOG | {"tilt_deg": [0, 1, 721, 3]},
+            {},
+            "line 4: tilt_deg is 721 deg, which is not from -720 to 720",
+        ),
+        (
+            LOG | {"angle_deg": [0, 1, "", ""], "tilt_deg": ["", 1, 2, 3]},
+            {},
+            "angle_deg and tilt_deg are both measured 1 times, a record needs two",
+        ),
+    ],
+)
+def test_a_second_plane_that_cannot_be_is_refused(tmp_path, columns, form, fault):
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
+        read_measured_log(write(tmp_path, columns), LogFormat(**(PLANES | form)))
+    assert fault in str(caught.value)
+
+
+def test_the_verb_speaks_of_its_flags_and_writes_nothing(tmp_path, capsys):
+    line = [str(write(tmp_path, LOG)), "--lateral-angle-column", "tilt_deg", "--out", str(tmp_path / "out")]
+    assert main(line) == 2
+    assert "give --lateral-command-column and --lateral-angle-column both" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_of_one_plane_has_no_second(tmp_path):
+    episode = read_measured_log(write(tmp_path, LOG))
+    assert len(episode.lateral_pull) == len(episode.lateral_bend) == 0
+    assert not [name for name in episode.metadata if "lateral" in name]
+    assert main([str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")]) == 0
+    assert len(read_episode(tmp_path / "out" / "log.mcap").lateral_bend) == 0

@@ -1,0 +1,165 @@
+"""Windows cut from longer records: each is an episode of its own, and all of a file come and go together."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from csv_logs import steps, write
+
+from scripts.import_log import main
+from twin.dataset.verify import verify
+from twin.evaluation.reading import evaluation_records
+from twin.measured import windows
+from twin.measured.folder import write_measured, write_windows
+from twin.measured.log import read_measured_log
+from twin.measured.windows import read_windows
+from twin.recording import read_dataset
+
+TIME = np.tile(np.arange(4) * 0.5, 3)
+CUT = {
+    "window": np.repeat([7, 3, 5], 4),
+    "time_s": TIME,
+    "command_deg": [0, 9, 20, 9, -30, -40, -30, -20, 50, 60, 50, 40],
+    "angle_deg": [0, 4, 9, 6, -15, -19, -16, -12, 24, 29, 26, 22],
+}
+
+
+def held(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_each_window_is_an_episode_from_time_0_in_the_order_of_the_file(tmp_path):
+    logs = read_windows(write(tmp_path, CUT), "window")
+    assert [log.metadata["window"] for log in logs] == [7, 3, 5]
+    assert [log.metadata["rows"] for log in logs] == [4, 4, 4]
+    for place, log in enumerate(logs):
+        np.testing.assert_allclose(log.time, [0, 0.5, 1, 1.5])
+        np.testing.assert_allclose(np.degrees(log.pull) * 100, CUT["command_deg"][4 * place : 4 * place + 4])
+        np.testing.assert_allclose(log.measured_bend_deg, CUT["angle_deg"][4 * place : 4 * place + 4])
+
+
+def test_a_window_whose_clock_runs_on_begins_at_0_too(tmp_path):
+    logs = read_windows(write(tmp_path, CUT | {"time_s": np.arange(12) + 100.0}), "window")
+    assert [log.time[0] for log in logs] == [0, 0, 0]
+    assert [log.time[-1] for log in logs] == [3, 3, 3]
+
+
+def test_one_window_may_stand_still_but_not_all(tmp_path):
+    still = [*CUT["command_deg"][:4], *[5] * 4, *CUT["command_deg"][8:]]
+    assert np.ptp(read_windows(write(tmp_path, CUT | {"command_deg": still}), "window")[1].pull) == 0
+    with pytest.raises(ValueError, match="command_deg is 5 in every row: a log without motion"):
+        read_windows(write(tmp_path, CUT | {"command_deg": [5] * 12}), "window")
+
+
+@pytest.mark.parametrize(
+    ("changes", "column", "fault"),
+    [
+        ({}, "piece", "has no column piece; its columns: window, time_s"),
+        ({}, "angle_deg", "window_column = angle_deg: must be a column of its own, not of time"),
+        ({}, "time_s", "window_column = time_s: must be a column of its own, not of time"),
+        ({"window": [1] * 11 + [""]}, "window", "line 13: window is '', not a finite number"),
+        ({"window": [*["a"] * 6, *["b"] * 6]}, "window", "line 2: window is 'a', not a finite number"),
+        (
+            {"window": [0] * 11 + [1], "time_s": range(12)},
+            "window",
+            "record needs two times (window 1, lines 13 to 13)",
+        ),
+        (
+            {"angle_deg": [*CUT["angle_deg"][:8], "", "", 1, ""]},
+            "window",
+            "angle_deg is measured 1 times, a record needs two (window 5, lines 10 to 13)",
+        ),
+        ({"angle_deg": [0] * 9 + ["x", 1, 2]}, "window", "line 11: angle_deg is 'x', not a finite number"),
+    ],
+)
+def test_windows_that_cannot_be_are_refused_and_named(tmp_path, changes, column, fault):
+    with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
+        read_windows(write(tmp_path, CUT | changes), column)
+    assert fault in str(caught.value)
+
+
+def test_windows_are_bounded_in_number(tmp_path, monkeypatch):
+    monkeypatch.setattr(windows, "MOST_WINDOWS", 2)
+    with pytest.raises(
+        ValueError, match="window changes 2 times, at most 2 windows are read: check `window_"
+    ):
+        read_windows(write(tmp_path, CUT), "window")
+
+
+def test_of_many_warnings_the_first_are_told_and_the_others_counted(tmp_path):
+    count = windows.MOST_WARNINGS + 3
+    columns = {
+        "window": np.repeat(np.arange(count), 3),
+        "time_s": np.tile([0, 1, 2], count),
+        "command_deg": np.tile([0, 9, 3], count),
+        "angle_deg": np.tile(["1", "", "4"], count),
+    }
+    said = []
+    log = write(tmp_path, columns)
+    read_windows(log, "window", on_warning=said.append)
+    assert said[1] == f"{log} line 6: angle_deg is missing, as in 1 of 3 rows: nothing is measured there"
+    assert len(said) == windows.MOST_WARNINGS + 1
+    assert said[-1] == f"{log}: 3 more warnings like these"
+
+
+def test_windows_are_listed_and_read_as_separate_records(tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    paths = write_windows(folder, "cut", read_windows(write(tmp_path, CUT), "window"))
+    assert [path.stem for path in paths] == ["cut_window_0000", "cut_window_0001", "cut_window_0002"]
+    assert held(folder) == [*(path.name for path in paths), "dataset.json"]
+    listed = json.loads((folder / "dataset.json").read_text())
+    assert [entry["csv"] for entry in listed["files"]] == ["log.csv"] * 3
+    assert verify(folder) == ([], 3)
+    assert [log.metadata["window"] for log in read_dataset(folder)] == [7, 3, 5]
+    records = evaluation_records([folder], 0.5)
+    assert [record.name for record in records] == [path.stem for path in paths]
+    assert [record.bend_deg[0] for record in records] == pytest.approx([0, -15, 24])
+
+
+def test_a_file_that_is_read_again_in_another_way_leaves_nothing_of_the_first(tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    csv = write(tmp_path, CUT | {"half": np.repeat([0, 1], 6), "time_s": np.arange(12)})
+    write_measured(folder, "other", read_measured_log(write(tmp_path, steps(), "other.csv")))
+    write_windows(folder, "cut", read_windows(csv, "window"))
+    write_windows(folder, "cut_window_9", read_windows(csv, "half"))
+    write_measured(folder, "cut_window_0007", read_measured_log(csv))  # no window, whatever its name
+    kept = {"other.mcap", "cut_window_9_window_0000.mcap", "cut_window_9_window_0001.mcap"}
+    kept |= {"cut_window_0007.mcap", "dataset.json"}
+    before = (folder / "cut_window_0001.mcap").read_bytes()
+    write_windows(folder, "cut", read_windows(csv, "window"))
+    assert (folder / "cut_window_0001.mcap").read_bytes() == before
+    write_windows(folder, "cut", read_windows(csv, "half"))
+    assert {*held(folder)} == kept | {"cut_window_0000.mcap", "cut_window_0001.mcap"}
+    write_measured(folder, "cut", read_measured_log(csv))
+    assert {*held(folder)} == kept | {"cut.mcap"}
+    assert verify(folder) == ([], 5)
+
+
+def test_windows_take_the_place_of_no_other_file_and_are_written_all_or_none(tmp_path):
+    logs = read_windows(write(tmp_path, CUT), "window")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    late = dataclasses.replace(logs[2], time=logs[2].time * 1e-12)
+    with pytest.raises(ValueError, match="less than 1 ns"):
+        write_windows(folder, "cut", [*logs[:2], late])
+    assert held(folder) == []
+    write_measured(folder, "cut_window_0002", read_measured_log(write(tmp_path, steps(), "other.csv")))
+    before = held(folder)
+    with pytest.raises(ValueError, match=r"cut_window_0002\.mcap is the log of another CSV file"):
+        write_windows(folder, "cut", logs)
+    assert held(folder) == before
+
+
+def test_the_verb_imports_windows_and_tells_what_they_are(tmp_path, capsys):
+    csv = write(tmp_path, CUT)
+    line = [str(csv), "--window-column", "window", "--out", str(tmp_path / "out"), "--json"]
+    assert main(line) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["samples"] == 12
+    assert said["files"] == [str(tmp_path / "out" / f"log_window_000{place}.mcap") for place in range(3)]
+    assert main([str(csv), "--window-column", "angle_deg", "--out", str(tmp_path / "none")]) == 2
+    assert "--window-column" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()

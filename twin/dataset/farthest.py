@@ -1,0 +1,26 @@
+"""Farthest pull that is simulated: where the section would be bent by two whole turns.
+
+The wires are elastic, so that a pull is not all bend: the moment that the section needs stretches the wire
+that pulls. A pull far beyond is in another unit, micrometres given as millimetres or millimetres as metres.
+"""
+
+import numpy as np
+
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
+from twin.preset.preset import Preset
+from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM
+
+
+def farthest_pull(preset: Preset) -> float:
+    """Return the magnitude of the farthest pulling distance that is simulated [m].
+
+    It is what bends the section by `LARGEST_BEND_DEG` without friction, the other wire slack, and at most
+    `LARGEST_PULL_MM`. Friction only lessens the bend.
+    """
+    bend = np.radians(LARGEST_BEND_DEG)
+    moment = preset.section_stiffness * bend * (1 + preset.section_stiffening * bend**2)
+    law = segment_stiffness(preset), quadratic_stiffness(preset)
+    # All segments in series carry the tension; what winding up has stretched them by is there already.
+    stretch = (preset.sheath_elements + 1) * float(stretch_at(np.array(moment / preset.wire_offset), *law))
+    wound = float(stretch_at(wound_tension(preset), *law).sum())
+    return float(min(preset.wire_offset * bend + max(stretch - wound, 0.0), LARGEST_PULL_MM * 1e-3))
