@@ -34,14 +34,15 @@ class Calibrate:
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can tell."""
-    evaluations: int = 3000
-    """Simulations of all logs that the evolution strategy may use, in two starts."""
+    starts: int = 8
+    """Starts of the search; with more of them a better valley may be found."""
     fraction: float = 1.0
-    """Share of each log, from its start, that is fitted; the rest is predicted."""
+    """Share of each log, from its start, that is fitted; the rest is predicted. Of a file of windows (`import
+    --window-column`), the share of its windows, from the first."""
     pace: float | None = None
     """Play the logs this many times faster than recorded; a log of phases has a pace of its own."""
-    sample_time: float = 0.05
-    """Time between two samples that are compared [s]."""
+    sample_time: float | None = None
+    """Time between two samples that are compared [s]; if not given, some 900 samples of all logs are."""
     seed: int = 0
     json: bool = False
     """Print the summary as one JSON object."""
@@ -50,9 +51,9 @@ class Calibrate:
 def run_calibration(args: Calibrate) -> Summary:
     """Write the preset and its fit report."""
     require_extra("sim")
-    from twin.calibration import calibrate, free_parameters
+    from twin.calibration import calibrate, structures
     from twin.calibration.files import log_summary, read_loops, report_files, write_fit
-    from twin.calibration.search import STATE, check_effort
+    from twin.calibration.search import STATE, check_effort, foreseen_seconds
     from twin.files.ours import MADE_BY
     from twin.files.state_file import remove_state
     from twin.preset.file import load_preset
@@ -60,7 +61,7 @@ def run_calibration(args: Calibrate) -> Summary:
 
     if not args.data:
         raise ValueError("no data given: name folders of MCAP files, or files")
-    check_effort(args.evaluations, args.seed)
+    check_effort(args.starts, args.seed)
     report, figure = report_files(args.out)
     beside = {figure.name: MADE_BY, report.name: '"standard_deviation"'}
     inputs = [*args.data, *args.predict, Path(args.preset)]
@@ -74,18 +75,24 @@ def run_calibration(args: Calibrate) -> Summary:
         pace=args.pace,
         fraction=args.fraction,
     )
-    free = free_parameters(base, loops, args.free or None)
+    tried = structures(base, loops, args.free or None)
+    seconds = foreseen_seconds(tried, loops, args.starts)
+    samples = sum(len(loop.pull) for loop in loops)
+    complain(
+        f"calibrate: {len(loops)} logs, {samples} samples of {loops[0].sample_time:g} s, "
+        f"{len(tried[0].names)} parameters, {args.starts} starts: about {seconds:.0f} s"
+    )
     state_file = out.with_name(f".{out.stem}.calibration")
-    progress = Progress("calibrate", "sim")
+    progress = Progress("calibrate", "stage")
     fit = calibrate(
-        free,
+        tried,
         loops,
         seed=args.seed,
-        evaluations=args.evaluations,
+        starts=args.starts,
         state_file=state_file,
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
-    values = write_fit(out, fit, free, loops, held_out, args.seed)
+    values = write_fit(out, fit, loops, held_out, args.seed)
     remove_state(state_file, STATE)
     for warning in values["warnings"]:
         complain(f"warning: {warning}")

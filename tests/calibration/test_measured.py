@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from calibrating import SAMPLE_TIME, recorded
+from calibrating import SAMPLE_TIME, TRUTH, recorded
 
 from twin.calibration import measured_loop
+from twin.calibration.measured import thinned
 from twin.episode import Episode
 
 
@@ -45,7 +46,7 @@ def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
     count = len(episode.time)
     for changes, rule in (
         ({"sheath_bend": np.linspace(0, 1, count)}, "the sheath's bend changes"),
-        ({"lateral_pull": np.linspace(0, 1e-3, count)}, "wires c and d are pulled too"),
+        ({"lateral_pull": np.linspace(0, 1e-3, count)}, "the angle in their plane was not measured"),
         ({"measured_bend": -episode.measured_bend}, "import it with `reverse_angle`"),
         ({"wire_tension": np.full((count, 2, 1), 5.0)}, "the tensions do not change"),
         ({"wire_tension": np.full((count, 2, 1), 1e200)}, r"tension of 1e\+200 N: must be within 1e\+06"),
@@ -56,6 +57,8 @@ def test_log_that_one_plane_in_a_sheath_at_rest_cannot_follow_is_refused():
             measured_loop(dataclasses.replace(episode, **changes), "odd", SAMPLE_TIME)
     with pytest.raises(ValueError, match=r"samples of 0\.05 s.* to fit: needs at least 10"):
         measured_loop(episode, "odd", SAMPLE_TIME, fraction=0.01)
+    with pytest.raises(ValueError, match=r"odd: 1 samples of 0\.05 s, played at the pace of 1e\+06, to fit"):
+        measured_loop(episode, "odd", SAMPLE_TIME, pace=1e6)
     with pytest.raises(ValueError, match="sample time 0 s: must be positive"):
         measured_loop(episode, "odd", 0.0)
     for sample_time, pace in ((1e-300, 1.0), (1e-9, 1.0), (0.05, 1e-12)):
@@ -85,3 +88,26 @@ def test_missing_samples_are_not_fitted():
     nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
     with pytest.raises(ValueError, match=r"holed: 9 measured samples to fit: needs at least 10"):
         measured_loop(nearly, "holed", 0.05)
+
+
+@pytest.mark.parametrize("samples", range(100, 140))
+def test_log_of_a_whole_multiple_of_the_sample_time_has_one_grid(samples):
+    episode = recorded(cycles=4.0)
+    part = {
+        name: values[:samples]
+        for name, values in vars(episode).items()
+        if isinstance(values, np.ndarray) and len(values)
+    }
+    log = Episode(**(vars(episode) | part | {"time": np.arange(samples) * 0.01}))
+    loop = measured_loop(log, "whole", 0.03)
+    assert len(loop.pull) == len(loop.bend) == len(loop.fitted) == len(loop.tension) == len(loop.seen)
+
+
+def test_logs_are_thinned_to_a_usual_number_of_samples():
+    episode = recorded(cycles=4.0)
+    long, hour = (dataclasses.replace(episode, time=episode.time * factor) for factor in (3, 100))
+    assert thinned([episode], TRUTH) == pytest.approx(0.01)
+    assert thinned([long], TRUTH) == pytest.approx(0.03)
+    assert thinned([episode] * 3, TRUTH) == pytest.approx(0.03)
+    assert thinned([hour], TRUTH) == pytest.approx(0.1)
+    assert thinned([episode] * 3, TRUTH, pace=3.0) == pytest.approx(0.01)

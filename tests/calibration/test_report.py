@@ -7,16 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from twin.calibration import files, report, uncertainty
+from twin.calibration import figure, files, report, uncertainty
+from twin.calibration.figure import fit_figure
 from twin.calibration.files import log_summary, write_fit
-from twin.calibration.report import fit_figure, fit_report
+from twin.calibration.report import fit_report
 from twin.errors import InputError
 from twin.preset.file import load_preset
 
 
 def test_report_compares_with_each_log_and_draws_it(fitted):
-    free, logs, fit, _ = fitted
-    values, episodes = fit_report(fit, free, uncertainty(fit, free), logs, seed=0)
+    _, logs, fit, _ = fitted
+    values, episodes = fit_report(fit, uncertainty(fit), logs, seed=0)
     assert [log["name"] for log in values["logs"]] == ["0 rad", "1.5 rad"]
     for log in values["logs"]:
         assert log["rmse_deg"] < 0.05 < log["coleman_hodgdon_rmse_deg"]
@@ -27,9 +28,9 @@ def test_report_compares_with_each_log_and_draws_it(fitted):
 
 
 def test_log_that_is_only_predicted_is_scored_apart(fitted):
-    free, logs, fit, _ = fitted
+    _, logs, fit, _ = fitted
     shown = [logs[0], logs[1].only_predicted()]
-    values, _ = fit_report(fit, free, uncertainty(fit, free), shown, seed=0)
+    values, _ = fit_report(fit, uncertainty(fit), shown, seed=0)
     seen, unseen = values["logs"]
     assert seen["held_out_rmse_deg"] is None
     assert unseen["rmse_deg"] is None
@@ -44,7 +45,7 @@ def none_of_it(*args, **options):
 
 @pytest.mark.parametrize("trouble", ["slack wire", "diverges", "no model", "blind", "odd names", "many logs"])
 def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monkeypatch, trouble):
-    free, logs, fit, _ = fitted
+    _, logs, fit, _ = fitted
     if trouble == "slack wire":
         logs = [dataclasses.replace(log, tension=log.tension * [1, 0]) for log in logs]
     if trouble == "diverges":
@@ -58,8 +59,8 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
     if trouble == "odd names":
         logs = [dataclasses.replace(log, name=r"$\frac$ {{<b>") for log in logs]
     if trouble == "many logs":
-        monkeypatch.setattr(report, "MOST_DRAWN", 1)
-    values = write_fit(tmp_path / "p.yaml", fit, free, logs, [], 0)
+        monkeypatch.setattr(figure, "MOST_DRAWN", 1)
+    values = write_fit(tmp_path / "p.yaml", fit, logs, [], 0)
     assert load_preset(tmp_path / "p.yaml").section_stiffness == pytest.approx(fit.preset.section_stiffness)
     assert json.loads((tmp_path / "p_fit.json").read_text()) == values
     assert (tmp_path / "p_fit.png").is_file()
@@ -74,10 +75,10 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
 
 
 def test_report_that_cannot_be_drawn_leaves_the_preset(fitted, tmp_path, monkeypatch):
-    free, logs, fit, _ = fitted
+    _, logs, fit, _ = fitted
     monkeypatch.setattr(files, "fit_figure", none_of_it)
     with pytest.raises(InputError):
-        write_fit(tmp_path / "p.yaml", fit, free, logs, [], 0)
+        write_fit(tmp_path / "p.yaml", fit, logs, [], 0)
     assert {path.name for path in tmp_path.iterdir()} == {"p.yaml", "p_fit.json"}
 
 

@@ -1,8 +1,9 @@
 """Calibration of a preset on measured logs: free parameters, fit, uncertainty, report."""
 
+from twin.calibration.fit import Fit
 from twin.calibration.measured import MeasuredLoop, measured_loop
-from twin.calibration.parameters import FreeParameters, free_parameters
-from twin.calibration.search import Fit, calibrate
+from twin.calibration.parameters import FreeParameters, free_parameters, structures, with_slack
+from twin.calibration.search import calibrate
 from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 
 __all__ = [
@@ -14,5 +15,7 @@ __all__ = [
     "free_parameters",
     "likely_ranges",
     "measured_loop",
+    "structures",
     "uncertainty",
+    "with_slack",
 ]

@@ -1,5 +1,7 @@
 """Files of a calibration: the logs that it reads, and the preset, report and figure that it writes."""
 
+import contextlib
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,13 +9,15 @@ from typing import Any
 
 import yaml
 
-from twin.calibration.measured import MeasuredLoop, measured_loop
-from twin.calibration.parameters import FreeParameters
-from twin.calibration.report import fit_figure, fit_report
-from twin.calibration.search import Fit
+from twin.calibration.confirm import steady
+from twin.calibration.figure import fit_figure
+from twin.calibration.fit import Fit
+from twin.calibration.measured import MeasuredLoop, measured_loop, thinned
+from twin.calibration.report import fit_report
 from twin.calibration.uncertainty import likely_ranges, uncertainty
+from twin.calibration.windows import check_windows, first_windows, origin_of
 from twin.episode import Episode
-from twin.errors import InputError
+from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
 from twin.files.shown import cut, printable
 from twin.preset.preset import Preset
@@ -29,7 +33,7 @@ def read_loops(
     predicted: Sequence[Path],
     base: Preset,
     *,
-    sample_time: float,
+    sample_time: float | None = None,
     pace: float | None = None,
     fraction: float = 1.0,
 ) -> tuple[list[MeasuredLoop], list[MeasuredLoop], Preset]:
@@ -39,28 +43,39 @@ def read_loops(
         fitted: folders of MCAP files, or files, to fit.
         predicted: the same, only to be predicted.
         base: the preset that the calibration starts from.
-        sample_time: of the grid [s].
+        sample_time: of the grid [s]; without one, that of `thinned`.
         pace: how many times faster than recorded logs are played, as in `measured_loop`.
-        fraction: share of each log in `fitted`, from its start, that is fitted.
+        fraction: share of each log in `fitted`, from its start, that is fitted. Of windows that were cut from
+            longer records, the first share of each file's are fitted whole; the others are predicted.
 
     Returns:
         The logs to fit, those to predict, and the preset with the pulley of the logs.
 
     Raises:
         FileNotFoundError: a path does not exist or a folder holds no MCAP file.
-        ValueError: a file is damaged, a log cannot be calibrated on, or the logs have different pulleys.
+        ValueError: a file is damaged, a log cannot be calibrated on, the logs have different pulleys, or
+            `fraction` is out of range.
     """
     records, unseen = (
         [(path, episode) for path in paths for episode in read_dataset(path)] for paths in (fitted, predicted)
     )
     base = with_pulley_of(base, [episode for _, episode in records + unseen])
+    if not 0 < fraction <= 1:
+        raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
+    records, last = first_windows(records, fraction)
+    if sample_time is None:
+        sample_time = thinned([episode for _, episode in records], base, pace)
+    origins = [origin_of(episode) for _, episode in records]
     loops = [
-        measured_loop(episode, _name(path, episode), sample_time, pace=pace, fraction=fraction)
-        for path, episode in records
+        measured_loop(
+            episode, _name(path, episode), sample_time, pace=pace, fraction=1.0 if origin else fraction
+        )
+        for (path, episode), origin in zip(records, origins, strict=True)
     ]
+    check_windows([*zip(origins, loops, strict=True)])
     held_out = [
         measured_loop(episode, _name(path, episode), sample_time, pace=pace).only_predicted()
-        for path, episode in unseen
+        for path, episode in last + unseen
     ]
     return loops, held_out, base
 
@@ -81,7 +96,6 @@ def with_pulley_of(base: Preset, episodes: Sequence[Episode]) -> Preset:
 def write_fit(
     out: Path,
     fit: Fit,
-    free: FreeParameters,
     loops: Sequence[MeasuredLoop],
     held_out: Sequence[MeasuredLoop],
     seed: int,
@@ -93,7 +107,6 @@ def write_fit(
     Args:
         out: the preset's file.
         fit: what was found.
-        free: what was fitted.
         loops: the logs that were fitted.
         held_out: the logs that are only predicted.
         seed: of the calibration.
@@ -101,10 +114,12 @@ def write_fit(
     Returns:
         What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
     """
-    known = uncertainty(fit, free)
-    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, free, known), [loop.name for loop in loops]))
     shown = [*loops, *held_out]
-    values, episodes = fit_report(fit, free, known, shown, seed)
+    with contextlib.suppress(DivergedError):  # the report says along which log
+        fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))
+    known = uncertainty(fit)
+    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
+    values, episodes = fit_report(fit, known, shown, seed)
     report, figure = report_files(out)
     write_whole(report, json.dumps(values, indent=2) + "\n")
     write_whole(figure, to_png_bytes(fit_figure(shown, episodes)))
@@ -137,9 +152,14 @@ def log_summary(log: dict[str, Any]) -> str:
     if fitted is None and held_out is None:
         return f"{log['name']} diverges"
     if fitted is None:
-        return f"{log['name']} predicted within {held_out:.2f} deg"
-    more = "" if held_out is None else f" (held out {held_out:.2f})"
-    return f"{log['name']} RMSE {fitted:.2f} deg{more}"
+        return f"{log['name']} predicted within {held_out:.2f} deg{_sideways(log, 'held_out_rmse_deg')}"
+    more = "" if held_out is None else f" (held out {held_out:.2f}{_sideways(log, 'held_out_rmse_deg')})"
+    return f"{log['name']} RMSE {fitted:.2f} deg{_sideways(log, 'rmse_deg')}{more}"
+
+
+def _sideways(log: dict[str, Any], name: str) -> str:
+    lateral = log.get(f"lateral_{name}")
+    return "" if lateral is None else f", sideways {lateral:.2f}"
 
 
 def _name(path: Path, episode: Episode) -> str:

@@ -2,21 +2,29 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
 LEAST_MOTION = 1e-6  # [m]
+LEAST_TOLD = 3e-4
+"""A lateral command that moves less does not tell which way its angle is counted [m]."""
+AGAINST = -0.5
+"""Correlation of command and angle below which the angle is counted the other way."""
 LEAST_TENSION = 1e-3  # [N]
 LEAST_BEND = 1e-6  # [rad]
 MOST_SAMPLES = 1_000_000  # of a log, on the grid
 MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
 """Largest plausible values: beyond them squares of residuals overflow."""
+USUAL_SAMPLES, LONGEST_PERIODS = 900, 10
+"""Samples that a calibration compares if not told how many, and their longest time in control periods."""
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -33,6 +41,11 @@ class MeasuredLoop:
         tension: measured tension of wires a and b at the pulley, (N, 2) [N]; (N, 0) without load cells.
         sheath_bend: bend angle of the sheath [rad]; None if the log does not state it.
         fitted: mask of the samples that are fitted, (N,); the others are only predicted.
+        seen: mask of the samples that were measured, (N,).
+        offset: whether the zero of the angle is unknown, as that of a measured one is.
+        timed: whether its times were recorded; a log of phases has none.
+        lateral_pull: commanded pulling distance of wire c, (N,) [m]; (0,) with one bending plane.
+        lateral_bend: measured bending angle in that plane, (N,) [rad]; (0,) if there is none.
     """
 
     name: str
@@ -42,6 +55,11 @@ class MeasuredLoop:
     tension: Array
     sheath_bend: float | None
     fitted: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    offset: bool = False
+    timed: bool = False
+    lateral_pull: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    lateral_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
 
     def only_predicted(self) -> "MeasuredLoop":
         """Return the log with no fitted sample, for prediction only."""
@@ -53,10 +71,36 @@ class MeasuredLoop:
         return float(np.ptp(self.tension)) if self.tension.size else math.nan
 
 
+def thinned(episodes: Sequence[Episode], preset: Preset, pace: float | None = None) -> float:
+    """Return the sample time at which logs have about `USUAL_SAMPLES` together, whole control periods [s].
+
+    Args:
+        episodes: the logs.
+        preset: whose control period counts.
+        pace: as of `measured_loop`.
+    """
+    seconds = sum(float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in episodes)
+    period = preset.control_period
+    return period * min(max(round(seconds / USUAL_SAMPLES / period), 1), LONGEST_PERIODS)
+
+
+def _pace(episode: Episode, pace: float | None) -> float:
+    """Return how many times faster than recorded a log is played."""
+    phases = episode.metadata.get("seconds_per_cycle")
+    if pace is None:
+        pace = float(phases) / SIMULATED_SECONDS_PER_CYCLE if phases else 1.0
+    if not 0 < pace < math.inf:
+        raise InputError(f"pace = {pace}: must be positive")
+    return pace
+
+
 def measured_loop(
     episode: Episode, name: str, sample_time: float, *, pace: float | None = None, fraction: float = 1.0
 ) -> MeasuredLoop:
     """Check a log and resample it linearly to an even grid; missing measurements are not fitted.
+
+    A window of a longer record (`window` in its metadata) need not move or reverse: `check_windows` asks that
+    of all windows together.
 
     Args:
         episode: the log; its measured bending angle is what counts.
@@ -69,60 +113,110 @@ def measured_loop(
     Raises:
         ValueError: the command does not move or never reverses, or a value is out of range.
     """
-    if pace is None:
-        recorded = episode.metadata.get("seconds_per_cycle")
-        pace = float(recorded) / SIMULATED_SECONDS_PER_CYCLE if recorded else 1.0
-    if not 0 < pace < math.inf:
-        raise InputError(f"pace = {pace}: must be positive")
+    speed = _pace(episode, pace)
     if not 0 < fraction <= 1:
         raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
     if not 0 < sample_time < math.inf:
         raise InputError(f"sample time {sample_time:g} s: must be positive")
     _check_fits(episode, name)
-    time = (episode.time - episode.time[0]) / pace
+    time = (episode.time - episode.time[0]) / speed
     even = dataclasses.replace(episode, time=time)
     if time[-1] / sample_time > MOST_SAMPLES:
         raise InputError(
             f"{name}: {time[-1]:.3g} s in samples of {sample_time:g} s are more than {MOST_SAMPLES}"
         )
-    count = int(time[-1] / sample_time) + 1
+    count = 1
+    if time[-1] >= sample_time:  # a grid has two samples at least
+        even = even.on_grid(sample_time)
+        count = len(even.time)
     fitted = np.arange(count) < round(fraction * count)
     if fitted.sum() < 10:
-        played = "" if pace is None else f", played at the pace of {pace:g},"
         raise InputError(
-            f"{name}: {fitted.sum()} samples of {sample_time:g} s{played} to fit: needs at least 10"
+            f"{name}: {fitted.sum()} samples of {sample_time:g} s, played at the pace of {speed:g}, to fit: "
+            "needs at least 10"
         )
-    even = even.on_grid(sample_time)
     seen = ~np.isnan(even.measured_bend)
     fitted &= seen
     if fitted.sum() < 10:
         raise InputError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
     bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
-    for what, values in (("command", pull), ("angle", bend), ("tension", tension)):
+    lateral_pull, lateral_bend = even.lateral_pull, even.lateral_bend
+    for what, values in (
+        ("command", pull),
+        ("angle", bend),
+        ("tension", tension),
+        ("command", lateral_pull),
+        ("angle", lateral_bend),
+    ):
         limit, unit = MOST[what]
         if values.size and not np.abs(values).max() <= limit:
             raise InputError(f"{name}: {what} of {np.abs(values).max():.3g} {unit}: must be within {limit:g}")
-    _check_motion(pull[fitted], name)
-    if np.ptp(bend[fitted]) < LEAST_BEND:
-        raise InputError(f"{name}: the angle does not change: nothing to calibrate on")
-    if np.corrcoef(pull[fitted], bend[fitted])[0, 1] < -0.5:
-        raise InputError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
+    if episode.metadata.get("window") is None:
+        check_motion(pull[fitted], name)
+        check_angle(pull[fitted], bend[fitted], name)
+        if lateral_pull.size and lateral_bend.size:
+            check_lateral_angle(lateral_pull[fitted], lateral_bend[fitted], name)
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise InputError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
-    return MeasuredLoop(name, sample_time, pull, bend, tension, sheath_bend, fitted)
+    return MeasuredLoop(
+        name,
+        sample_time,
+        pull,
+        bend,
+        tension,
+        sheath_bend,
+        fitted,
+        seen,
+        offset=episode.is_measured,
+        timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
+        lateral_pull=lateral_pull,
+        lateral_bend=lateral_bend,
+    )
 
 
 def _check_fits(episode: Episode, name: str) -> None:
-    """Check that the log has one bending plane and a constant sheath bend."""
+    """Check that the log has a constant sheath bend, and a measured angle in every plane that is pulled."""
     if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
         raise InputError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
-    if episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION:
-        raise InputError(f"{name}: wires c and d are pulled too: calibrate on logs of one bending plane")
+    pulled = episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION
+    if pulled and not episode.lateral_bend.size:
+        raise InputError(f"{name}: wires c and d are pulled, but the angle in their plane was not measured")
 
 
-def _check_motion(pull: Array, name: str) -> None:
+def check_angle(pull: Array, bend: Array, name: str) -> None:
+    """Refuse an angle that does not change, or is counted against the command (both (N,)).
+
+    Raises:
+        ValueError: so it is.
+    """
+    if np.ptp(bend) < LEAST_BEND:
+        raise InputError(f"{name}: the angle does not change: nothing to calibrate on")
+    if np.corrcoef(pull, bend)[0, 1] < AGAINST:
+        raise InputError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
+
+
+def check_lateral_angle(pull: Array, bend: Array, name: str) -> None:
+    """Refuse a lateral angle that is counted against its command (both (N,)); it need not change.
+
+    Raises:
+        ValueError: so it is.
+    """
+    if np.ptp(pull) < LEAST_TOLD or np.ptp(bend) < LEAST_BEND:
+        return
+    if np.corrcoef(pull, bend)[0, 1] < AGAINST:
+        raise InputError(
+            f"{name}: the lateral angle falls where its command rises: import it with `reverse_lateral_angle`"
+        )
+
+
+def check_motion(pull: Array, name: str) -> None:
+    """Refuse a command (N,) [m] that does not move, or never turns back.
+
+    Raises:
+        ValueError: so it is.
+    """
     span = np.ptp(pull)
     if span < LEAST_MOTION:
         raise InputError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")

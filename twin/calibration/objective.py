@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.measured import MeasuredLoop
+from twin.calibration.parameters import FreeParameters
 from twin.episode import Episode
-from twin.physics import simulate_batch
 from twin.preset.preset import Preset
+from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
 
@@ -16,13 +17,27 @@ BEND_SCALE = np.radians(1.0)
 """Scale of the angle residuals [rad]: an error of this size costs 1."""
 TENSION_SHARE = 0.1
 """Scale of the tension residuals, relative to their range: both tensions off by this cost 1 together."""
-_HOPELESS = 1e3  # residual of a candidate whose simulation diverged
+PRIOR = 0.12
+"""Cost of a parameter at one usual distance from the first guess, as an error of the angle [deg]."""
+COMMON_COST = 0.25
+"""Cost of a fit from which on that holds; where less is left unexplained, the first guess counts less."""
+OFFSET_SPREAD = np.radians(2.0)
+"""Usual offset of an angle whose zero is not known [rad]."""
+_HOPELESS = 1e3  # residual of a candidate whose simulation failed
 
 
-def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[list[Episode | None]]:
-    """Simulate every candidate along every log; returns (candidates, logs), None where one diverged.
+def predict(
+    presets: Sequence[Preset], loops: Sequence[MeasuredLoop], physics: str = "mujoco", threads: int = 0
+) -> list[list[Episode | None]]:
+    """Simulate every candidate along every log; returns (candidates, logs), None where one failed.
 
     The wires are wound up in the sheath as it is bent in that log.
+
+    Args:
+        presets: the candidates.
+        loops: the logs.
+        physics: the twin that simulates.
+        threads: number of threads; 0 for one per core.
     """
     pairs = [
         (preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend), loop)
@@ -33,35 +48,106 @@ def predict(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> list[li
         [preset for preset, _ in pairs],
         [loop.pull for _, loop in pairs],
         loops[0].sample_time,
+        lateral_pulls=[loop.lateral_pull if loop.lateral_pull.size else None for _, loop in pairs],
+        physics=physics,
+        threads=threads,
     )
     count = len(loops)
     return [episodes[start : start + count] for start in range(0, len(pairs), count)]
 
 
-def residuals(presets: Sequence[Preset], loops: Sequence[MeasuredLoop]) -> Array:
+def residuals(
+    presets: Sequence[Preset],
+    loops: Sequence[MeasuredLoop],
+    physics: str = "mujoco",
+    threads: int = 0,
+    *,
+    weight: float = 0.0,
+) -> Array:
     """Return the weighted residuals of candidates against logs.
 
-    Each log weighs the same: its squared differences are divided by its number of samples.
+    Each log weighs the same: its squared differences are divided by its number of samples. An angle whose
+    zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, which is the best offset;
+    a large one costs a little, so that what all logs share is told by the endoscope.
+
+    Args:
+        presets: the candidates.
+        loops: the logs.
+        physics: the twin that simulates.
+        threads: number of threads; 0 for one per core.
+        weight: of what offsets cost, of `prior_weight`.
 
     Returns:
         (candidates, R); the sum of squares of a row is the cost of that candidate.
     """
     return np.array(
         [
-            np.concatenate([_of_log(episode, loop) for episode, loop in zip(episodes, loops, strict=True)])
-            for episodes in predict(presets, loops)
+            np.concatenate([_of_log(one, loop, weight) for one, loop in zip(episodes, loops, strict=True)])
+            for episodes in predict(presets, loops, physics, threads)
         ]
     )
 
 
-def _of_log(episode: Episode | None, loop: MeasuredLoop) -> Array:
+def penalised(
+    free: FreeParameters,
+    points: Sequence[Array],
+    loops: Sequence[MeasuredLoop],
+    physics: str,
+    weight: float,
+    threads: int = 0,
+) -> Array:
+    """Return the residuals of points of the search space, with what departs from the first guess.
+
+    Parameters that the logs hardly tell would run to their limits, where they mean nothing and predict badly.
+
+    Args:
+        free: the fitted parameters.
+        points: (P,) each.
+        loops: the logs.
+        physics: the twin that simulates.
+        weight: of `prior_weight`.
+        threads: number of threads; 0 for one per core.
+
+    Returns:
+        (points, R + P).
+    """
+    presets = [free.decode(numbers) for numbers in points]
+    off = residuals(presets, loops, physics, threads, weight=weight)
+    departure = weight * (np.array(points) - free.start) / free.spread
+    return np.hstack([off, departure])
+
+
+def prior_weight(cost: float) -> float:
+    """Return the weight of the first guess beside logs that a fit leaves at a cost: `PRIOR` at most."""
+    return PRIOR * min(1.0, cost / COMMON_COST) ** 2
+
+
+def bend_errors(episode: Episode, loop: MeasuredLoop) -> list[Array]:
+    """Return how far the simulated bend is above the measured one in each plane, (N,) [rad]."""
+    pairs = [(episode.bend, loop.bend), (episode.lateral_bend, loop.lateral_bend)]
+    return [simulated - measured for simulated, measured in pairs if measured.size]
+
+
+def offset_of(error: Array, loop: MeasuredLoop) -> float:
+    """Return the offset of an angle that explains an error (N,) best [rad]; 0 where its zero is known.
+
+    It is that of the fitted samples, or of all measured ones if none is fitted; each plane has its own.
+    """
+    scored = loop.fitted if loop.fitted.any() else loop.seen
+    return float(error[scored].mean()) if loop.offset else 0.0
+
+
+def _of_log(episode: Episode | None, loop: MeasuredLoop, weight: float) -> Array:
     count = np.count_nonzero(loop.fitted)
-    parts = 1 + loop.tension.shape[1]
+    planes = 1 + (loop.lateral_bend.size > 0)
     if episode is None:
-        return np.full(count * parts, _HOPELESS / np.sqrt(count))
-    off = [(episode.bend - loop.bend)[loop.fitted] / BEND_SCALE]
+        parts = planes + loop.tension.shape[1]
+        return np.full(count * parts + planes, _HOPELESS / np.sqrt(count))
+    errors = bend_errors(episode, loop)
+    offsets = np.array([offset_of(error, loop) for error in errors])
+    off = [(error - offset)[loop.fitted] / BEND_SCALE for error, offset in zip(errors, offsets, strict=True)]
     if loop.tension.size:
         scale = np.sqrt(2) * TENSION_SHARE * loop.tension_range
         off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T / scale)
     weighted: Array = np.concatenate(off) / np.sqrt(count)
-    return weighted
+    return np.concatenate([weighted, weight * offsets / OFFSET_SPREAD])

@@ -12,8 +12,16 @@ from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
 
-SIGNED = {"initial_bend": 0.1, "joint_friction_taper": 0.3, "friction_warm_up": 0.2}
+SIGNED = {
+    "initial_bend": 0.1,
+    "lateral_initial_bend": 0.1,
+    "joint_friction_taper": 0.3,
+    "friction_warm_up": 0.2,
+    "command_zero": 1e-3,
+    "lateral_command_zero": 1e-3,
+}
 """Step of each parameter that may be negative: it is searched on a linear scale, the others by logarithm."""
+_USUALLY = np.log(5.0)  # of a positive parameter from its first guess
 _FARTHEST = np.log(100.0)  # a positive parameter is searched up to a factor of 100 from its start
 
 
@@ -33,6 +41,11 @@ class FreeParameters:
     def start(self) -> Array:
         """Starting point in the search space, (P,)."""
         return self.encode(self.base)
+
+    @property
+    def spread(self) -> Array:
+        """Usual distance of a parameter from its first guess in the search space, (P,)."""
+        return np.array([1.0 if name in SIGNED else _USUALLY for name in self.names])
 
     @property
     def lower(self) -> Array:
@@ -79,14 +92,26 @@ class FreeParameters:
         return np.array(limits)
 
 
+def structures(
+    base: Preset, loops: Sequence[MeasuredLoop], names: Sequence[str] | None = None
+) -> list[FreeParameters]:
+    """Return the sets of parameters that logs may be fitted by: of `free_parameters`, and `with_slack`.
+
+    Load cells tell slack wires from wound ones, and a user who names parameters has chosen.
+    """
+    free = free_parameters(base, loops, names)
+    chosen = names is not None or any(loop.tension.size for loop in loops)
+    return [free] if chosen else [free, with_slack(free)]
+
+
 def free_parameters(
     base: Preset, loops: Sequence[MeasuredLoop], names: Sequence[str] | None = None
 ) -> FreeParameters:
     """Choose the parameters to fit and guess their starting values from the logs.
 
     Without load cells the scale of all forces is not in the data: the stiffness of the section then stays and
-    sets it. Without logs at different bends of the sheath, only friction coefficient times bend is in the
-    data: one of the two stays.
+    sets it. How friction grows with the bend of the sheath needs logs at two bends, its exponent at three.
+    Delay and lag of the drive are in logs whose times were recorded.
 
     Args:
         base: everything that is not fitted.
@@ -98,12 +123,18 @@ def free_parameters(
     """
     has_tension = any(loop.tension.size for loop in loops)
     bends = {round(loop.sheath_bend, 6) for loop in loops if loop.sheath_bend is not None}
+    if any(loop.lateral_pull.size for loop in loops):
+        base = base.replace(bending_planes=2)
     if names is None:
-        names = [name for name in DEFAULT if name != "section_stiffness" or has_tension]
-        if len(bends) < 2:
-            wrapped = max([*bends, 0.0] if bends else [base.sheath_bend]) + base.sheath_bend_offset
-            stays = "sheath_bend_offset" if wrapped > 0 else "sheath_friction"
-            names = [name for name in names if name != stays]
+        needs = {
+            "section_stiffness": has_tension,
+            "sheath_friction_growth": len(bends) > 1,
+            "sheath_friction_exponent": len(bends) > 2,
+            "lateral_initial_bend": base.bending_planes == 2,
+            "servo_gain": any(loop.timed for loop in loops),
+            "command_delay": any(loop.timed for loop in loops),
+        }
+        names = [name for name in DEFAULT if needs.get(name, True)]
     for name in names:
         low, _ = parameter_limits(name)
         if name in _NOT_PHYSICAL:
@@ -119,9 +150,23 @@ def free_parameters(
     return FreeParameters(base.replace(**guess), tuple(names))
 
 
+def with_slack(free: FreeParameters) -> FreeParameters:
+    """Return the parameters of wires that are slack about neutral, in place of those that are wound up.
+
+    Then the zero of the command shows, as the middle of a plateau.
+    """
+    names = [name for name in free.names if name != "pretension"]
+    zeros = ("command_zero", "lateral_command_zero")[: free.base.bending_planes]
+    return FreeParameters(
+        free.base.replace(wire_slack=_FROM_NOTHING["wire_slack"]), (*names, "wire_slack", *zeros)
+    )
+
+
 def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
     """Return initial guesses from the slopes and ranges of the logs; all positive parameters above zero."""
     guess = {name: value for name, value in _FROM_NOTHING.items() if getattr(base, name) == 0}
+    if len({loop.sheath_bend for loop in loops}) > 2:
+        guess["sheath_friction_exponent"] = 2 / 3
     loop = max(loops, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
     speed = np.diff(loop.pull)
     moving = np.abs(speed) > 0.3 * np.abs(speed).max()
@@ -151,6 +196,7 @@ DEFAULT = (
     "section_stiffness",
     "section_stiffening",
     "initial_bend",
+    "lateral_initial_bend",
     "joint_friction",
     "joint_friction_taper",
     "wire_offset",
@@ -158,9 +204,11 @@ DEFAULT = (
     "wire_stiffness",
     "wire_stiffening",
     "pretension",
-    "sheath_friction",
-    "sheath_bend_offset",
     "sheath_friction_floor",
+    "sheath_friction_growth",
+    "sheath_friction_exponent",
+    "servo_gain",
+    "command_delay",
 )
 """Parameters that can be identified from loops at several sheath bends with measured tensions."""
 _FROM_NOTHING = {
@@ -172,7 +220,11 @@ _FROM_NOTHING = {
     "sheath_friction_floor": 0.5,
     "section_stiffening": 0.3,
     "routing_friction": 0.05,
+    "sheath_friction_growth": 0.5,
     "backlash": 1e-4,
+    "wire_slack": 2e-4,
+    "servo_gain": 20.0,
+    "command_delay": 0.02,
 }
 _NOT_PHYSICAL = (
     *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),

@@ -1,195 +1,290 @@
-"""Fit of a preset to logs: CMA-ES for the global search, then nonlinear least squares."""
+"""Fit of a preset to logs: many starts of least squares on the reduced twin, then the twin in MuJoCo."""
 
-import dataclasses
+import functools
+import threading
+import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin import __version__
+from twin.calibration.confirm import confirmed
+from twin.calibration.fit import Fit
 from twin.calibration.measured import MeasuredLoop
-from twin.calibration.objective import residuals
+from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
 from twin.calibration.parameters import FreeParameters
 from twin.errors import InputError
+from twin.files.bounds import check_between
 from twin.files.state_file import damaged_state, read_state, state_key, write_state
-from twin.preset.preset import Preset, parameter_limits
+from twin.physics import MUJOCO
 
 Array = NDArray[np.float64]
 
-STARTS = 2  # of the evolution strategy: valleys are many, and the best one by the fitted samples is taken
-STEP = 0.4  # of the first generation, on the scale of the search: a factor of 1.5
-DIFFERENCE = 0.02  # of finite differences, on the same scale
+SCREENED = 40
+"""Candidates that are tried for each start of least squares."""
+STARTS = 8
+"""Starts of least squares: valleys are many, and the best one by the fitted samples is taken."""
+FINISHED = 2
+"""The best starts that are followed to the bottom."""
+TURNS = 3
+"""Most times that the first guess is given less weight, where the logs leave little unexplained."""
+SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
+STRIDE, STEPS, MOST_STEPS = 0.02, 12, 40  # of differences, and steps of a start and of one that is finished
+USUAL_STEPS, TRIALS = 25, 8  # of one that is finished, and simulations that are timed
 STATE = "calibration state"
 """Kind of the state that an interrupted calibration leaves."""
-LEAST_EVALUATIONS, MOST_EVALUATIONS = 20, 1_000_000
-MOST_SEED = 2**32 - 1 - STARTS
+MOST_STARTS = 1000
+MOST_SEED = 2**32 - 1
 
-
-@dataclasses.dataclass(frozen=True)
-class Fit:
-    """Fitted preset, with residuals and Jacobian at the fit.
-
-    Attributes:
-        preset: the fitted preset.
-        cost: sum over logs of the mean square error, in units of `BEND_SCALE` and `TENSION_SHARE`.
-        jacobian: derivative of the residuals with respect to the search space, (R, P).
-        residual: weighted residuals, (R,).
-        evaluations: number of simulations of all logs.
-    """
-
-    preset: Preset
-    cost: float
-    jacobian: Array
-    residual: Array
-    evaluations: int
+OnProgress = Callable[[int, int, float], None]
 
 
 def calibrate(
-    free: FreeParameters,
+    structures: Sequence[FreeParameters],
     loops: Sequence[MeasuredLoop],
     *,
     seed: int,
-    evaluations: int = 3000,
+    starts: int = STARTS,
     state_file: Path | None = None,
-    on_progress: Callable[[int, int, float], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Fit:
     """Fit a preset to logs.
 
-    CMA-ES (Hansen 2016, package `cma`) spends most of the evaluations, in two starts at twice the time step;
-    then least squares in a trust region (SciPy's `trf`) goes to the bottom of the better valley, with finite
-    differences of all parameters in one batch.
+    On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
+    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. `confirmed` then
+    moves the best fit to where the twin in MuJoCo agrees with the logs.
 
     Args:
-        free: the fitted parameters and their starting values.
+        structures: the fitted parameters and their first guess; of several sets the one that fits best is
+            taken, each with a share of the starts.
         loops: the logs.
-        seed: of the evolution strategy.
-        evaluations: simulations of all logs that the evolution strategy may use.
-        state_file: where the costs of its generations are kept; an interrupted calibration goes on there.
-        on_progress: called with the evaluations done, their total, and the best cost so far.
+        seed: of the candidates.
+        starts: of least squares.
+        state_file: where what is found is kept; an interrupted calibration goes on there.
+        on_progress: called with the stages done, their total, and the lowest cost so far.
 
     Returns:
         The fit.
 
     Raises:
-        ValueError: there is no log, `evaluations` or `seed` is out of range, or the state file is foreign or
-            damaged.
+        ValueError: there is no log, `starts` or `seed` is out of range, gravity pulls at the endoscope, or
+            the state file is foreign or damaged.
+        FloatingPointError: the best fit cannot be simulated in MuJoCo.
     """
     if not loops:
         raise InputError("no log to calibrate on")
-    check_effort(evaluations, seed)
-    key = _key(free, loops, seed, evaluations) if state_file else ""
+    check_effort(starts, seed)
+    key = _key(structures, loops, seed, starts) if state_file else ""
     saved = (read_state(state_file, STATE, key) if state_file else None) or {}
-    costs: dict[str, Array] = {}
-    finished: list[tuple[float, Array]] = []
-    for start in range(STARTS):
-        strategy = _new_strategy(free, seed + start, evaluations // STARTS)
-        name = f"costs of start {start + 1}"
-        known = saved.get(name, np.empty((0, strategy.popsize)))
-        if state_file and known.shape[1:] != (strategy.popsize,):
-            raise damaged_state(state_file)
-        costs[name] = known
-        generation = 0
-        while not strategy.stop():
-            # The strategy is never saved: from its seed and the costs it goes through the same states again.
-            candidates = strategy.ask()
-            generation += 1
-            if generation <= len(known):
-                strategy.tell(candidates, known[generation - 1].tolist())
-                continue
-            off = residuals([_coarse(free.decode(numbers)) for numbers in candidates], loops)
-            cost = (off**2).sum(axis=1)
-            strategy.tell(candidates, cost.tolist())
-            costs[name] = np.vstack([costs[name], cost])
-            if state_file is not None:
-                write_state(state_file, STATE, key, costs)
-            if on_progress:
-                done = start * (evaluations // STARTS) + int(strategy.countevals)
-                best = min([float(strategy.best.f), *(reached for reached, _ in finished)])
-                on_progress(min(done, evaluations - 1), evaluations, best)  # the last one is the polish
-        finished.append((float(strategy.best.f), np.asarray(strategy.best.x)))
-    _, nearest = min(finished, key=lambda reached: reached[0])
-    fit = _polish(free, loops, nearest, evaluations)
-    if on_progress:
-        on_progress(evaluations, evaluations, fit.cost)
+    search = _Search(structures, loops, starts, saved, state_file, key, on_progress)
+    begun = search.screen(np.random.default_rng(seed))
+    down = search.descend("start", begun, STEPS)
+    best = sorted(down, key=lambda one: one[0])[:FINISHED]
+    finished = search.descend("finish", [(which, x) for _, which, x in best], MOST_STEPS)
+    cost, which, numbers = min(finished, key=lambda one: one[0])
+    free, weight = structures[which], PRIOR
+    for turn in range(TURNS):
+        left = float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum())
+        if prior_weight(left) < 0.8 * weight:
+            weight = prior_weight(left)
+            cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
+        else:
+            search.tell(cost)
+    fit = confirmed(
+        free,
+        loops,
+        numbers,
+        weight,
+        jacobian=lambda at: _jacobian(free, loops, at, weight, sides=2, threads=0),
+    )
+    search.tell(cost)
     return fit
 
 
-def check_effort(evaluations: int, seed: int) -> None:
-    """Refuse a number of evaluations or a seed that cannot be.
+def check_effort(starts: int, seed: int) -> None:
+    """Refuse a number of starts or a seed that cannot be.
 
     Raises:
         ValueError: so it is.
     """
-    if not LEAST_EVALUATIONS <= evaluations <= MOST_EVALUATIONS:
-        raise InputError(
-            f"evaluations = {evaluations}: must be at least {LEAST_EVALUATIONS}, at most {MOST_EVALUATIONS}"
-        )
-    if not 0 <= seed <= MOST_SEED:
-        raise InputError(f"seed = {seed}: must be at least 0 and at most {MOST_SEED}")
+    check_between("starts", starts, 1, MOST_STARTS)
+    check_between("seed", seed, 0, MOST_SEED)
 
 
-def _coarse(preset: Preset) -> Preset:
-    """Return the preset with twice the time step, where the control period allows it."""
-    doubled = 2 * preset.time_step
-    fits = round(preset.control_period / preset.time_step) % 2 == 0
-    return (
-        preset.replace(time_step=doubled) if fits and doubled <= parameter_limits("time_step")[1] else preset
-    )
+def foreseen_seconds(
+    structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], starts: int
+) -> float:
+    """Return about how long a search takes on this machine [s], from the time of a few simulations."""
+    free = structures[0]
+    residuals([free.base], loops, "reduced")  # what is compiled or loaded first is no part of it
+    begun = time.perf_counter()
+    residuals([free.base] * TRIALS, loops, "reduced")
+    each = (time.perf_counter() - begun) / TRIALS
+    step = len(free.names) + 2
+    simulations = SCREENED * starts + STEPS * step * starts + USUAL_STEPS * step * min(FINISHED, starts)
+    return each * simulations
 
 
-def _polish(free: FreeParameters, loops: Sequence[MeasuredLoop], start: Array, used: int) -> Fit:
+class _Search:
+    """Stages of a search, which are told, kept, and not done again."""
+
+    def __init__(
+        self,
+        structures: Sequence[FreeParameters],
+        loops: Sequence[MeasuredLoop],
+        starts: int,
+        saved: dict[str, Array],
+        state_file: Path | None,
+        key: str,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self._structures, self._loops, self._starts = structures, loops, starts
+        self._kept = dict(saved)
+        self._state_file, self._key, self._on_progress = state_file, key, on_progress
+        self._total = len(structures) + starts + min(FINISHED, starts) + TURNS + 1
+        self._lowest, self._lock = np.inf, threading.Lock()
+        self._done = 0
+
+    def tell(self, cost: float) -> None:
+        """Tell that a stage is done."""
+        self._done += 1
+        self._lowest = min(self._lowest, cost)
+        if self._on_progress:
+            self._on_progress(self._done, self._total, self._lowest)
+
+    def screen(self, rng: np.random.Generator) -> list[tuple[int, Array]]:
+        """Return the best of random candidates: which structure, and where."""
+        begun: list[tuple[int, Array]] = []
+        for which, free in enumerate(self._structures):
+            share = len(range(which, self._starts, len(self._structures)))
+            drawn = rng.normal(size=(max(share * SCREENED, 1), len(free.names)))
+            drawn[0] = 0.0
+            candidates = np.clip(free.start + SPREAD * drawn, free.lower, free.upper)
+            cost = self._once(
+                f"screen {which}", (len(candidates),), functools.partial(self._costs, free, candidates)
+            )
+            begun += [(which, candidates[place]) for place in np.argsort(cost, kind="stable")[:share]]
+            self.tell(float(cost.min()))
+        return begun
+
+    def descend(
+        self, stage: str, begun: Sequence[tuple[int, Array]], steps: int, weight: float = PRIOR
+    ) -> list[tuple[float, int, Array]]:
+        """Return the cost, structure and place that least squares reaches from each start, two at a time."""
+        stopped = threading.Event()
+
+        def reach(number: int) -> tuple[float, int, Array]:
+            which, start = begun[number]
+            found = self._once(
+                f"{stage} {number}",
+                (len(start) + 1,),
+                lambda: _least_squares(self._structures[which], self._loops, start, steps, weight, stopped),
+            )
+            return float(found[0]), which, found[1:]
+
+        with ThreadPoolExecutor() as pool:
+            waiting = [pool.submit(reach, number) for number in range(len(begun))]
+            try:
+                reached = []
+                for one in waiting:
+                    reached.append(one.result())
+                    self.tell(reached[-1][0])
+                return reached
+            except BaseException:
+                stopped.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _costs(self, free: FreeParameters, candidates: Array) -> Array:
+        off = penalised(free, list(candidates), self._loops, "reduced", PRIOR)
+        cost: Array = (off**2).sum(axis=1)
+        return cost
+
+    def _once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
+        """Return the result of a stage: as it was kept, or worked out and kept."""
+        found = self._kept.get(name)
+        if found is not None:
+            if self._state_file and found.shape != shape:
+                raise damaged_state(self._state_file)
+            return found
+        found = work()
+        with self._lock:
+            self._kept[name] = found
+            if self._state_file is not None:
+                write_state(self._state_file, STATE, self._key, self._kept)
+        return found
+
+
+def _least_squares(
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    start: Array,
+    steps: int,
+    weight: float,
+    stopped: threading.Event,
+) -> Array:
+    """Return the cost that least squares reaches, and where, (1 + P,)."""
+
     def of_one(numbers: Array) -> Array:
-        residual: Array = residuals([free.decode(numbers)], loops)[0]
+        if stopped.is_set():
+            raise CancelledError
+        residual: Array = penalised(free, [numbers], loops, "reduced", weight, threads=1)[0]
         return residual
 
-    def jacobian(numbers: Array) -> Array:
-        up = np.minimum(numbers + DIFFERENCE, free.upper)
-        down = np.maximum(numbers - DIFFERENCE, free.lower)
-        number = np.arange(len(numbers))
-        both = [np.where(number == i, side, numbers) for side in (up, down) for i in number]
-        off = residuals([free.decode(numbers) for numbers in both], loops)
-        count = len(numbers)
-        derivative: Array = ((off[:count] - off[count:]) / (up - down)[:, None]).T
-        return derivative
-
     margin = 1e-6
-    inside = np.clip(start, free.lower + margin, free.upper - margin)
     result = least_squares(
-        of_one, inside, jac=jacobian, bounds=(free.lower, free.upper), max_nfev=12, xtol=1e-4, ftol=1e-5
+        of_one,
+        np.clip(start, free.lower + margin, free.upper - margin),
+        jac=lambda numbers: _jacobian(free, loops, numbers, weight, sides=1, threads=1),
+        bounds=(free.lower, free.upper),
+        max_nfev=steps,
+        xtol=1e-4,
+        ftol=1e-5,
     )
-    return Fit(
-        preset=free.decode(result.x),
-        cost=float(2 * result.cost),
-        jacobian=result.jac,
-        residual=result.fun,
-        evaluations=used + int(result.nfev) + 2 * len(start) * int(result.njev),
-    )
+    return np.array([2 * result.cost, *result.x])
 
 
-def _key(free: FreeParameters, loops: Sequence[MeasuredLoop], seed: int, evaluations: int) -> str:
-    """Return the SHA-256 of all that the costs depend on: a saved state is resumed only if it is the same."""
-    versions = [version(name) for name in ("cma", "numpy", "scipy", "mujoco", "dm_control")]
-    inputs: list[Any] = [__version__, versions, seed, evaluations, free.base.to_dict(), list(free.names)]
+def _jacobian(
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    numbers: Array,
+    weight: float,
+    *,
+    sides: int,
+    threads: int,
+) -> Array:
+    """Return the derivative of the residuals (R, P) at a point, by differences to one side or to both."""
+    count = len(numbers)
+    fits = numbers + STRIDE <= free.upper
+
+    def each_moved(ends: Array) -> list[Array]:
+        """Return the point with one parameter after the other at its end."""
+        return [np.where(np.arange(count) == i, ends, numbers) for i in range(count)]
+
+    if sides == 1:
+        up, down = np.where(fits, numbers + STRIDE, numbers - STRIDE), numbers
+        below = [numbers]
+    else:
+        up, down = np.where(fits, numbers + STRIDE, numbers), np.maximum(numbers - STRIDE, free.lower)
+        below = each_moved(down)
+    off = penalised(free, [*each_moved(up), *below], loops, "reduced", weight, threads)
+    derivative: Array = ((off[:count] - off[count:]) / (up - down)[:, None]).T
+    return derivative
+
+
+def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], seed: int, starts: int) -> str:
+    """Return the SHA-256 of all that a search depends on: a saved state is resumed only if it is the same."""
+    versions = [__version__, MUJOCO, *(version(name) for name in ("numpy", "scipy"))]
+    inputs: list[Any] = [versions, seed, starts]
+    for free in structures:
+        inputs += [free.base.to_dict(), list(free.names)]
     for loop in loops:
-        inputs += [loop.name, loop.sample_time, loop.sheath_bend]
-        inputs += [loop.pull, loop.bend, loop.tension, loop.fitted]
+        inputs += [loop.name, loop.sample_time, loop.sheath_bend, loop.offset]
+        inputs += [loop.pull, loop.bend, loop.tension, loop.fitted, loop.lateral_pull, loop.lateral_bend]
     return state_key(*inputs)
-
-
-def _new_strategy(free: FreeParameters, seed: int, evaluations: int) -> Any:
-    options: dict[str, Any] = {
-        "bounds": [free.lower, free.upper],
-        "verbose": -9,
-        "maxfevals": evaluations,
-        # A stream of its own, so that nothing else that draws numbers changes it.
-        "randn": np.random.RandomState(seed + 1).randn,
-        "seed": np.nan,
-    }
-    if len(free.names) == 1:
-        options["maxstd_boundrange"] = np.inf  # with one parameter, cma 4.5 fails where it limits the step
-    return cma.CMAEvolutionStrategy(free.start, STEP, options)

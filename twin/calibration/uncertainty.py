@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.calibration.fit import Fit
 from twin.calibration.parameters import SIGNED, FreeParameters
-from twin.calibration.search import Fit
 from twin.preset.preset import parameter_limits
 from twin.preset.randomization import Ranges
 
@@ -35,7 +35,7 @@ class Uncertainty:
     warnings: tuple[str, ...]
 
 
-def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
+def uncertainty(fit: Fit) -> Uncertainty:
     """Estimate standard deviations and correlations by linearised least squares.
 
     The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989). Residuals of neighbouring samples are alike, so
@@ -43,6 +43,7 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
     correlation from one sample to the next (the effective number of samples of an AR(1) process, Bayley and
     Hammersley 1946).
     """
+    free = fit.free
     told = np.isfinite(fit.jacobian).all(axis=0)
     residual, jacobian = fit.residual, np.where(told, fit.jacobian, 0.0)
     freedom = max(len(residual) - jacobian.shape[1], 1)
@@ -61,14 +62,14 @@ def uncertainty(fit: Fit, free: FreeParameters) -> Uncertainty:
     )
 
 
-def likely_ranges(fit: Fit, free: FreeParameters, known: Uncertainty) -> Ranges:
+def likely_ranges(fit: Fit, known: Uncertainty) -> Ranges:
     """Return ranges for domain randomisation: three standard deviations about each fitted parameter.
 
     A parameter that the logs do not determine is drawn within a factor of 3, or one step of the search where
     it may be negative; all stay within their physical limits.
     """
     ranges = []
-    for name in free.names:
+    for name in fit.free.names:
         value, deviation = getattr(fit.preset, name), known.deviation[name]
         least, most = parameter_limits(name)
         if name in SIGNED:
