@@ -28,10 +28,13 @@ def rewritten(request, monkeypatch):
     rng = np.random.default_rng(0)
     count = layout.hinge.size + layout.pulley.size + layout.element.size
     qpos, qvel = 1e-3 * rng.normal(size=(2, count)), 0.3 * rng.normal(size=(2, count))
+    groups = layout.shared.shape[1] - layout.element.size // 2
     out = Rewritten(
         np.zeros((2, *layout.element.shape)),
-        np.zeros((2, *layout.joints.shape)),
+        np.zeros((2, 2, groups)),
         np.zeros((2, *layout.wire.shape)),
+        np.zeros((2, *layout.shared.shape)),
+        np.zeros((2, *layout.wrap.shape)),
     )
     Loads(PRESETS, layout).follow(out, qpos, qvel, np.array([1.0, 2.0]), None)
     return Wires(PRESETS, layout), qpos, qvel, out

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.mechanics.friction import element_friction, friction_per_tension, hinge_friction
+from twin.mechanics.hinges import hinge_groups
 from twin.physics import Endoscope, simulate
 from twin.physics.load import Loads
 from twin.preset.preset import Preset
@@ -161,6 +162,25 @@ def test_work_of_the_pulley_is_what_routing_friction_dissipates(twin):
     assert areas[2] > 1.5 * areas[1] > 1e-5
 
 
+def friction_of_hinges(endoscope: Endoscope) -> np.ndarray:
+    """(planes, groups) torque at which a hinge of the model begins to turn while the other plane is at rest.
+
+    Two tendons oppose both hinges of a vertebra, each by its friction times its coefficient; their directions
+    are perpendicular where a torque is told in units of the friction of its plane.
+    """
+    model, layout = endoscope.model.ptr, endoscope.layout
+    groups = len(hinge_groups(endoscope.preset.vertebrae))
+    torque = np.empty((2, 2, groups))
+    for way, tendons in enumerate(layout.shared[:, -groups:]):
+        for group, tendon in enumerate(tendons):
+            start, count = model.tendon_adr[tendon], model.tendon_num[tendon]
+            coefficient = model.wrap_prm[start : start + count].reshape(2, -1)
+            assert (np.ptp(coefficient, axis=1) == 0).all()  # of every hinge of the group alike
+            torque[way, :, group] = model.tendon_frictionloss[tendon] * coefficient[:, 0]
+    found: np.ndarray = np.hypot(*torque)
+    return found
+
+
 @pytest.mark.parametrize("vertebrae", [5, 20])
 def test_hinges_of_the_model_have_the_friction_of_the_wires_that_they_are_bent_by(vertebrae):
     """Each group has the mean of its hinges, by the tension at the tip of the two wires of its plane."""
@@ -171,7 +191,7 @@ def test_hinges_of_the_model_have_the_friction_of_the_wires_that_they_are_bent_b
     noted = []
 
     def note(endoscope: Endoscope) -> None:
-        noted.append(endoscope.model.ptr.tendon_frictionloss[endoscope.layout.joints])
+        noted.append(friction_of_hinges(endoscope))
 
     episode = simulate(preset, pull, preset.control_period, lateral_pull=0.5 * pull, on_sample=note)
     place = (np.arange(vertebrae) + 0.5) / vertebrae

@@ -54,7 +54,7 @@ def test_wire_c_bends_sideways_as_wire_a_bends_upwards(twin, changes):
     preset = TWO_PLANES.replace(**changes)
     upwards = twin.simulate(preset, PULL, SAMPLE_TIME)
     sideways = twin.simulate(preset, AT_REST, SAMPLE_TIME, lateral_pull=PULL)
-    reached = 1e-5 * np.abs(upwards.bend).max()  # by an iterative solver of the friction constraints
+    reached = 2e-5 * np.abs(upwards.bend).max()  # by an iterative solver of the friction constraints
     assert np.abs(upwards.bend).max() > 0.1
     np.testing.assert_allclose(sideways.lateral_bend, upwards.bend, atol=reached)
     np.testing.assert_allclose(sideways.lateral_joint_angle, upwards.joint_angle, atol=reached)
@@ -64,18 +64,24 @@ def test_wire_c_bends_sideways_as_wire_a_bends_upwards(twin, changes):
 
 
 def test_second_plane_at_rest_changes_nothing_in_the_first(twin):
+    """But for the start, where wires of one plane are wound up, and those of two have been bent all round."""
     two = twin.simulate(TWO_PLANES, PULL, SAMPLE_TIME)
     one = twin.simulate(TWO_PLANES.replace(bending_planes=1), PULL, SAMPLE_TIME)
-    np.testing.assert_allclose(two.bend, one.bend, atol=1e-5 * np.abs(one.bend).max())
+    wiped_out = slice(80, None)  # by the largest pull to either side
+    reached = (
+        2e-3 * np.abs(one.bend).max()
+    )  # where a pull turns back within a sample, which two planes divide
+    np.testing.assert_allclose(two.bend[wiped_out], one.bend[wiped_out], atol=reached)
 
 
 def test_planes_have_wires_of_their_own_but_vertebrae_in_common(twin):
-    """Two pulls do not know of each other, unless each presses the wires of both on rough vertebrae."""
-    smooth, rough = TWO_PLANES, TWO_PLANES.replace(routing_friction=0.3)
+    """Without friction, two pulls do not know of each other; one that is held presses on all vertebrae."""
+    smooth = TWO_PLANES.without_friction()
+    rough, held = smooth.replace(routing_friction=0.3), np.full(len(PULL), 2e-3)
     alone, both = (twin.simulate(smooth, PULL, SAMPLE_TIME, lateral_pull=pull) for pull in (AT_REST, PULL))
     np.testing.assert_allclose(both.bend, alone.bend, atol=1e-4 * np.abs(alone.bend).max())
     np.testing.assert_allclose(both.lateral_bend, both.bend, atol=1e-4 * np.abs(alone.bend).max())
-    alone, both = (twin.simulate(rough, PULL, SAMPLE_TIME, lateral_pull=pull) for pull in (AT_REST, PULL))
+    alone, both = (twin.simulate(rough, PULL, SAMPLE_TIME, lateral_pull=pull) for pull in (AT_REST, held))
     assert np.abs(both.bend - alone.bend).max() > 5e-3 * np.abs(alone.bend).max()
 
 

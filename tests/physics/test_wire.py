@@ -160,6 +160,9 @@ def test_wound_endoscope_is_at_rest_and_stays(twin, changes):
     preset = PRESET.replace(**changes)
     endoscope = twin.endoscope.from_preset(preset)
     wound = np.tile(wound_tension(preset), (preset.wires, 1))
+    if preset.bending_planes == 2:  # as long as wound up, and the same everywhere
+        stretch = stretch_at(wound, segment_stiffness(preset), quadratic_stiffness(preset)).mean()
+        wound[:] = tension_at(stretch, segment_stiffness(preset), quadratic_stiffness(preset))
     assert (endoscope.joint_angle() == 0).all()
     assert (twin.sliding(endoscope) == 0).all()
     np.testing.assert_allclose(endoscope.wire_tension(), wound, rtol=1e-12)

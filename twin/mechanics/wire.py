@@ -77,6 +77,7 @@ def rest_stretch(preset: Preset, antagonist: bool) -> Array:
     """Return the stretch of each segment of a wire in a new, straight endoscope.
 
     Slack is at the tip: no friction keeps it elsewhere. A wire that is not there is one that is never taut.
+    With two bending planes, whose friction is one, bending all round has spread the stretch evenly.
 
     Args:
         preset: the endoscope.
@@ -88,5 +89,7 @@ def rest_stretch(preset: Preset, antagonist: bool) -> Array:
     if antagonist and preset.wires_per_plane == 1:
         return np.full(preset.sheath_elements + 1, -ABSENT)
     stretch = stretch_at(wound_tension(preset), segment_stiffness(preset), quadratic_stiffness(preset))
+    if preset.bending_planes == 2:
+        stretch[:] = stretch.mean()
     stretch[-1] -= preset.wire_slack
     return stretch

@@ -16,14 +16,13 @@ from twin.mechanics.batch import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import Loads, Rewritten
+from twin.physics.load import REWRITTEN, Loads, Rewritten
 from twin.physics.model import model_xml, stepped_model
 from twin.physics.release import is_curved, release_shares
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-_REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping")
 
 
 def simulate_batch(
@@ -102,8 +101,9 @@ class EndoscopeBatch:
         self._batch = Batch(models[0], len(presets), threads)
         for name in _fields_that_differ(models):
             self._batch.expand(name)[:] = [_field(model, name) for model in models]
-        self._rewritten = Rewritten.of(self.layout, *(self._batch.expand(name) for name in _REWRITTEN))
+        self._rewritten = Rewritten.of(self.layout, [self._batch.expand(name) for name in REWRITTEN])
         self._rewritten.joints[:] = [[joint_friction(preset)] for preset in presets]
+        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.remembers else np.empty(0)
         self.qpos: Array = self._batch.bind("qpos")
         self._qvel = self._batch.bind("qvel")
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
@@ -141,8 +141,11 @@ class EndoscopeBatch:
             step = np.where(active & ~self.failed, target - self._act[:, plane], 0.0)
             self._ctrl[:, 2 * plane : 2 * plane + 2] = step[:, None] / self.presets[0].control_period
             self._travel += np.abs(step)
+        before = self.qpos.copy() if self._loads.remembers else self.qpos
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
+        if self._loads.remembers:
+            self._loads.note(self._rewritten, before, self.qpos, self._constraint, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""
@@ -160,6 +163,7 @@ class EndoscopeBatch:
             spring[:, hinge] = share * curve
             self.advance(inputs, curved)
         self._time[curved] = 0.0
+        self._loads.reset()
 
     def _follow_load(self, sheath_bend: Array) -> None:
         drift = self._loads.drift(self._time, self._travel) if self._loads.drifts else None
@@ -171,8 +175,7 @@ def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
     return [
         name
         for name in sorted(MODEL_FIELDS)
-        if name not in _REWRITTEN
-        and any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in others)
+        if any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in others)
     ]
 
 

@@ -13,12 +13,13 @@ from twin.errors import DivergedError, InputError
 from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import Loads, Rewritten
+from twin.physics.load import REWRITTEN, Loads, Rewritten
 from twin.physics.model import model_xml, stepped_model
 from twin.physics.release import is_curved, release_shares
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+_ALONE = np.zeros(1, dtype=np.intp)
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -34,6 +35,8 @@ class State:
         sheath_bend: bend angle of the sheath [rad].
         sheath_friction: breakaway friction of the sheath elements in the last control period, (wires,
             elements) [N].
+        friction_direction: direction of the friction that two planes share, (pairs,) [rad]; else empty.
+        at_rest: which elements and groups of hinges are held by more than they slide against; else empty.
     """
 
     physics: Array
@@ -41,6 +44,8 @@ class State:
     travel: float
     sheath_bend: float
     sheath_friction: Array
+    friction_direction: Array
+    at_rest: NDArray[np.bool_]
 
 
 class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -78,8 +83,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._pair = model, data
         self._qpos, self._qvel = data.qpos[None], data.qvel[None]
         self._act, self._ctrl, self._warnings = data.act, data.ctrl, data.warning.number
-        fields = (model.dof_frictionloss, model.tendon_frictionloss, model.tendon_damping)
-        self._rewritten = Rewritten.of(self.layout, *(field[None] for field in fields))
+        self._rewritten = Rewritten.of(self.layout, [getattr(model, name)[None] for name in REWRITTEN])
         self._rewritten.joints[:] = joint_friction(preset)
         self._follow_load()
         self._let_go()
@@ -92,6 +96,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
                 drive.reset()
             self._travel = 0.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
+            self._loads.reset()
             self._follow_load()
             self._let_go()
 
@@ -105,6 +110,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             model.qpos_spring[self.layout.hinge] = share * curve
             self.advance(*self.preset.command_zeros)
         data.time = 0.0
+        self._loads.reset()
 
     def bend(self) -> float:
         """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
@@ -191,12 +197,16 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             self._travel += abs(step)
         model, data = self._pair
         start = data.time  # MuJoCo sets a diverged simulation back to 0
+        before = self._qpos.copy() if self._loads.remembers else self._qpos
         mujoco.mj_step(model, data, self._steps)
         if any(self._warnings.tolist()):
             raise DivergedError(
                 f"the simulation of {self.preset.name!r} diverged after {start:.3f} s: "
                 f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
             )
+
+        if self._loads.remembers:
+            self._loads.note(self._rewritten, before, self._qpos, data.qfrc_constraint[None], _ALONE)
 
     def _follow_load(self) -> None:
         """Update friction and damping to the present wire tension."""
@@ -211,7 +221,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         physics = np.empty(mujoco.mj_stateSize(model, _WHOLE_STATE))
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
         drive = tuple(drive.state() for drive in self._drives)
-        return State(physics, drive, self._travel, float(self._sheath_bend[0]), self.sheath_friction())
+        bend, friction = float(self._sheath_bend[0]), self.sheath_friction()
+        return State(physics, drive, self._travel, bend, friction, *self._loads.memory())
 
     def restore_state(self, state: State) -> None:
         """Restore a saved state of an endoscope of the same preset.
@@ -227,6 +238,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             raise InputError(
                 f"a state of {state.physics.size} numbers does not fit this endoscope, which has {size}"
             )
+        self._loads.restore(state.friction_direction, state.at_rest)
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
         self._warnings[:] = 0  # that it diverged is no part of a state
         self._rewritten.sheath[0] = state.sheath_friction

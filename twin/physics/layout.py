@@ -13,6 +13,10 @@ from twin.preset.preset import Preset
 Index = NDArray[np.intp]
 PLANES = ("", "lateral_")
 """Prefix of the joints of each bending plane."""
+NEIGHBOURS = (("a", "c"), ("b", "d"))
+"""Wires of two planes that rub as one."""
+WAYS = ("along", "across")
+"""Prefix of the friction of neighbours along the force that it holds, and across it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +28,10 @@ class Layout:
         pulley: joints of the pulleys, (planes,).
         element: joints of the sheath elements, pulley to tip, (wires, elements).
         wire: tendons of the wire segments, pulley to tip, (wires, elements + 1).
-        joints: tendons that carry the friction of the hinges, base to tip, (planes, groups).
+        joints: tendons that carry the friction of the hinges, base to tip, (1, groups): of one plane alone.
+        shared: tendons that carry the friction of neighbours, along and across, (2, pairs): elements of wires
+            a and c, of b and d, pulley to tip, then hinges, base to tip; none with one plane.
+        wrap: coefficients of those tendons, pair after pair, (2, wraps).
     """
 
     hinge: Index
@@ -32,6 +39,8 @@ class Layout:
     element: Index
     wire: Index
     joints: Index
+    shared: Index
+    wrap: Index
 
     @classmethod
     def of(cls, model: mujoco.MjModel, preset: Preset) -> "Layout":
@@ -39,12 +48,23 @@ class Layout:
         planes, wires = PLANES[: preset.bending_planes], WIRES[: preset.wires]
         vertebrae, elements = range(preset.vertebrae), range(preset.sheath_elements)
         lengths, groups = range(preset.sheath_elements + 1), range(len(hinge_groups(preset.vertebrae)))
+        one = preset.bending_planes == 1
+        pairs = [f"{a}{c}{i}" for a, c in NEIGHBOURS for i in elements] + [f"joints_{i}" for i in groups]
+        shared = np.array(
+            [[model.tendon(f"{way}_{pair}").id for pair in pairs] if not one else [] for way in WAYS],
+            dtype=np.intp,
+        )
+        wraps = [
+            np.arange(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i]) for i in shared.flat
+        ]
         return cls(
             hinge=np.array([[model.joint(f"{p}hinge_{i}").qposadr[0] for i in vertebrae] for p in planes]),
             pulley=np.array([model.joint(f"{p}pulley").qposadr[0] for p in planes]),
             element=np.array([[model.joint(f"sheath_{w}{i}").qposadr[0] for i in elements] for w in wires]),
             wire=np.array([[model.tendon(f"wire_{w}{i}").id for i in lengths] for w in wires]),
-            joints=np.array([[model.tendon(f"{p}joints_{i}").id for i in groups] for p in planes]),
+            joints=np.array([[model.tendon(f"joints_{i}").id for i in groups] if one else []], dtype=np.intp),
+            shared=shared,
+            wrap=np.concatenate([*wraps, np.empty(0, dtype=np.intp)]).reshape(2, -1).astype(np.intp),
         )
 
     @property
@@ -59,7 +79,7 @@ def consecutive(index: Index) -> slice:
     Raises:
         ValueError: they do not.
     """
-    start = int(index.flat[0])
+    start = int(index.flat[0]) if index.size else 0
     if not np.array_equal(index.flat, np.arange(start, start + index.size)):
         raise ValueError(f"the indices {index.ravel().tolist()} do not follow one another")
     return slice(start, start + index.size)

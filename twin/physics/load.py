@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
 from twin.mechanics.friction import (
     LEAST_FRICTION,
     friction_drift,
@@ -20,31 +21,52 @@ from twin.mechanics.friction import (
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness
 from twin.physics.follow import follow_load
-from twin.physics.layout import Layout, consecutive
+from twin.physics.layout import Index, Layout, consecutive
+from twin.physics.shared import SharedFriction
+from twin.physics.sticking import Sticking
 from twin.physics.wires import Wires
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "wrap_prm")
+"""Fields of MuJoCo's models that follow the load."""
 
 
 class Rewritten(NamedTuple):
-    """Fields of MuJoCo's models that follow the load, of B endoscopes: views, to write through.
+    """What follows the load, of B endoscopes: views of MuJoCo's fields, to write through.
+
+    With two planes, friction is written by way of `SharedFriction`: `sheath` and `joints` are no views then.
 
     Attributes:
         sheath: breakaway friction of the sheath elements, (B, wires, elements) [N].
         joints: breakaway friction of each hinge of a group, (B, planes, groups) [N m].
         damping: damping of the wire segments, (B, wires, elements + 1) [N s / m].
+        loss: friction of pairs of neighbours, along and across, (B, 2, pairs); none with one plane.
+        coefficient: of their tendons, (B, 2, wraps); likewise.
     """
 
     sheath: Array
     joints: Array
     damping: Array
+    loss: Array
+    coefficient: Array
 
     @classmethod
-    def of(cls, layout: Layout, joint_loss: Array, tendon_loss: Array, tendon_damping: Array) -> "Rewritten":
-        """Return the views of `dof_frictionloss` (B, nv), `tendon_frictionloss` and `tendon_damping`."""
-        fields = ((joint_loss, layout.element), (tendon_loss, layout.joints), (tendon_damping, layout.wire))
-        return cls(*(field[:, consecutive(index)].reshape(-1, *index.shape) for field, index in fields))
+    def of(cls, layout: Layout, fields: Sequence[Array]) -> "Rewritten":
+        """Return the views of the fields `REWRITTEN`, each with the endoscopes along its first axis."""
+        joint_loss, tendon_loss, tendon_damping, wraps = fields
+
+        def view(field: Array, index: Index) -> Array:
+            return field[:, consecutive(index)].reshape(len(field), *index.shape)
+
+        count, planes = len(joint_loss), len(layout.hinge)
+        if planes == 1:
+            sheath, joints = view(joint_loss, layout.element), view(tendon_loss, layout.joints)
+        else:
+            sheath = np.zeros((count, *layout.element.shape))
+            joints = np.zeros((count, planes, layout.shared.shape[1] - 2 * layout.element.shape[1]))
+        loss, coefficient = view(tendon_loss, layout.shared), view(wraps, layout.wrap)
+        return cls(sheath, joints, view(tendon_damping, layout.wire), loss, coefficient)
 
 
 class Loads:
@@ -76,6 +98,9 @@ class Loads:
         self._joint = np.array([joint_friction(p) for p in presets])[:, None, :]
         self._routing = np.array([[[p.routing_friction * p.wire_offset]] for p in presets])
         self._routed = bool(self._routing.any())
+        two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
+        self.shared = SharedFriction(len(presets), presets[0].vertebrae, layout) if two else None
+        self.sticking = Sticking(presets, layout) if sticks else None
         # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
         vertebrae = presets[0].vertebrae
         of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
@@ -122,8 +147,69 @@ class Loads:
             rewritten.damping,
             self._at_tip,
         )
-        if self._routed:
+        if self._routed or self.remembers:
             rewritten.joints[:] = self._rubbing(qpos)
+        if self.sticking is not None:
+            self.sticking.hold(rewritten.sheath, rewritten.joints)
+        if self.shared is not None:
+            self.shared.write(rewritten.sheath, rewritten.joints, rewritten.loss, rewritten.coefficient)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether friction depends on what `note` is told."""
+        return self.shared is not None or self.sticking is not None
+
+    def note(
+        self, rewritten: Rewritten, before: Array, after: Array, constraint: Array, moving: Index
+    ) -> None:
+        """Note what a control period has done.
+
+        Args:
+            rewritten: as `follow` left it.
+            before: (B, nq) positions at its start.
+            after: (B, nq) positions at its end.
+            constraint: (B, nv) forces of MuJoCo's constraints at its end.
+            moving: indices of the endoscopes that were stepped.
+        """
+        if self.shared is not None:
+            self.shared.note(constraint, rewritten.sheath, rewritten.joints, moving)
+        if self.sticking is not None:
+            self.sticking.note(after - before, rewritten.sheath, rewritten.joints, moving)
+
+    def memory(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Return what `note` was told, flat: directions of shared friction [rad], and what is at rest."""
+        directions, rest = np.empty(0), np.empty(0, dtype=bool)
+        if self.shared is not None:
+            directions = self.shared.direction.ravel()
+        if self.sticking is not None:
+            rest = np.concatenate([self.sticking.elements.ravel(), self.sticking.hinges.ravel()])
+        return directions.copy(), rest
+
+    def restore(self, directions: Array, rest: NDArray[np.bool_]) -> None:
+        """Restore what `memory` returned.
+
+        Raises:
+            ValueError: it is of another layout.
+        """
+        own_directions, own_rest = self.memory()
+        if directions.shape != own_directions.shape or rest.shape != own_rest.shape:
+            raise InputError(
+                f"a state with {directions.size} directions of friction and {rest.size} places at rest "
+                f"does not fit this endoscope, which has {own_directions.size} and {own_rest.size}"
+            )
+        if self.shared is not None:
+            self.shared.direction[:] = directions.reshape(self.shared.direction.shape)
+        if self.sticking is not None:
+            elements, hinges = self.sticking.elements, self.sticking.hinges
+            elements[:] = rest[: elements.size].reshape(elements.shape)
+            hinges[:] = rest[elements.size :].reshape(hinges.shape)
+
+    def reset(self) -> None:
+        """Forget what `note` was told."""
+        if self.shared is not None:
+            self.shared.reset()
+        if self.sticking is not None:
+            self.sticking.reset()
 
     def _follow_sheath(self, sheath_bend: Array, drift: Array | None) -> None:
         """Compute half the friction of an element per unit of tension, and the part that is of no tension."""

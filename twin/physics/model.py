@@ -17,7 +17,7 @@ from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, sheath_floor
-from twin.physics.layout import PLANES
+from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
 
 _PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
@@ -39,7 +39,10 @@ def model_xml(preset: Preset) -> str:
     _add_slides(tip, preset)
     for plane in PLANES[: preset.bending_planes]:
         _add_motor(spec, preset, plane)
-        _add_joint_friction(spec, preset, plane)
+    if preset.bending_planes == 1:
+        _add_joint_friction(spec, preset)
+    else:
+        _add_shared_friction(spec, preset)
     for wire in WIRES[: preset.wires]:
         _add_wire(spec, preset, wire)
     spec.compile()
@@ -129,9 +132,10 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
                 axis=[-1, 0, 0],
                 armature=element_mass(preset),
-                frictionloss=max(sheath_floor(preset) / preset.sheath_elements, LEAST_FRICTION),
             )
-            _make_friction_dry(joint, preset)
+            if preset.bending_planes == 1:
+                joint.frictionloss = _least_sheath_friction(preset)
+                _make_friction_dry(joint, preset)
 
 
 def _add_weightless(parent: mujoco.MjsBody, name: str) -> mujoco.MjsBody:
@@ -211,7 +215,12 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
                 tendon.wrap_joint(f"{plane}hinge_{index}", -side * preset.wire_offset)
 
 
-def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
+def _least_sheath_friction(preset: Preset) -> float:
+    """Return the friction of a sheath element without tension [N]."""
+    return max(sheath_floor(preset) / preset.sheath_elements, LEAST_FRICTION)
+
+
+def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
     """Add the dry friction of the hinges, one constraint for each group of neighbours.
 
     A fixed tendon over the hinges of a group opposes their common motion by the same torque in each of them.
@@ -219,10 +228,32 @@ def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None
     hinge would say no more and make the cost grow with the square of their number.
     """
     for group, friction in enumerate(joint_friction(preset)):
-        tendon = spec.add_tendon(name=f"{plane}joints_{group}", frictionloss=friction)
+        tendon = spec.add_tendon(name=f"joints_{group}", frictionloss=friction)
         _make_friction_dry(tendon, preset)
         for index in hinge_groups(preset.vertebrae)[group]:
-            tendon.wrap_joint(f"{plane}hinge_{index}", 1.0)
+            tendon.wrap_joint(f"hinge_{index}", 1.0)
+
+
+def _add_shared_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Add the friction of two planes that rub as one: two constraints for each pair of neighbours.
+
+    Both oppose a combination of their motions, one along the force that friction holds and one across it. The
+    combinations are rewritten with that force (`shared.py`); here stands any that holds both.
+    """
+    for way, side in zip(WAYS, (1.0, -1.0), strict=True):
+        for first, second in NEIGHBOURS:
+            for element in range(preset.sheath_elements):
+                name = f"{way}_{first}{second}{element}"
+                tendon = spec.add_tendon(name=name, frictionloss=_least_sheath_friction(preset))
+                _make_friction_dry(tendon, preset)
+                tendon.wrap_joint(f"sheath_{first}{element}", 0.5**0.5)
+                tendon.wrap_joint(f"sheath_{second}{element}", side * 0.5**0.5)
+        for group, friction in enumerate(joint_friction(preset)):
+            tendon = spec.add_tendon(name=f"{way}_joints_{group}", frictionloss=max(friction, LEAST_FRICTION))
+            _make_friction_dry(tendon, preset)
+            for plane, sign in zip(PLANES, (1.0, side), strict=True):
+                for index in hinge_groups(preset.vertebrae)[group]:
+                    tendon.wrap_joint(f"{plane}hinge_{index}", sign * 0.5**0.5)
 
 
 def _draw_link(body: mujoco.MjsBody, link: float, preset: Preset) -> None:

@@ -1,23 +1,19 @@
-"""Advance of reduced twins in time: drive, drift of the friction, and an increment of each bending plane."""
+"""Advance of reduced twins in time: the drive, and one increment or more of the endoscope behind it."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.compiled import compiled
-from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive, delayed_command
-from twin.mechanics.friction import friction_drift, friction_floor
-from twin.reduced.chain import Array, Hinge, Plane, Segment, Work, new_work
+from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
+from twin.reduced.chain import Array, Work, new_work
+from twin.reduced.increment import drift_of, increment
 from twin.reduced.parameters import Parameters
-from twin.reduced.plane import solve_plane
 from twin.reduced.state import ReducedState
 
 _advance_drive = compiled(advance_drive)
 _delayed_command = compiled(delayed_command)
-_friction_drift = compiled(friction_drift)
-_friction_floor = compiled(friction_floor)
 
 
 @compiled
@@ -68,7 +64,7 @@ def keep(parameters: Parameters, state: ReducedState, m: int, trace: Trace, k: i
     trace.element[k] = state.element[m]
     trace.hinge[k] = state.hinge[m]
     trace.pulley[k] = state.pulley[m]
-    trace.drift[k] = _drift(parameters, state, m)
+    trace.drift[k] = drift_of(parameters, state, m)
 
 
 @compiled
@@ -97,29 +93,24 @@ def advance_record(
 
 
 @compiled
-def _drift(parameters: Parameters, state: ReducedState, m: int) -> float:
-    """Return the factor on the sheath's friction by warm-up and wear."""
-    warm_up, warm_up_time, wear = parameters.warm_up[m], parameters.warm_up_time[m], parameters.wear[m]
-    return float(_friction_drift(warm_up, warm_up_time, wear, state.time[m], state.travel[m]))
-
-
-@compiled
 def advance_one(
     parameters: Parameters, state: ReducedState, work: Work, m: int, inputs: Array, periods: int
 ) -> None:
     """Advance one endoscope by one sample, in place; see `advance`."""
     planes = parameters.hinge_rest.shape[1]
     begin = state.command[m].copy()
-    if parameters.rigid[m]:
+    sticks = parameters.holds[m] > 1.0
+    if parameters.rigid[m] and not sticks:
         for p in range(planes):
             state.travel[m] += abs(inputs[p] - state.drive[m, p, 2])
             state.drive[m, p, 0] = inputs[p]
             state.drive[m, p, 2] = inputs[p]
-        _increment(parameters, state, work, m, periods, inputs[2])
+        increment(parameters, state, work, m, periods, inputs[2])
         state.command[m] = inputs
         return
 
-    # A drive may turn back within a sample: its way until then is an increment of its own.
+    # A drive may turn back within a sample: its way until then is an increment of its own. So is every
+    # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
     law = _law(parameters, m)
     way = np.zeros(planes)
     waiting = 0
@@ -135,10 +126,10 @@ def advance_one(
                 past[late] = past[late - 1] if late > 0 else command
             ahead[p] = _advance_drive(law, now[0], now[1], now[2], wanted)
             turns_back = turns_back or (ahead[p, 2] - now[2]) * way[p] < 0.0
-        if turns_back:
+        if turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
             bend = begin[2] * (1.0 - done) + inputs[2] * done
-            _increment(parameters, state, work, m, waiting, bend)
+            increment(parameters, state, work, m, waiting, bend)
             way[:] = 0.0
             waiting = 0
         waiting += 1
@@ -147,7 +138,7 @@ def advance_one(
             state.travel[m] += abs(step)
             way[p] += step
             state.drive[m, p] = ahead[p]
-    _increment(parameters, state, work, m, waiting, inputs[2])
+    increment(parameters, state, work, m, waiting, inputs[2])
     state.command[m] = inputs
 
 
@@ -155,58 +146,3 @@ def advance_one(
 def _law(parameters: Parameters, m: int) -> DriveLaw:
     law = parameters.drive[m]
     return DriveLaw(law[0], law[1], law[2], law[3], law[4], law[5] != 0.0, law[6])
-
-
-@compiled
-def _increment(
-    parameters: Parameters, state: ReducedState, work: Work, m: int, periods: int, sheath_bend: float
-) -> None:
-    """Bring all planes to equilibrium with the drive, some control periods later."""
-    planes = parameters.hinge_rest.shape[1]
-    seconds = periods * parameters.control_period
-    state.time[m] += seconds
-    drift = _drift(parameters, state, m)
-    # As `friction_per_tension`, for the tension on each side instead of their mean.
-    wrapped = parameters.sheath_friction[m] * drift * (sheath_bend + parameters.bend_offset[m])
-    per_tension = math.tanh(wrapped / 2.0)
-    own, growth, exponent = parameters.floor[m], parameters.growth[m], parameters.exponent[m]
-    floor = float(_friction_floor(own, growth, exponent, sheath_bend))
-    turned = np.zeros((planes, state.hinge.shape[2]))
-    if planes == 2:
-        turned[0] = state.hinge[m, 1] ** 2
-        turned[1] = state.hinge[m, 0] ** 2
-    for p in range(planes):
-        plane = Plane(
-            state.element.shape[2] // 2,
-            parameters.rest[m],
-            Segment(
-                parameters.wire_stiffness[m],
-                parameters.wire_quadratic[m],
-                parameters.wire_damping[m] / seconds,
-            ),
-            per_tension,
-            floor * drift,
-            Hinge(
-                parameters.hinge_stiffness[m],
-                parameters.hinge_cubic[m],
-                parameters.hinge_rest[m, p],
-                parameters.hinge_damping[m] / seconds,
-            ),
-            parameters.joint_friction[m],
-            parameters.size,
-            turned[p],
-            parameters.arm[m],
-            parameters.routing[m],
-            PULLEY_STIFFNESS,
-            state.drive[m, p, 2],
-        )
-        state.pulley[m, p], missing = solve_plane(
-            plane,
-            work,
-            state.element[m, p],
-            state.hinge[m, p],
-            state.pulley[m, p],
-            state.slip[m, p],
-            state.turn[m, p],
-        )
-        state.missing[m] = max(state.missing[m], missing) if missing < math.inf else math.inf

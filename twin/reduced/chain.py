@@ -67,11 +67,11 @@ class Plane(NamedTuple):
         hinge: law of the hinges.
         joint_friction: (G,) own friction of a hinge of each group [N m].
         size: (G,) hinges of each group.
-        turned: (G,) square of the angle of a hinge in the other plane [rad^2].
         arm: r, moment arm of the wires [m].
         routing: friction coefficient of wires on vertebrae [-].
         pulley_stiffness: of the pulley's own spring [N / m].
         target: distance that the pulley is driven to [m].
+        holds: friction at rest over that of sliding [-].
     """
 
     elements: int
@@ -82,11 +82,11 @@ class Plane(NamedTuple):
     hinge: Hinge
     joint_friction: Array
     size: Array
-    turned: Array
     arm: float
     routing: float
     pulley_stiffness: float
     target: float
+    holds: float
 
 
 class Work(NamedTuple):

@@ -57,16 +57,17 @@ def _larger(a: float, b: float) -> float:
 
 
 @inlined
-def _next_sign(sign: int, moved: float, force: float, friction: float) -> int:
+def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     """Return the way that a node slides, from the one assumed, its motion and the net force on it.
 
-    One that slid stops where it would go back. One that was held slides where the force exceeds friction.
+    One that slid stops where it would go back. One that was held slides where the force exceeds the friction
+    at rest.
     """
     if sign != 0:
         return 0 if moved * sign < 0.0 else sign
-    if force > friction + RESIDUAL_N:
+    if force > at_rest + RESIDUAL_N:
         return 1
-    if force < -friction - RESIDUAL_N:
+    if force < -at_rest - RESIDUAL_N:
         return -1
     return 0
 
@@ -83,7 +84,7 @@ def _assemble_nodes(plane: Plane, work: Work, slip: Signs) -> tuple[bool, float]
         ahead, behind = force[i], force[i + 1]
         friction = c * (tension[i] + tension[i + 1]) + plane.floor
         moved = node[i] - before[i]
-        s = _next_sign(slip[j], moved, ahead - behind, friction)
+        s = _next_sign(slip[j], moved, ahead - behind, plane.holds * friction)
         if s != slip[j]:
             slip[j] = s
             changed = True
@@ -111,13 +112,13 @@ def _assemble_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> tup
     changed, missing = False, 0.0
     A = B = rest = passed = 0.0
     for g in range(len(hinge)):
-        turned = turn_of(size[g], hinge[g], plane.turned[g])
+        turned = turn_of(size[g], hinge[g], 0.0)
         wrapped[g] = plane.routing * (passed + turned / 2.0)
         passed += turned
         torque, slope[g] = hinge_torque(law, hinge[g], before[g])
         friction = plane.joint_friction[g] + arm * wrapped[g] * both
         moved = hinge[g] - before[g]
-        s = _next_sign(turn[g], moved, moment - torque, friction)
+        s = _next_sign(turn[g], moved, moment - torque, plane.holds * friction)
         if s != turn[g]:
             turn[g] = s
             changed = True

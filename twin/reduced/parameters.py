@@ -41,11 +41,14 @@ class Parameters(NamedTuple):
         size: (G,) number of hinges of each group.
         arm: (M,) moment arm of the wires [m].
         routing: (M,) friction coefficient of wires on vertebrae [-].
+        holds: (M,) friction at rest over that of sliding [-].
         drive: (M, 7) constants of `DriveLaw`.
         zero: (M, planes) command at which the endoscope is neutral [m].
         late: most commands that a delay makes any of them keep.
         rigid: (M,) whether the pulley follows the command exactly.
         control_period: between two updates of the drive [s].
+        one_plane: True with one bending plane, else None.
+        two_planes: True with two, else None. Only what a None does not exclude is compiled.
     """
 
     rest: Array
@@ -68,11 +71,14 @@ class Parameters(NamedTuple):
     size: Array
     arm: Array
     routing: Array
+    holds: Array
     drive: Array
     zero: Array
     late: int
     rigid: NDArray[np.bool_]
     control_period: float
+    one_plane: bool | None
+    two_planes: bool | None
 
 
 def parameters_of(presets: Sequence[Preset]) -> Parameters:
@@ -115,6 +121,7 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
         size=np.array([len(group) for group in hinge_groups(presets[0].vertebrae)], dtype=float),
         arm=each(lambda p: p.wire_offset),
         routing=each(lambda p: p.routing_friction),
+        holds=each(lambda p: 1.0 + p.stiction),
         drive=np.array(laws, dtype=float)[order],
         zero=each(lambda p: p.command_zeros),
         late=max(map(commands_kept, laws)),
@@ -122,6 +129,8 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
             [is_rigid(law) and not any(p.command_zeros) for law, p in zip(laws, unique, strict=True)]
         )[order],
         control_period=presets[0].control_period,
+        one_plane=True if presets[0].bending_planes == 1 else None,
+        two_planes=True if presets[0].bending_planes == 2 else None,
     )
 
 

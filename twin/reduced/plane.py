@@ -55,6 +55,9 @@ def solve_plane(
         Position of the pulley [m] and largest force that is missing [N].
     """
     E = plane.elements
+    if plane.holds > 1.0:  # what slid has come to rest, and is held by more than it slid against
+        slip[:] = 0
+        turn[:] = 0
     work.before[:E], work.before[E + 1 :] = element[:E], element[E:]
     work.before[E] = plane.arm * bend_of(plane.size, hinge)
     work.node[:] = work.before

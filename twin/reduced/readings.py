@@ -45,4 +45,5 @@ def sheath_friction(parameters: Parameters, tension: Array, sheath_bend: Array, 
     wrapped = parameters.sheath_friction * drift * (sheath_bend + parameters.bend_offset)
     per_tension = friction_per_tension(wrapped, 1.0, 1)[..., None, None]
     floor = friction_floor(parameters.floor, parameters.growth, parameters.exponent, sheath_bend) * drift
-    return element_friction(tension, per_tension, floor[..., None, None])
+    sliding = element_friction(tension, per_tension, floor[..., None, None])
+    return parameters.holds[:, None, None] * sliding

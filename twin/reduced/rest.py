@@ -20,7 +20,7 @@ def state_at_rest(presets: Sequence[Preset], parameters: Parameters) -> ReducedS
         parameters: theirs.
     """
     state = new_state(parameters, np.array([preset.sheath_bend for preset in presets]))
-    if parameters.hinge_rest.any():
+    if any(any(preset.initial_bends) for preset in presets):
         still = np.zeros(len(presets))
         slow = parameters._replace(wire_damping=still, hinge_damping=still)
         advance(slow, state, state.command.copy(), 1)

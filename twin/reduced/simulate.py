@@ -153,7 +153,7 @@ def _record(
 
 def _only(parameters: Parameters, m: int) -> Parameters:
     """Return the parameters of one endoscope."""
-    shared = ("size", "late", "control_period")
+    shared = ("size", "late", "control_period", "one_plane", "two_planes")
     return Parameters(
         **{
             name: values if name in shared else values[m : m + 1]

@@ -70,7 +70,7 @@ def _rest_of_node(plane: Plane, work: Work, i: int, ahead: float, behind: float)
         b, b_force, b_slope = load_of(plane.segment, behind + x, work.stretch_before[i + 1])
         friction = c * (a + b) + plane.floor
         if trial == 0:
-            s = _way(a_force - b_force, friction)
+            s = _way(a_force - b_force, plane.holds * friction)
             if s == 0:
                 break
             # Further on, the force is against the node: the wire that pulls it there would be slack.
@@ -93,7 +93,7 @@ def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
     bend = bend_of(size, hinge)
     for g in range(len(hinge)):
         others = bend - size[g] * hinge[g]
-        turned = turn_of(size[g], hinge[g], plane.turned[g])
+        turned = turn_of(size[g], hinge[g], 0.0)
         wrapped = plane.routing * (passed + turned / 2.0)
         passed += turned
         hinge[g], turn[g] = _rest_of_group(plane, work, g, others, wrapped)
@@ -125,7 +125,7 @@ def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: flo
             plane.joint_friction[g] + arm * wrapped * (a + b),
         )
         if trial == 0:
-            s = _way(force, friction)
+            s = _way(force, plane.holds * friction)
             if s == 0:
                 break
             far = s * math.inf

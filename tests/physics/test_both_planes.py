@@ -1,0 +1,104 @@
+"""Friction that two planes share: isotropic, as Coulomb's law has it; a circle of commands stays round."""
+
+import numpy as np
+import pytest
+from plain_endoscope import PLAIN
+
+from twin.preset.file import load_preset, preset_names
+
+T = 0.05  # [s]
+PERIOD = 16.0  # [s] of a circle
+# Friction that does not depend on the load, and wires that stay taut: nothing but it knows of directions.
+DRY = PLAIN.replace(
+    name="dry",
+    bending_planes=2,
+    vertebrae=6,
+    section_stiffness=0.05,
+    joint_friction=6e-3,
+    sheath_friction=0.0,
+    sheath_friction_floor=2.0,
+    pretension=20.0,
+    section_damping=0.0,
+    wire_damping=0.0,
+)
+TIME = np.arange(0, 2.5 * PERIOD, T)
+SWING = 1.5e-3 * np.sin(2 * np.pi * TIME / 10)
+SETTLED = TIME > 8.0
+
+
+def around(radius: float, start: float) -> tuple[np.ndarray, np.ndarray]:
+    """A circle of commands of both planes [m], from an angle [rad]."""
+    angle = start + 2 * np.pi * TIME / PERIOD
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def out_of_round(episode) -> float:
+    """Largest departure of the tip's last turn from a circle about neutral, as a share of its radius."""
+    radius = np.hypot(episode.bend, episode.lateral_bend)[-round(PERIOD / T) :]
+    return float(np.abs(radius / radius.mean() - 1).max())
+
+
+@pytest.mark.parametrize("start", [0.0, 0.6, np.pi / 4, 2.0, np.pi, 5.5])
+def test_circle_of_commands_stays_round_whatever_direction_it_starts_in(twin, start):
+    pull, lateral = around(2e-3, start)
+    episode = twin.simulate(DRY, pull, T, lateral_pull=lateral)
+    assert out_of_round(episode) < 0.01
+    lag = np.angle((pull + 1j * lateral) / (episode.bend + 1j * episode.lateral_bend))[-round(PERIOD / T) :]
+    assert lag.min() > np.radians(5)  # friction there is
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_circle_of_every_preset_stays_round(twin, name):
+    """Its wires are taut along it: a wire that turns slack pulls in one plane and not in the other."""
+    preset = load_preset(name).replace(bending_planes=2, initial_bend=0.0)
+    radius = {"ureteroscope": 1e-3, "vio_com": 8e-3}[name]
+    pull, lateral = around(radius, 0.3)
+    episode = twin.simulate(preset, pull, T, lateral_pull=lateral)
+    assert out_of_round(episode) < 0.03
+    assert np.ptp(episode.bend) > np.radians(20)
+
+
+@pytest.mark.parametrize("angle", [np.pi / 4, 0.3])
+def test_endoscope_bends_as_far_in_any_direction(twin, angle):
+    straight = twin.simulate(DRY, SWING, T)
+    turned = twin.simulate(DRY, np.cos(angle) * SWING, T, lateral_pull=np.sin(angle) * SWING)
+    along = np.cos(angle) * turned.bend + np.sin(angle) * turned.lateral_bend
+    across = np.cos(angle) * turned.lateral_bend - np.sin(angle) * turned.bend
+    np.testing.assert_allclose(along, straight.bend, atol=2e-3 * np.abs(straight.bend).max())
+    assert np.abs(across).max() < 2e-3 * np.abs(straight.bend).max()
+
+
+def test_each_plane_has_its_share_of_the_friction_where_both_move_alike(twin):
+    """Half a right angle from both: the square root of a half of it, as in a plane with so much less."""
+    both = twin.simulate(DRY, SWING, T, lateral_pull=SWING)
+    less = {name: getattr(DRY, name) * 0.5**0.5 for name in ("joint_friction", "sheath_friction_floor")}
+    one = twin.simulate(DRY.replace(bending_planes=1, **less), SWING, T)
+    full = twin.simulate(DRY.replace(bending_planes=1), SWING, T)
+    reach = np.abs(one.bend).max()
+    np.testing.assert_allclose(both.bend[SETTLED], one.bend[SETTLED], atol=2e-3 * reach)
+    np.testing.assert_allclose(both.lateral_bend, both.bend, atol=1e-4 * reach)
+    assert np.abs(full.bend - one.bend)[SETTLED].max() > 0.05 * reach
+
+
+def test_motion_in_one_plane_lets_the_other_one_go(twin):
+    """What friction holds back in one plane comes loose as the other one slides far enough."""
+    there, cycles = np.linspace(0, 2e-3, 80), 1.5e-3 * np.sin(np.linspace(0, 8 * np.pi, 400))
+    pull = np.concatenate([there, there[::-1], np.zeros(400)])  # back to neutral: bent by friction alone
+    lateral = np.concatenate([np.zeros(160), cycles])
+    episode = twin.simulate(DRY, pull, T, lateral_pull=lateral)
+    assert episode.bend[159] > np.radians(2)
+    assert abs(episode.bend[-1]) < 0.05 * episode.bend[159]
+
+
+def test_it_never_gives_energy(twin):
+    """Work of both pulleys over closed circles is what friction takes, and friction takes some."""
+    pull, lateral = around(2e-3, 0.0)
+    episode = twin.simulate(DRY, pull, T, lateral_pull=lateral)
+    turn = slice(-round(PERIOD / T) - 1, None)
+    tension = episode.wire_tension[turn, :, 0]
+    work = 0.0
+    for plane, command in enumerate((pull[turn], lateral[turn])):
+        net = tension[:, 2 * plane] - tension[:, 2 * plane + 1]
+        work += float(((net[1:] + net[:-1]) / 2 * np.diff(command)).sum())
+    # A direction that turns all round slides against both planes' friction by a circle's circumference.
+    assert work > 0.5 * DRY.sheath_friction_floor * 2 * np.pi * 1.5e-3
