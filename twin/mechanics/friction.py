@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 LEAST_FRICTION = 1e-9
 """Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
+CAUGHT_UP = 0.1
+"""Force beyond sliding friction at which what slid has come to rest, as a share of what stiction adds [-]."""
 # NumPy's tanh depends, by a rounding, on the place of a value in its array; a batch must not.
 _tanh = np.vectorize(math.tanh, otypes=[float])
 

@@ -103,7 +103,7 @@ class EndoscopeBatch:
             self._batch.expand(name)[:] = [_field(model, name) for model in models]
         self._rewritten = Rewritten.of(self.layout, [self._batch.expand(name) for name in REWRITTEN])
         self._rewritten.joints[:] = [[joint_friction(preset)] for preset in presets]
-        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.remembers else np.empty(0)
+        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.takes_notes else np.empty(0)
         self.qpos: Array = self._batch.bind("qpos")
         self._qvel = self._batch.bind("qvel")
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
@@ -141,11 +141,10 @@ class EndoscopeBatch:
             step = np.where(active & ~self.failed, target - self._act[:, plane], 0.0)
             self._ctrl[:, 2 * plane : 2 * plane + 2] = step[:, None] / self.presets[0].control_period
             self._travel += np.abs(step)
-        before = self.qpos.copy() if self._loads.remembers else self.qpos
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
-        if self._loads.remembers:
-            self._loads.note(self._rewritten, before, self.qpos, self._constraint, moving)
+        if self._loads.takes_notes:
+            self._loads.note(self._rewritten, self._constraint, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""

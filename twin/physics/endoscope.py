@@ -36,7 +36,7 @@ class State:
         sheath_friction: breakaway friction of the sheath elements in the last control period, (wires,
             elements) [N].
         friction_direction: direction of the friction that two planes share, (pairs,) [rad]; else empty.
-        at_rest: which elements and groups of hinges are held by more than they slide against; else empty.
+        grip: share of its `stiction` that holds each element of the sheath, flat [-]; empty without it.
     """
 
     physics: Array
@@ -45,7 +45,7 @@ class State:
     sheath_bend: float
     sheath_friction: Array
     friction_direction: Array
-    at_rest: NDArray[np.bool_]
+    grip: Array
 
 
 class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -197,7 +197,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             self._travel += abs(step)
         model, data = self._pair
         start = data.time  # MuJoCo sets a diverged simulation back to 0
-        before = self._qpos.copy() if self._loads.remembers else self._qpos
         mujoco.mj_step(model, data, self._steps)
         if any(self._warnings.tolist()):
             raise DivergedError(
@@ -205,8 +204,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
                 f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
             )
 
-        if self._loads.remembers:
-            self._loads.note(self._rewritten, before, self._qpos, data.qfrc_constraint[None], _ALONE)
+        if self._loads.takes_notes:
+            self._loads.note(self._rewritten, data.qfrc_constraint[None], _ALONE)
 
     def _follow_load(self) -> None:
         """Update friction and damping to the present wire tension."""
@@ -238,7 +237,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             raise InputError(
                 f"a state of {state.physics.size} numbers does not fit this endoscope, which has {size}"
             )
-        self._loads.restore(state.friction_direction, state.at_rest)
+        self._loads.restore(state.friction_direction, state.grip)
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
         self._warnings[:] = 0  # that it diverged is no part of a state
         self._rewritten.sheath[0] = state.sheath_friction

@@ -147,65 +147,57 @@ class Loads:
             rewritten.damping,
             self._at_tip,
         )
-        if self._routed or self.remembers:
+        if self._routed or self.shared is not None:
             rewritten.joints[:] = self._rubbing(qpos)
         if self.sticking is not None:
-            self.sticking.hold(rewritten.sheath, rewritten.joints)
+            self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(qpos)[0])
         if self.shared is not None:
             self.shared.write(rewritten.sheath, rewritten.joints, rewritten.loss, rewritten.coefficient)
 
     @property
-    def remembers(self) -> bool:
+    def takes_notes(self) -> bool:
         """Whether friction depends on what `note` is told."""
-        return self.shared is not None or self.sticking is not None
+        return self.shared is not None
 
-    def note(
-        self, rewritten: Rewritten, before: Array, after: Array, constraint: Array, moving: Index
-    ) -> None:
-        """Note what a control period has done.
+    def note(self, rewritten: Rewritten, constraint: Array, moving: Index) -> None:
+        """Note what friction held in a control period.
 
         Args:
             rewritten: as `follow` left it.
-            before: (B, nq) positions at its start.
-            after: (B, nq) positions at its end.
             constraint: (B, nv) forces of MuJoCo's constraints at its end.
             moving: indices of the endoscopes that were stepped.
         """
         if self.shared is not None:
             self.shared.note(constraint, rewritten.sheath, rewritten.joints, moving)
-        if self.sticking is not None:
-            self.sticking.note(after - before, rewritten.sheath, rewritten.joints, moving)
 
-    def memory(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Return what `note` was told, flat: directions of shared friction [rad], and what is at rest."""
-        directions, rest = np.empty(0), np.empty(0, dtype=bool)
+    def memory(self) -> tuple[Array, Array]:
+        """Return what friction has of the past, flat: shared directions [rad], and what stiction holds."""
+        directions, grip = np.empty(0), np.empty(0)
         if self.shared is not None:
             directions = self.shared.direction.ravel()
         if self.sticking is not None:
-            rest = np.concatenate([self.sticking.elements.ravel(), self.sticking.hinges.ravel()])
-        return directions.copy(), rest
+            grip = self.sticking.grip.ravel()
+        return directions.copy(), grip.copy()
 
-    def restore(self, directions: Array, rest: NDArray[np.bool_]) -> None:
+    def restore(self, directions: Array, grip: Array) -> None:
         """Restore what `memory` returned.
 
         Raises:
             ValueError: it is of another layout.
         """
-        own_directions, own_rest = self.memory()
-        if directions.shape != own_directions.shape or rest.shape != own_rest.shape:
+        own_directions, own_grip = self.memory()
+        if directions.shape != own_directions.shape or grip.shape != own_grip.shape:
             raise InputError(
-                f"a state with {directions.size} directions of friction and {rest.size} places at rest "
-                f"does not fit this endoscope, which has {own_directions.size} and {own_rest.size}"
+                f"a state with {directions.size} directions of friction and {grip.size} elements that stick "
+                f"does not fit this endoscope, which has {own_directions.size} and {own_grip.size}"
             )
         if self.shared is not None:
             self.shared.direction[:] = directions.reshape(self.shared.direction.shape)
         if self.sticking is not None:
-            elements, hinges = self.sticking.elements, self.sticking.hinges
-            elements[:] = rest[: elements.size].reshape(elements.shape)
-            hinges[:] = rest[elements.size :].reshape(hinges.shape)
+            self.sticking.grip[:] = grip.reshape(self.sticking.grip.shape)
 
     def reset(self) -> None:
-        """Forget what `note` was told."""
+        """Forget the past."""
         if self.shared is not None:
             self.shared.reset()
         if self.sticking is not None:

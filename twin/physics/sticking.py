@@ -1,7 +1,8 @@
-"""Stick and slip: what is at rest is held by more friction than it slides against (`stiction`).
+"""Stick and slip: elements of the sheath at rest are held by more than they slide against (`stiction`).
 
-What has slid in a control period slides on in the next one, against less friction, until it has caught up
-with what pulls it. Then it is held again. The tip moves in steps.
+An element that has broken away slides until it has caught up with what pulls it; then it is held again. The
+tip moves in steps. Friction falls within some control periods: MuJoCo takes two time steps to brake what
+slides, so that an element let go at once would slide several times too far.
 """
 
 from collections.abc import Sequence
@@ -9,61 +10,47 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.hinges import hinge_groups
-from twin.mechanics.wire import segment_stiffness
+from twin.mechanics.friction import CAUGHT_UP
 from twin.physics.layout import Index, Layout
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-REST = 1e-3
-"""Way within a control period that counts as rest, as a share of the step that stiction leads to [-]."""
+BREAKS_AWAY = 0.99
+"""Force beyond sliding friction at which an element breaks away, as a share of what stiction adds [-]."""
+FALL = 0.8
+"""Factor within a control period on what stiction adds to the friction of an element that slides [-]."""
 
 
 class Sticking:
-    """Elements and hinges at rest, of B endoscopes of one layout.
+    """Elements at rest, of B endoscopes of one layout. With two planes, neighbours stick and slip as one.
 
     Attributes:
-        elements: (B, wires, elements) whether each is held by the friction at rest.
-        hinges: (B, planes, groups) whether each group is.
+        grip: (B, sides, elements) share of what stiction adds that holds each, 1 at rest [-]; the sides are
+            wires a and b, or with two planes a with c and b with d.
     """
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Begin with all at rest."""
-        self._layout = layout
-        self._first = np.array([group[0] for group in hinge_groups(presets[0].vertebrae)])
+        self._wires: Index = np.arange(layout.wires).reshape(len(layout.hinge), -1)
         self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
-        self._element_stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]
-        self._hinge_stiffness = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
-        self.elements = np.ones((len(presets), *layout.element.shape), dtype=bool)
-        self.hinges = np.ones((len(presets), len(layout.hinge), len(self._first)), dtype=bool)
+        self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
 
     def reset(self) -> None:
         """Set all to rest."""
-        self.elements[:] = self.hinges[:] = True
+        self.grip[:] = 1.0
 
-    def hold(self, sheath: Array, joints: Array) -> None:
-        """Raise the friction of what is at rest, in place.
+    def hold(self, sheath: Array, tension: Array) -> None:
+        """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
 
         Args:
             sheath: (B, wires, elements) friction of sliding [N].
-            joints: (B, planes, groups) the same [N m].
+            tension: (B, wires, elements + 1) of the segments, without damping [N].
         """
-        sheath *= 1 + self._stiction * self.elements
-        joints *= 1 + self._stiction * self.hinges
-
-    def note(self, way: Array, sheath: Array, joints: Array, moving: Index) -> None:
-        """Note what has slid in a control period.
-
-        Args:
-            way: (B, nq) change of the positions in it.
-            sheath: (B, wires, elements) friction in it [N].
-            joints: (B, planes, groups) the same [N m].
-            moving: indices of the endoscopes that were stepped.
-        """
-        element = np.abs(way[:, self._layout.element])
-        hinge = np.abs(way[:, self._layout.hinge[:, self._first]])
-        element_slid = element > REST * self._stiction * sheath / self._element_stiffness
-        hinge_slid = hinge > REST * self._stiction * joints / self._hinge_stiffness
-        self.elements[moving] = ~(self.elements & element_slid)[moving]
-        self.hinges[moving] = ~(self.hinges & hinge_slid)[moving]
+        pulled = (np.diff(tension, axis=2) / sheath)[:, self._wires]
+        beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0
+        slides = (beyond >= BREAKS_AWAY * self._stiction) | (self.grip < 1.0)
+        self.grip[slides] *= FALL
+        self.grip[beyond <= CAUGHT_UP * self._stiction] = 1.0
+        for wires in self._wires:
+            sheath[:, wires] *= 1 + self._stiction * self.grip

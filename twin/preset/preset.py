@@ -64,8 +64,8 @@ class Preset:
             exponentially.
         warm_up_time: time constant of that decay [s].
         friction_wear: relative growth of the sheath friction per distance travelled by the pulley [1 / m].
-        stiction: share by which friction at rest exceeds that of sliding, in the sheath and the hinges [-];
-            every other friction is that of sliding. The tip then moves in steps.
+        stiction: share by which the sheath's friction at rest exceeds that of sliding [-]; every other
+            friction is that of sliding. The tip then moves in steps.
         pulley_radius: radius of the driving pulley [m]; it converts a pulley angle to a pulling distance.
         command_zero: command at which the endoscope is neutral [m]; the pulley is at command less zero.
         lateral_command_zero: the same of wires c and d [m].

@@ -123,7 +123,7 @@ def _assemble_hinges(
     missing, unsettled, passed = 0.0, False, 0.0
     for g in range(hinge.shape[1]):
         wrapped, passed = load_hinges(plane, rest, both, hinge, g, passed)
-        slides = rub(pair, _limit(turn[0, g], plane.holds, begins))
+        slides = rub(pair, _limit(turn[0, g], 1.0, begins))
         for p in range(2):
             row = 4 * E + 2 * g + p
             right[row] = -pair.missing[p]

@@ -11,6 +11,7 @@ neighbours (`both_sweep.py`) take turns until less than `RESIDUAL_N` is missing 
 import math
 
 from twin.mechanics.compiled import compiled
+from twin.mechanics.friction import CAUGHT_UP
 from twin.reduced.both_chain import BothPlanes, both_pulley_force, load_both, new_both_planes
 from twin.reduced.both_newton import FARTHEST, settle_both
 from twin.reduced.both_sweep import sweep_both
@@ -114,9 +115,8 @@ def _solve_part(
     E = plane.elements
     farthest = FARTHEST + 2 * max(abs(target[0] - pulley[0]), abs(target[1] - pulley[1]))
     _begin(plane, target, both, element, hinge, pulley)
-    if plane.holds > 1.0:  # what slid has come to rest, and is held by more than it slid against
-        slip[:] = 0
-        turn[:] = 0
+    if plane.holds > 1.0:
+        come_to_rest(plane, both, slip)
     missing = math.inf
     for turns in range(ROUNDS):
         missing, settled = settle_both(
@@ -128,6 +128,21 @@ def _solve_part(
             sweep_both(plane, rest, target, both, hinge, pulley, slip, turn)
     element[:, :E], element[:, E:] = both.node[:, :E], both.node[:, E + 1 :]
     return missing
+
+
+@compiled
+def come_to_rest(plane: Plane, both: BothPlanes, slip: Signs) -> None:
+    """Hold the neighbours that have caught up with what pulls them, by the tensions before an increment."""
+    most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
+    for j in range(slip.shape[1]):
+        i = j if j < plane.elements else j + 1
+        pulled = 0.0
+        for p in range(2):
+            ahead, behind = both.tension[p, i], both.tension[p, i + 1]
+            friction = plane.per_tension * (ahead + behind) + plane.floor
+            pulled = math.hypot(pulled, (ahead - behind) / friction)
+        if pulled <= most:
+            slip[:, j] = 0
 
 
 @compiled

@@ -71,7 +71,7 @@ class Plane(NamedTuple):
         routing: friction coefficient of wires on vertebrae [-].
         pulley_stiffness: of the pulley's own spring [N / m].
         target: distance that the pulley is driven to [m].
-        holds: friction at rest over that of sliding [-].
+        holds: friction of the sheath at rest over that of sliding [-].
     """
 
     elements: int

@@ -118,7 +118,7 @@ def _assemble_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> tup
         torque, slope[g] = hinge_torque(law, hinge[g], before[g])
         friction = plane.joint_friction[g] + arm * wrapped[g] * both
         moved = hinge[g] - before[g]
-        s = _next_sign(turn[g], moved, moment - torque, plane.holds * friction)
+        s = _next_sign(turn[g], moved, moment - torque, friction)
         if s != turn[g]:
             turn[g] = s
             changed = True

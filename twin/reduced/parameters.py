@@ -41,7 +41,7 @@ class Parameters(NamedTuple):
         size: (G,) number of hinges of each group.
         arm: (M,) moment arm of the wires [m].
         routing: (M,) friction coefficient of wires on vertebrae [-].
-        holds: (M,) friction at rest over that of sliding [-].
+        holds: (M,) friction of the sheath at rest over that of sliding [-].
         drive: (M, 7) constants of `DriveLaw`.
         zero: (M, planes) command at which the endoscope is neutral [m].
         late: most commands that a delay makes any of them keep.

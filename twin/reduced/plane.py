@@ -17,6 +17,7 @@ until less than `RESIDUAL_N` is missing from equilibrium at every node.
 import math
 
 from twin.mechanics.compiled import compiled
+from twin.mechanics.friction import CAUGHT_UP
 from twin.reduced.chain import (
     Array,
     Plane,
@@ -55,15 +56,14 @@ def solve_plane(
         Position of the pulley [m] and largest force that is missing [N].
     """
     E = plane.elements
-    if plane.holds > 1.0:  # what slid has come to rest, and is held by more than it slid against
-        slip[:] = 0
-        turn[:] = 0
     work.before[:E], work.before[E + 1 :] = element[:E], element[E:]
     work.before[E] = plane.arm * bend_of(plane.size, hinge)
     work.node[:] = work.before
     work.hinge_before[:] = hinge
     fill_stretch(work.stretch_before, plane.rest, work.node, pulley)
     load_segments(plane, work, pulley)
+    if plane.holds > 1.0:
+        come_to_rest(plane, work, slip)
     pulley = pulley + pulley_force(plane, work.force, pulley) / plane.pulley_stiffness
 
     missing = math.inf
@@ -75,3 +75,14 @@ def solve_plane(
             pulley = sweep(plane, work, hinge, pulley, slip, turn)
     element[:E], element[E:] = work.node[:E], work.node[E + 1 :]
     return pulley, missing
+
+
+@compiled
+def come_to_rest(plane: Plane, work: Work, slip: Signs) -> None:
+    """Hold the elements that have caught up with what pulls them, by the tensions before an increment."""
+    most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
+    for j in range(len(slip)):
+        i = j if j < plane.elements else j + 1
+        ahead, behind = work.tension[i], work.tension[i + 1]
+        if abs(ahead - behind) <= most * (plane.per_tension * (ahead + behind) + plane.floor):
+            slip[j] = 0

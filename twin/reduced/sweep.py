@@ -125,7 +125,7 @@ def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: flo
             plane.joint_friction[g] + arm * wrapped * (a + b),
         )
         if trial == 0:
-            s = _way(force, plane.holds * friction)
+            s = _way(force, friction)
             if s == 0:
                 break
             far = s * math.inf
