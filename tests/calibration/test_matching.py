@@ -1,41 +1,62 @@
-"""A preset is matched to a published Coleman-Hodgdon model."""
+"""A preset is matched to what is published of an instrument."""
 
 import numpy as np
 from calibrating import TRUTH
-from hypothesis import given
-from hypothesis import strategies as st
 
-from twin.calibration.matching import best_coleman_hodgdon, match, training_commands
-from twin.calibration.parameters import FreeParameters
-from twin.dataset.episodes import make_episode
-from twin.dataset.recipe import EpisodeKey, Recipe
-from twin.hysteresis import ColemanHodgdon
-from twin.physics import simulate
+from twin.calibration.matching import match
+from twin.calibration.priors import Prior
+from twin.calibration.published import Commands, Published, outcomes
 
-
-@given(a=st.floats(0.2, 3), b=st.floats(2, 40), c=st.floats(0, 20), start=st.floats(-20, 20))
-def test_model_nearest_to_its_own_records_is_itself(a, b, c, start):
-    pull = 3 + np.sin(np.linspace(0, 4 * np.pi, 120)) * np.linspace(1, 0.5, 120)
-    found, rmse = best_coleman_hodgdon([(pull, ColemanHodgdon(a, b, c).response(pull, start))])
-    np.testing.assert_allclose(found, [a, b, c], rtol=2e-3, atol=2e-2)
-    assert rmse < 1e-2
+STROKES = ((2e-3, 4e-3), (-1e-3, 1e-3))
+ROW = ("gaussian", 1.0)
+PRIORS = {
+    "section_stiffness": Prior(TRUTH.section_stiffness, 0.5, (5e-3, 0.2)),
+    "sheath_friction_floor": Prior(0.7, 0.5, (0.1, 5.0)),
+    "joint_friction_taper": Prior(0.3, 0.2, (0.0, 0.8)),
+}
 
 
-def test_preset_is_matched_to_given_coleman_hodgdon_parameters():
-    commands = [3e-3 + 1e-3 * np.sin(2 * np.pi * np.arange(0, 8, 0.02) / 4.0)]
+def test_preset_is_matched_to_the_figures_of_another_endoscope():
+    commands = Commands.drawn([1, 2], strokes=STROKES, episodes=(3, 2), seconds=15.0)
+    wanted = TRUTH.replace(section_stiffness=1.4 * TRUTH.section_stiffness, sheath_friction_floor=1.0)
+    its = outcomes([wanted], commands, [ROW])[0]
+    published = Published(
+        model=tuple(np.median(its.model, axis=0)),
+        active={ROW: (float(its.active.mean()), 0.15)},
+        static=(0.0, 90.0),
+        misfit=90.0,
+        steady=90.0,
+    )
     told = []
-    wanted = TRUTH.replace(section_stiffness=0.03, sheath_friction_floor=0.7)
-    episode = simulate(wanted, commands[0], 0.02)
-    target, _ = best_coleman_hodgdon([(episode.pull_mm[::5], episode.bend_deg[::5])])
-    free = FreeParameters(TRUTH, ("section_stiffness", "sheath_friction_floor", "pretension"))
-    preset = match(free, target, commands, on_iteration=lambda *news: told.append(news))
-    reached = simulate(preset, commands[0], 0.02)
-    found, _ = best_coleman_hodgdon([(reached.pull_mm[::5], reached.bend_deg[::5])])
-    before = np.abs(np.log(told[0][1] / target)).max()
-    assert np.abs(np.log(found / target)).max() < min(0.01, before / 5)
+    start = TRUTH.replace(sheath_friction_floor=0.7)
+    preset, outcome, cost = match(
+        start, PRIORS, published, commands, on_outcome=lambda *news: told.append(news)
+    )
+    first, costs = told[0][1], [news[2] for news in told]
+    off = [np.abs(np.log(np.median(o.model, axis=0) / published.model)).max() for o in (first, outcome)]
+    assert off[1] < min(0.01, off[0] / 5)
+    assert preset.section_stiffness / wanted.section_stiffness == np.clip(
+        preset.section_stiffness / wanted.section_stiffness, 0.8, 1.25
+    )
+    assert costs == sorted(costs, reverse=True)
+    assert cost <= costs[0]
 
 
-def test_commands_of_the_match_are_those_of_generate(tmp_path):
-    recipe = Recipe(TRUTH, ((2.0, 4.0),), seconds=3.0, seeds=(7,))
-    for number, pull in enumerate(training_commands((2e-3, 4e-3), 2, 3.0, 7)):
-        assert np.array_equal(make_episode(recipe, EpisodeKey(7, number)).pull, pull)
+def test_limits_count_only_where_they_are_passed():
+    commands = Commands.drawn([1], strokes=STROKES, episodes=(2, 2), seconds=10.0)
+    its = outcomes([TRUTH], commands, [ROW])[0]
+    model, active = tuple(its.model[0]), {ROW: (float(its.active[0, 0]), 0.15)}
+
+    def cost(**limits):
+        values = {"static": (0.0, 90.0), "misfit": 90.0, "steady": 90.0} | limits
+        return match(TRUTH, PRIORS, Published(model, active, **values), commands, steps=1)[2]
+
+    least = cost()
+    assert cost(misfit=float(its.misfit[0]) + 0.01) == least
+    for limits in (
+        {"misfit": float(its.misfit[0]) - 0.1},
+        {"steady": float(its.steady[0]) - 0.1},
+        {"static": (0.0, float(its.static[0]) - 0.1)},
+        {"static": (float(its.static[0]) + 0.1, 90.0)},
+    ):
+        assert cost(**limits) > least + 1

@@ -1,139 +1,113 @@
-"""Calibration to a Coleman-Hodgdon model, for an instrument of which only a, b and c are published."""
+"""Match of a preset to an instrument that is only published, by least squares.
 
-from collections.abc import Callable, Sequence
+A Coleman-Hodgdon model and errors of a filter tell less than the preset has parameters: each has a prior.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares
 
-from twin.calibration.parameters import FreeParameters
-from twin.hysteresis import ColemanHodgdon
-from twin.physics import simulate_batch
+from twin.calibration.priors import Prior, decode, encode
+from twin.calibration.published import Commands, Outcome, Published, outcomes
 from twin.preset.preset import Preset
-from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]
 
-MATCHED = (
-    "section_stiffness",
-    "wire_stiffness",
-    "joint_friction",
-    "sheath_friction_floor",
-    "pretension",
-)
-"""Parameters of a preset that are fitted to a published Coleman-Hodgdon model."""
-SAMPLE_TIME = 0.02  # of the records [s]
-THINNED = 5  # the model is fitted to every fifth sample
-MISFIT_WEIGHT = 0.3  # residual per RMSE of the Coleman-Hodgdon fit [1 / deg]; 1 is 1 % in a, b or c
-MOVE_WEIGHT = 0.5  # residual of a parameter that moves by a factor of e from its start
-
-
-def best_coleman_hodgdon(records: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:
-    """Fit a Coleman-Hodgdon model to records; returns its parameters and RMSE.
-
-    For a given a the response is linear in b and c (variable projection, Golub and Pereyra 1973), so that the
-    search is along one line.
-
-    Args:
-        records: `(pull_mm (N,), bend_deg (N,))` of each.
-
-    Returns:
-        (3,) a [1/mm], b [deg/mm], c [deg/mm]; RMSE [deg].
-    """
-    unit_b, unit_c, silent = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
-
-    def project(logarithm: float) -> tuple[Array, float]:
-        a = float(np.exp(logarithm))
-        columns, targets = [], []
-        for pull, bend in records:
-            free = ColemanHodgdon(a, *silent).response(pull, bend[0])
-            of_b, of_c = (
-                ColemanHodgdon(a, *unit).response(pull, bend[0]) - free for unit in (unit_b, unit_c)
-            )
-            columns.append(np.stack([of_b, of_c], axis=1))
-            targets.append(bend - free)
-        matrix, target = np.concatenate(columns), np.concatenate(targets)
-        solution = np.linalg.lstsq(matrix, target, rcond=None)[0]
-        return np.array([a, *solution]), float(np.sqrt(np.mean((target - matrix @ solution) ** 2)))
-
-    bounds = (np.log(0.05), np.log(6.0))
-    found = minimize_scalar(lambda x: project(x)[1], bounds=bounds, method="bounded", options={"xatol": 1e-4})
-    return project(found.x)
-
-
-def training_commands(stroke: tuple[float, float], episodes: int, seconds: float, seed: int) -> list[Array]:
-    """Return the commands [m] of a generated dataset with that seed."""
-    kinds = list(SIGNALS)
-    streams = (np.random.SeedSequence([seed, number]).spawn(1)[0] for number in range(episodes))
-    return [
-        command(kinds[number % len(kinds)], stroke, seconds, SAMPLE_TIME, np.random.default_rng(stream))
-        for number, stream in enumerate(streams)
-    ]
+STEP = 0.02  # of differences
+# What one unit of a residual is.
+MODEL, ROW, MISFIT, PRIOR = 0.01, 0.005, 0.02, 2.0  # relative, relative, [deg], standard deviations
+INSIDE = 0.95  # of what a row may be off by: beyond, it counts by `ROW`
 
 
 def match(
-    free: FreeParameters,
-    target: Sequence[float],
-    commands: Sequence[Array],
+    base: Preset,
+    priors: Mapping[str, Prior],
+    published: Published,
+    commands: Commands,
     *,
-    iterations: int = 6,
-    on_iteration: Callable[[int, Array, float], None] | None = None,
-) -> Preset:
-    """Fit a preset such that the Coleman-Hodgdon model of its loops has given parameters.
-
-    Damped Gauss-Newton steps on 100 log(parameter / target), with a little weight on the model's misfit and
-    on how far a parameter moves, as there are more parameters than targets.
+    start: Array | None = None,
+    steps: int = 20,
+    on_outcome: Callable[[Preset, Outcome, float], None] | None = None,
+) -> tuple[Preset, Outcome, float]:
+    """Fit a preset to what is published, by least squares from one start.
 
     Args:
-        free: the fitted parameters and their starting values.
-        target: a [1/mm], b [deg/mm], c [deg/mm].
-        commands: (N,) pulling distances [m] that the loops are made with.
-        iterations: largest number of iterations.
-        on_iteration: called with the iteration, the model's a, b, c and its RMSE [deg].
+        base: preset with every other parameter.
+        priors: of the fitted parameters, by name.
+        published: what is known.
+        commands: the excitation.
+        start: (P,) distances from the priors' centres [standard deviations]; those of `base` if not given.
+        steps: most steps.
+        on_outcome: called with each endoscope that is better than the last, its outcome and its cost.
 
     Returns:
-        The fitted preset.
+        The preset, its outcome, and the sum of squares.
+
+    Raises:
+        FloatingPointError: the endoscope of the start has no equilibrium.
     """
+    noises = list(published.active)
+    lowest = np.inf
 
-    def residual(numbers: Array, found: tuple[Array, float]) -> Array:
-        off = 100 * np.log(np.maximum(found[0], 1e-6) / np.asarray(target))
-        return np.concatenate([off, [MISFIT_WEIGHT * found[1]], MOVE_WEIGHT * (numbers - free.start)])
+    def evaluate(points: Sequence[Array]) -> list[Array]:
+        nonlocal lowest
+        presets = [decode(base, priors, point) for point in points]
+        results = []
+        for preset, point, outcome in zip(presets, points, outcomes(presets, commands, noises), strict=True):
+            results.append(_residual(outcome, published, point))
+            cost = float(results[-1] @ results[-1])
+            if outcome is not None and cost < lowest:
+                lowest = cost
+                if on_outcome:
+                    on_outcome(preset, outcome, cost)
+        return results
 
-    def evaluate(candidates: Sequence[Array]) -> list[tuple[Array, float]]:
-        presets = [free.decode(numbers) for numbers in candidates]
-        episodes = simulate_batch(
-            [preset for preset in presets for _ in commands], list(commands) * len(presets), SAMPLE_TIME
-        )
-        records = [(e.pull_mm[::THINNED], e.bend_deg[::THINNED]) if e is not None else None for e in episodes]
-        count = len(commands)
-        groups = [records[start : start + count] for start in range(0, len(records), count)]
-        return [
-            best_coleman_hodgdon(whole)
-            if len(whole := [record for record in group if record is not None]) == count
-            else (np.full(3, 1e-6), 1e3)
-            for group in groups
+    def jacobian(point: Array) -> Array:
+        here, *there = evaluate([point, *(point + STEP * np.eye(len(point)))])
+        return (np.array(there) - here).T / STEP
+
+    point = encode(base, priors) if start is None else start
+    bounds = np.array([prior.bounds for prior in priors.values()]).T
+    margin = 1e-3
+    found = least_squares(
+        lambda at: evaluate([at])[0],
+        np.clip(point, bounds[0] + margin, bounds[1] - margin),
+        jac=jacobian,
+        bounds=bounds,
+        max_nfev=steps,
+        xtol=1e-3,
+        ftol=1e-3,
+    )
+    preset = decode(base, priors, found.x)
+    outcome = outcomes([preset], commands, noises)[0]
+    if outcome is None:
+        raise FloatingPointError(f"{base.name!r} has no equilibrium with these parameters")
+    return preset, outcome, 2 * float(found.cost)
+
+
+def _residual(outcome: Outcome | None, published: Published, point: Array) -> Array:
+    """Return what an endoscope is off by: equalities as they are, limits where they are passed."""
+    rows, allowed = np.array(list(published.active.values())).T
+    if outcome is None:
+        return np.full(3 + 3 * len(rows) + 4 + len(point), 30.0)
+    model = np.log(outcome.model / published.model)
+    model = (np.median(model, axis=0) + model.mean(axis=0)) / 2  # the median alone has corners
+    active = np.log(outcome.active.mean(axis=0) / rows)
+    low, high = np.log1p(-INSIDE * allowed), np.log1p(INSIDE * allowed)
+    return np.concatenate(
+        [
+            model / MODEL,
+            active / allowed,
+            np.maximum(low - active, 0) / ROW,
+            np.maximum(active - high, 0) / ROW,
+            [
+                max(published.static[0] - outcome.static.mean(), 0.0) / MISFIT,
+                max(outcome.static.mean() - published.static[1], 0.0) / MISFIT,
+                max(outcome.misfit.mean() - published.misfit, 0.0) / MISFIT,
+                max(outcome.steady.mean() - published.steady, 0.0) / MISFIT,
+            ],
+            point / PRIOR,
         ]
-
-    numbers = free.start
-    found = evaluate([numbers])[0]
-    step = 0.03
-    for iteration in range(iterations):
-        if on_iteration:
-            on_iteration(iteration, *found)
-        shifts = step * np.eye(len(numbers))
-        both = evaluate([*(numbers + shifts), *(numbers - shifts)])
-        sides = [residual(numbers + s, f) for s, f in zip([*shifts, *-shifts], both, strict=True)]
-        off = residual(numbers, found)
-        jacobian = (np.array(sides[: len(numbers)]) - np.array(sides[len(numbers) :])).T / (2 * step)
-        normal, slope = jacobian.T @ jacobian, jacobian.T @ off
-        candidates = [
-            numbers - np.clip(np.linalg.solve(normal + damping * np.eye(len(numbers)), slope), -0.3, 0.3)
-            for damping in (0.1, 10.0, 100.0)
-        ]
-        reached = evaluate(candidates)
-        costs = [float((residual(c, f) ** 2).sum()) for c, f in zip(candidates, reached, strict=True)]
-        best = int(np.argmin(costs))
-        if costs[best] > 0.99 * float(off @ off):
-            break
-        numbers, found = candidates[best], reached[best]
-    return free.decode(numbers)
+    )

@@ -33,7 +33,7 @@ REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "wrap_
 
 
 class Rewritten(NamedTuple):
-    """What follows the load, of B endoscopes: views of MuJoCo's fields, to write through.
+    """Forces that follow the load, of B endoscopes: views of MuJoCo's fields, to write through.
 
     With two planes, friction is written by way of `SharedFriction`: `sheath` and `joints` are no views then.
 
@@ -156,7 +156,7 @@ class Loads:
 
     @property
     def takes_notes(self) -> bool:
-        """Whether friction depends on what `note` is told."""
+        """Friction depends on what `note` is told."""
         return self.shared is not None
 
     def note(self, rewritten: Rewritten, constraint: Array, moving: Index) -> None:

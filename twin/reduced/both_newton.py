@@ -24,7 +24,7 @@ NEWTON_STEPS = 25
 EAGER = 6
 """Whole steps; then one that led away is followed by a shorter one, as where wires turn slack and taut."""
 FARTHEST = 2e-4
-"""How far an element may go in a step, beside twice the way of the pulleys [m]: slack hardly holds it."""
+"""Longest way of an element in a step, beside twice that of the pulleys [m]: slack hardly holds it."""
 LEAST_SHARE = 1 / 16
 """Shortest of these steps, as a share of a whole one."""
 

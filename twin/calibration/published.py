@@ -1,0 +1,216 @@
+"""Published figures of an instrument, as they come out in a twin: a Coleman-Hodgdon model, a filter's errors.
+
+Both are made here as `endotwin generate`, `identify` and `evaluate` make them, on several draws of the
+excitation, for many endoscopes at once.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.active_model import ActiveModel
+from twin.hysteresis import ColemanHodgdon
+from twin.preset.preset import Preset
+from twin.reduced import simulate_batch
+from twin.signals.excitation import SIGNALS, command
+from twin.signals.noise import draw_noise, noise_variance
+
+Array = NDArray[np.float64]
+
+SAMPLE_TIME = 0.1  # of the records [s]
+FINE = 0.02  # of the commands that `generate` draws [s]
+DRAWS = 3  # of each noise
+STEADY = 5.0  # after which an error counts as that of the model, not of the start [s]
+WRONG_START = 20.0  # of the filters [deg]
+
+
+@dataclasses.dataclass(frozen=True)
+class Published:
+    """Published figures of an instrument.
+
+    Attributes:
+        model: a [1/mm], b [deg/mm], c [deg/mm].
+        active: RMSE of AM [deg] by kind and level of the noise, each with the share that it may be off by.
+        static: lowest and highest RMSE of C-H [deg].
+        misfit: most RMSE of C-H where it was identified [deg].
+        steady: most RMSE of C-H on the other stroke, once the start is forgotten [deg].
+    """
+
+    model: tuple[float, float, float]
+    active: Mapping[tuple[str, float], tuple[float, float]]
+    static: tuple[float, float]
+    misfit: float
+    steady: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Commands:
+    """Commands of all excitation seeds [m]: S seeds, E episodes each, N samples.
+
+    Attributes:
+        identified: (S, E, N), on the stroke of the identification.
+        tested: (S, E, N), on the stroke of the test; their E may be another one.
+    """
+
+    identified: Array
+    tested: Array
+
+    @classmethod
+    def drawn(
+        cls,
+        seeds: Sequence[int],
+        *,
+        strokes: Sequence[tuple[float, float]],
+        episodes: tuple[int, int],
+        seconds: float,
+    ) -> "Commands":
+        """Draw the commands of `generate`, tests with the seed that follows.
+
+        Args:
+            seeds: of the excitation.
+            strokes: lowest and highest pull of identification and test [m].
+            episodes: of a seed, for identification and test; kinds of signals take turns.
+            seconds: length of each [s].
+        """
+
+        def drawn(which: int) -> Array:
+            of_seeds = [
+                training_commands(strokes[which], episodes[which], seconds, seed + which) for seed in seeds
+            ]
+            return np.array(of_seeds)[:, :, :: round(SAMPLE_TIME / FINE)]
+
+        return cls(drawn(0), drawn(1))
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """Published figures as an endoscope has them, by excitation seed.
+
+    Attributes:
+        model: (S, 3) a [1/mm], b [deg/mm], c [deg/mm].
+        misfit: (S,) RMSE of C-H where it was identified [deg].
+        static: (S,) RMSE of C-H on the other stroke, from a wrong start [deg].
+        steady: (S,) RMSE of C-H on the other stroke after the start, from a right one [deg].
+        active: (S, rows) RMSE of AM [deg].
+    """
+
+    model: Array
+    misfit: Array
+    static: Array
+    steady: Array
+    active: Array
+
+
+def training_commands(stroke: tuple[float, float], episodes: int, seconds: float, seed: int) -> list[Array]:
+    """Return the commands [m] of a generated dataset with that seed."""
+    kinds = list(SIGNALS)
+    streams = (np.random.SeedSequence([seed, number]).spawn(1)[0] for number in range(episodes))
+    return [
+        command(kinds[number % len(kinds)], stroke, seconds, FINE, np.random.default_rng(stream))
+        for number, stream in enumerate(streams)
+    ]
+
+
+def best_coleman_hodgdon(pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]:
+    """Fit a Coleman-Hodgdon model to each of many groups of records.
+
+    For a given a the response is linear in b and c (variable projection, Golub and Pereyra 1973), so that the
+    search is along one line, by golden sections of log a in all groups at once.
+
+    Args:
+        pull_mm: (G, E, N) pulling distance of the records of each group [mm].
+        bend_deg: (G, E, N) bending angle [deg].
+
+    Returns:
+        (G, 3) a [1/mm], b [deg/mm], c [deg/mm]; (G,) RMSE [deg].
+    """
+    parts = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None, None]  # b and c of: start, b, c
+    starts = np.array([1.0, 0.0, 0.0])[:, None, None] * bend_deg[:, :, 0]
+
+    def project(logarithm: Array) -> tuple[Array, Array]:
+        a = np.exp(logarithm)
+        free, of_b, of_c = ColemanHodgdon(a[:, None], *parts).response(pull_mm, starts)
+        matrix = np.stack([of_b, of_c], axis=-1).reshape(len(a), -1, 2)
+        target = (bend_deg - free).reshape(len(a), -1, 1)
+        square = matrix.transpose(0, 2, 1)
+        slopes = np.linalg.solve(square @ matrix, square @ target)
+        off = np.sqrt(np.mean((target - matrix @ slopes) ** 2, axis=(1, 2)))
+        return np.column_stack([a, slopes[..., 0]]), off
+
+    shrink = (5**0.5 - 1) / 2
+    low, high = (np.full(len(pull_mm), np.log(end)) for end in (0.05, 6.0))
+    inner = [high - shrink * (high - low), low + shrink * (high - low)]
+    off = [project(place)[1] for place in inner]
+    while (high - low).max() > 1e-4:
+        left = off[0] < off[1]
+        low, high = np.where(left, low, inner[0]), np.where(left, inner[1], high)
+        place = np.where(left, high - shrink * (high - low), low + shrink * (high - low))
+        kept, its_off = np.where(left, inner[0], inner[1]), np.where(left, off[0], off[1])
+        found = project(place)[1]
+        inner = [np.where(left, place, kept), np.where(left, kept, place)]
+        off = [np.where(left, found, its_off), np.where(left, its_off, found)]
+    return project((low + high) / 2)
+
+
+def outcomes(
+    presets: Sequence[Preset], commands: Commands, noises: Sequence[tuple[str, float]]
+) -> list[Outcome | None]:
+    """Return what the published figures are in each endoscope; None of one without equilibrium.
+
+    Args:
+        presets: the endoscopes.
+        commands: of all excitation seeds.
+        noises: kind and level of each row of AM.
+    """
+    sets = (commands.identified, commands.tested)
+    runs = [pull for commanded in sets for pull in commanded.reshape(-1, commanded.shape[-1])]
+    episodes = simulate_batch([p for p in presets for _ in runs], runs * len(presets), SAMPLE_TIME)
+    groups = [episodes[first : first + len(runs)] for first in range(0, len(episodes), len(runs))]
+    able = [number for number, group in enumerate(groups) if all(e is not None for e in group)]
+    results: list[Outcome | None] = [None] * len(presets)
+    if not able:
+        return results
+
+    def gathered(field: str) -> list[Array]:
+        """Return one signal of both sets, (endoscopes and seeds, episodes, N) each."""
+        whole = np.array([[getattr(e, field) for e in groups[number]] for number in able])
+        parts = np.split(whole, [commands.identified[..., 0].size], axis=1)
+        return [part.reshape(-1, *one.shape[1:]) for part, one in zip(parts, sets, strict=True)]
+
+    pull, bend = gathered("pull_mm"), gathered("bend_deg")
+    model, misfit = best_coleman_hodgdon(pull[0], bend[0])
+    static, steady, active = _errors(model, pull[1], bend[1], noises)
+    seeds = len(commands.identified)
+    for place, number in enumerate(able):
+        own = slice(place * seeds, (place + 1) * seeds)
+        results[number] = Outcome(model[own], misfit[own], static[own], steady[own], active[own])
+    return results
+
+
+def _errors(
+    model: Array, pull: Array, bend: Array, noises: Sequence[tuple[str, float]]
+) -> tuple[Array, Array, Array]:
+    """Return RMSE [deg] of C-H and, once the start is forgotten, of C-H, (G,), and of AM, (G, noises)."""
+    after = round(STEADY / SAMPLE_TIME)
+    a_b_c = [numbers[:, None] for numbers in model.T]
+    of_model = ColemanHodgdon(*a_b_c)
+    off = of_model.response(pull, bend[..., 0]) - bend
+    steady = np.sqrt(np.mean(off[..., after:] ** 2, axis=(1, 2)))
+    off = of_model.response(pull, bend[..., 0] + WRONG_START) - bend
+    static = np.sqrt(np.mean(off[..., 1:] ** 2, axis=(1, 2)))
+
+    shape = (len(noises), DRAWS, *bend.shape)  # one filter for each, in one pass
+    noise = np.empty(shape)
+    for row, (kind, level) in enumerate(noises):  # the same draws for every candidate
+        drawn = draw_noise(kind, level, (DRAWS, *bend.shape[1:]), np.random.default_rng(row))
+        noise[row] = drawn[:, None]
+    variance = np.array([noise_variance(kind, level) for kind, level in noises])[:, None, None, None]
+    each = [np.broadcast_to(number, shape[:-1]).ravel() for number in (*a_b_c, variance)]
+    filters = ActiveModel(ColemanHodgdon(*each[:3]), SAMPLE_TIME, measurement_variance=each[3])
+    measured = (bend + noise).reshape(-1, shape[-1])
+    pulls, start = np.broadcast_to(pull, shape).reshape(measured.shape), bend[..., 0] + WRONG_START
+    starts = np.broadcast_to(start, shape[:-1]).ravel()
+    off = filters.estimate(pulls, measured, starts).reshape(shape) - bend
+    return static, steady, np.sqrt(np.mean(off[..., 1:] ** 2, axis=(1, 3, 4))).T
