@@ -23,6 +23,7 @@ ROUGHLY = 0.5  # under two noises, at which the paper's AM is far better or wors
 ROUGH = {("gaussian", 5.0), ("poisson", 0.1)}
 STATIC = (3.9, 5.3)  # RMSE of C-H, wrong start included, under the noises that it cannot depend on [deg]
 MISFIT, STEADY = 1.15, 1.5  # [deg]
+RADII, ROUND_WITHIN = (1e-3, 1.5e-3, 3e-3), 0.0275  # [m], of the radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +69,7 @@ def match_paper(args: MatchPaper) -> Summary:
         value = paper_value(kind, level, "AM", "rmse_deg")
         assert value is not None
         active[kind, level] = (value, ROUGHLY if (kind, level) in ROUGH else WITHIN)
-    published = Published(MODEL, active, STATIC, MISFIT, STEADY)
+    published = Published(MODEL, active, STATIC, MISFIT, STEADY, ROUND_WITHIN)
     base = load_preset(args.preset)
     commands = Commands.drawn(
         range(11, 11 + args.seeds), strokes=STROKES, episodes=args.episodes, seconds=SECONDS
@@ -79,7 +80,16 @@ def match_paper(args: MatchPaper) -> Summary:
         complain(f"start {number + 1} of {args.starts}")
         start = rng.normal(size=len(URETEROSCOPE)) if number else None
         found.append(
-            match(base, URETEROSCOPE, published, commands, start=start, steps=args.steps, on_outcome=_show)
+            match(
+                base,
+                URETEROSCOPE,
+                published,
+                commands,
+                radii=RADII,
+                start=start,
+                steps=args.steps,
+                on_outcome=_show,
+            )
         )
     preset, outcome, cost = min(found, key=lambda one: one[2])
     _show(preset, outcome, cost)

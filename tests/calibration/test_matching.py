@@ -1,9 +1,11 @@
 """A preset is matched to what is published of an instrument."""
 
 import numpy as np
+import pytest
 from calibrating import TRUTH
 
-from twin.calibration.matching import match
+from twin.calibration.circle import out_of_round
+from twin.calibration.matching import ROUND, match
 from twin.calibration.priors import Prior
 from twin.calibration.published import Commands, Published, outcomes
 
@@ -60,3 +62,16 @@ def test_limits_count_only_where_they_are_passed():
         {"static": (float(its.static[0]) + 0.1, 90.0)},
     ):
         assert cost(**limits) > least + 1
+
+
+def test_circle_that_is_asked_for_counts_where_it_is_not_round():
+    commands = Commands.drawn([1], strokes=STROKES, episodes=(2, 2), seconds=10.0)
+    its = outcomes([TRUTH], commands, [ROW])[0]
+    known = tuple(its.model[0]), {ROW: (float(its.active[0, 0]), 0.15)}, (0.0, 90.0), 90.0, 90.0
+    share = float(out_of_round([TRUTH], [2e-3])[0, 0])
+    plain, met, missed = (
+        match(TRUTH, PRIORS, Published(*known, limit), commands, radii=(2e-3,), steps=1)[2]
+        for limit in (np.inf, share * 1.01, share - 2 * ROUND)
+    )
+    assert met == plain
+    assert missed == pytest.approx(plain + 4, rel=1e-3)

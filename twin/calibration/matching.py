@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from twin.calibration.circle import out_of_round
 from twin.calibration.priors import Prior, decode, encode
 from twin.calibration.published import Commands, Outcome, Published, outcomes
 from twin.preset.preset import Preset
@@ -17,7 +18,8 @@ Array = NDArray[np.float64]
 
 STEP = 0.02  # of differences
 # What one unit of a residual is.
-MODEL, ROW, MISFIT, PRIOR = 0.01, 0.005, 0.02, 2.0  # relative, relative, [deg], standard deviations
+MODEL, ROW, MISFIT, PRIOR = 0.005, 0.01, 0.02, 2.0  # relative, relative, [deg], standard deviations
+ROUND = 1.5e-3  # share of the radius
 INSIDE = 0.95  # of what a row may be off by: beyond, it counts by `ROW`
 
 
@@ -27,6 +29,7 @@ def match(
     published: Published,
     commands: Commands,
     *,
+    radii: Sequence[float] = (),
     start: Array | None = None,
     steps: int = 20,
     on_outcome: Callable[[Preset, Outcome, float], None] | None = None,
@@ -38,6 +41,7 @@ def match(
         priors: of the fitted parameters, by name.
         published: what is known.
         commands: the excitation.
+        radii: of the circles of commands that the tip shall follow round, by `published.round_within` [m].
         start: (P,) distances from the priors' centres [standard deviations]; those of `base` if not given.
         steps: most steps.
         on_outcome: called with each endoscope that is better than the last, its outcome and its cost.
@@ -55,8 +59,11 @@ def match(
         nonlocal lowest
         presets = [decode(base, priors, point) for point in points]
         results = []
-        for preset, point, outcome in zip(presets, points, outcomes(presets, commands, noises), strict=True):
-            results.append(_residual(outcome, published, point))
+        reached = outcomes(presets, commands, noises)
+        oval = out_of_round(presets, radii) if radii else np.empty((len(presets), 0))
+        for preset, point, outcome, of_round in zip(presets, points, reached, oval, strict=True):
+            passed = np.clip(of_round - published.round_within, 0, 1) / ROUND
+            results.append(np.concatenate([_residual(outcome, published, point), passed]))
             cost = float(results[-1] @ results[-1])
             if outcome is not None and cost < lowest:
                 lowest = cost

@@ -64,13 +64,14 @@ URETEROSCOPE = {
     # Pins of hinges that carry the wires' force, and more at the base, which carries all of the section.
     "joint_friction": Prior(8e-4, 0.8, (5e-5, 4e-3)),
     "joint_friction_taper": Prior(0.5, 0.25, (0.0, 0.8)),
-    "routing_friction": Prior(0.2, 0.4, (5e-3, 0.4)),  # steel on steel, dry to oiled
-    # Wires at the wall of an instrument of 7.5 to 9 Fr, 2.5 to 3 mm across.
-    "wire_offset": Prior(1.0e-3, 0.1, (0.9e-3, 1.3e-3)),
+    "routing_friction": Prior(0.15, 0.6, (5e-3, 0.4)),  # steel on steel, oiled to dry
+    # Wires at the wall of an instrument of 7.5 to 9.5 Fr, 2.5 to 3.2 mm across.
+    "wire_offset": Prior(1.1e-3, 0.15, (0.9e-3, 1.4e-3)),
     # A strand of 0.2 to 0.3 mm and 0.7 m, with what yields at its ends; it stiffens as it is laid straight.
     "wire_stiffness": Prior(8e3, 0.5, (3e3, 2e4)),
-    "wire_stiffening": Prior(0.12, 0.7, (2e-3, 0.3)),
-    "pretension": Prior(5.0, 0.5, (1.5, 12.0)),
+    # Those of ViO-Com, which are measured, stiffen by 0.2.
+    "wire_stiffening": Prior(0.12, 0.7, (2e-3, 0.4)),
+    "pretension": Prior(8.0, 0.3, (3.0, 14.0)),  # more than friction takes, or nothing is left at the tip
     # A lined sheath: PTFE against steel, and wires pressed to its wall by their own stiffness.
     "sheath_friction": Prior(0.04, 0.5, (5e-3, 0.12)),
     "sheath_friction_floor": Prior(0.4, 0.6, (0.05, 2.0)),

@@ -36,6 +36,8 @@ class Published:
         static: lowest and highest RMSE of C-H [deg].
         misfit: most RMSE of C-H where it was identified [deg].
         steady: most RMSE of C-H on the other stroke, once the start is forgotten [deg].
+        round_within: most departure of the tip from a circle, as a share of its radius, where a circle of
+            commands is asked for: no figure of the instrument, but of any with two like planes.
     """
 
     model: tuple[float, float, float]
@@ -43,6 +45,7 @@ class Published:
     static: tuple[float, float]
     misfit: float
     steady: float
+    round_within: float = np.inf
 
 
 @dataclasses.dataclass(frozen=True)

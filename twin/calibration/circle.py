@@ -1,0 +1,47 @@
+"""Roundness of the tip's path along a circle of commands, of an endoscope that has its plane twice."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.preset.preset import Preset
+from twin.reduced import simulate_batch
+
+Array = NDArray[np.float64]
+
+PERIOD = 16.0  # of a turn [s]
+SAMPLE_TIME = 0.05  # [s]
+TURNS = 2.25  # the last one is compared
+START = 0.3  # direction that the circle starts in [rad]; it makes no difference to the last turn
+
+
+def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
+    """Return how far the tip's path is from a circle about neutral, as a share of its radius.
+
+    Args:
+        presets: B endoscopes; what they have of a second plane is that of the first.
+        radii: of the circle of commands [m].
+
+    Returns:
+        (B, radii); infinity where the tip stays, or has no equilibrium.
+    """
+    angle = START + 2 * np.pi * np.arange(0, TURNS * PERIOD, SAMPLE_TIME) / PERIOD
+    two = [
+        p.replace(bending_planes=2, lateral_initial_bend=p.initial_bend, lateral_command_zero=p.command_zero)
+        for p in presets
+    ]
+    runs = [(preset, radius) for preset in two for radius in radii]
+    episodes = simulate_batch(
+        [preset for preset, _ in runs],
+        [radius * np.cos(angle) for _, radius in runs],
+        SAMPLE_TIME,
+        lateral_pulls=[radius * np.sin(angle) for _, radius in runs],
+    )
+    shares = np.full(len(runs), np.inf)
+    for number, episode in enumerate(episodes):
+        if episode is not None:
+            reach = np.hypot(episode.bend, episode.lateral_bend)[-round(PERIOD / SAMPLE_TIME) :]
+            if reach.any():
+                shares[number] = np.abs(reach / reach.mean() - 1).max()
+    return shares.reshape(len(presets), len(radii))
