@@ -54,6 +54,7 @@ def match_paper(args: MatchPaper) -> Summary:
     from twin.calibration.matching import match
     from twin.calibration.priors import URETEROSCOPE
     from twin.calibration.published import Commands, Published
+    from twin.estimation.active_model import METHOD
     from twin.evaluation.paper import paper_value
     from twin.evaluation.protocol import PAPER_CONDITIONS
     from twin.files.bounds import check_between
@@ -66,7 +67,7 @@ def match_paper(args: MatchPaper) -> Summary:
     check_between("seed", args.seed, 0, 2**32 - 1)
     active = {}
     for kind, level in PAPER_CONDITIONS:
-        value = paper_value(kind, level, "AM", "rmse_deg")
+        value = paper_value(kind, level, METHOD, "rmse_deg")
         assert value is not None
         active[kind, level] = (value, ROUGHLY if (kind, level) in ROUGH else WITHIN)
     published = Published(MODEL, active, STATIC, MISFIT, STEADY, ROUND_WITHIN)

@@ -189,9 +189,10 @@ def expected(text):
     if "\0" in text:
         return None
     try:
-        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if "".join(row).strip()]
+        rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
     except csv.Error:
         return None
+    rows = [row for row in rows if row and (len(row) > 1 or row[0].strip())]  # "," is a row of two gaps
     return None if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows) else rows[1:]
 
 

@@ -19,6 +19,8 @@ from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
+METHOD = "AM"
+"""Name of the method in tables."""
 ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
 
 
@@ -120,7 +122,7 @@ class ActiveModel(Estimator[Belief]):
 
 register_method(
     MethodSpec(
-        name="AM",
+        name=METHOD,
         rank=10,
         family="filter",
         told="R",
