@@ -10,17 +10,21 @@ from twin.calibration.fit import Fit
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import penalised, predict, residuals
 from twin.calibration.parameters import FreeParameters
+from twin.calibration.valley import Valley
 from twin.errors import DivergedError
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-CORRECTIONS = 12
+CORRECTIONS = 20
 """Most corrections towards what MuJoCo says."""
 DAMPINGS = (1e-4, 1e-2, 1.0)
 """Dampings of a correction that are tried, in one batch."""
-HELPS = 0.998
-"""Share of the cost that a correction may leave at most, or it was the last one."""
+HELPS = 0.9999
+"""Share of the cost that a correction may leave at most, or it was the last one.
+
+Of the cost that noise leaves, a thousandth is a standard deviation of a parameter.
+"""
 HALVINGS = 4
 """Most halvings of the time step where the simulation diverges."""
 TRUSTED = 0.2
@@ -53,12 +57,15 @@ def confirmed(
     told = len(reduced)  # what follows is the departure from the first guess
     base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
     free = dataclasses.replace(free, base=base)
+    valley = Valley(free)
     slope, off = jacobian(numbers), penalised(free, [numbers], loops, "mujoco", weight)[0]
     for _ in range(CORRECTIONS):
-        normal, downhill = slope.T @ slope, slope.T @ off
+        along = valley.slope(slope, numbers)
+        normal, downhill = along.T @ along, along.T @ off
         scale = np.diag(np.diag(normal) + 1e-12)
         ways = [np.linalg.solve(normal + damping * scale, downhill) for damping in DAMPINGS]
-        tried = [np.clip(numbers - np.clip(way, -TRUSTED, TRUSTED), free.lower, free.upper) for way in ways]
+        ends = [valley.straight(numbers) - np.clip(way, -TRUSTED, TRUSTED) for way in ways]
+        tried = [np.clip(valley.point(end), free.lower, free.upper) for end in ends]
         then = penalised(free, tried, loops, "mujoco", weight)
         best = int(np.argmin((then**2).sum(axis=1)))
         if not float(then[best] @ then[best]) < HELPS * float(off @ off):

@@ -19,6 +19,7 @@ from twin.calibration.fit import Fit
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
 from twin.calibration.parameters import FreeParameters
+from twin.calibration.valley import Valley
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.state_file import damaged_state, read_state, state_key, write_state
@@ -230,24 +231,38 @@ def _least_squares(
     stopped: threading.Event,
 ) -> Array:
     """Return the cost that least squares reaches, and where, (1 + P,)."""
+    valley = Valley(free)
+    margin = 1e-6
 
-    def of_one(numbers: Array) -> Array:
+    def within(straight: Array) -> Array:
+        """Return the point of the search space; a stiffness may be beyond its limits in the valley."""
+        return np.clip(valley.point(straight), free.lower, free.upper)
+
+    def of_one(straight: Array) -> Array:
         if stopped.is_set():
             raise CancelledError
-        residual: Array = penalised(free, [numbers], loops, "reduced", weight, threads=1)[0]
+        residual: Array = penalised(free, [within(straight)], loops, "reduced", weight, threads=1)[0]
         return residual
 
-    margin = 1e-6
+    def slope(straight: Array) -> Array:
+        numbers = within(straight)
+        return valley.slope(_jacobian(free, loops, numbers, weight, sides=1, threads=1), numbers)
+
+    begin = np.clip(start, free.lower + margin, free.upper - margin)
+    ends = [
+        np.where(valley.straight(begin) == begin, end, far)
+        for end, far in ((free.lower, -np.inf), (free.upper, np.inf))
+    ]
     result = least_squares(
         of_one,
-        np.clip(start, free.lower + margin, free.upper - margin),
-        jac=lambda numbers: _jacobian(free, loops, numbers, weight, sides=1, threads=1),
-        bounds=(free.lower, free.upper),
+        valley.straight(begin),
+        jac=slope,
+        bounds=(ends[0], ends[1]),
         max_nfev=steps,
         xtol=1e-4,
         ftol=1e-5,
     )
-    return np.array([2 * result.cost, *result.x])
+    return np.array([2 * result.cost, *within(result.x)])
 
 
 def _jacobian(

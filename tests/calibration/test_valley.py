@@ -1,0 +1,61 @@
+"""Straight coordinates of a search: they go back to where they came from; slopes follow the chain rule."""
+
+import numpy as np
+import pytest
+from calibrating import TRUTH
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from twin.calibration.parameters import FreeParameters
+from twin.calibration.valley import Valley
+
+NAMES = ("section_stiffness", "wire_stiffening", "pretension", "wire_stiffness")
+BASE = TRUTH.replace(wire_stiffening=0.2)
+POINTS = arrays(float, 4, elements=st.floats(-3, 3))
+
+
+@given(point=POINTS)
+def test_a_point_comes_back(point):
+    valley = Valley(FreeParameters(BASE, NAMES))
+    np.testing.assert_allclose(valley.point(valley.straight(point)), point, atol=1e-12)
+    assert (valley.straight(point) == point)[:3].all()
+
+
+@given(point=POINTS)
+def test_slopes_are_those_of_the_straight_coordinates(point):
+    valley = Valley(FreeParameters(BASE, NAMES))
+
+    def residual(numbers):
+        return np.array([np.sin(numbers).sum(), numbers @ numbers, numbers[1] * numbers[3]])
+
+    def jacobian(numbers):
+        return np.array([np.cos(numbers), 2 * numbers, [0, numbers[3], 0, numbers[1]]])
+
+    straight, step = valley.straight(point), 1e-6
+    differences = [
+        (residual(valley.point(straight + e)) - residual(valley.point(straight - e))) / (2 * step)
+        for e in step * np.eye(4)
+    ]
+    np.testing.assert_allclose(
+        valley.slope(jacobian(point), point), np.array(differences).T, rtol=1e-5, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("names", [NAMES[:3], ("wire_stiffness", "pretension")])
+def test_without_both_nothing_changes(names):
+    valley, point = Valley(FreeParameters(BASE, names)), np.arange(float(len(names)))
+    np.testing.assert_array_equal(valley.straight(point), point)
+    np.testing.assert_array_equal(valley.slope(np.eye(len(names)), point), np.eye(len(names)))
+
+
+def test_stiffness_at_the_pretension_stays_along_it():
+    free = FreeParameters(BASE, NAMES)
+    valley = Valley(free)
+    begin = valley.straight(free.start)
+
+    def at_work(preset):
+        return preset.wire_stiffness * np.sqrt(1 + 2 * preset.wire_stiffening * preset.pretension)
+
+    moved = begin + np.array([0.0, 0.7, -0.4, 0.0])
+    assert at_work(free.decode(valley.point(moved))) == pytest.approx(at_work(BASE))
