@@ -17,7 +17,7 @@ def test_taut_wires_bring_a_circle_and_slack_ones_do_not():
 
 
 def test_second_plane_is_like_the_first():
-    """What an endoscope has of a second plane itself makes no difference."""
+    """A second plane of the preset's own makes no difference."""
     bent = TAUT.without_friction().replace(initial_bend=0.05, lateral_initial_bend=-0.3)
     alike = TAUT.without_friction().replace(initial_bend=0.05, lateral_initial_bend=0.05)
     np.testing.assert_array_equal(out_of_round([bent], [2e-3]), out_of_round([alike], [2e-3]))

@@ -1,4 +1,4 @@
-"""What is published of an instrument, as it comes out in a twin, against the commands that make the same."""
+"""Published figures of an instrument, as they come out in a twin, against the commands that make the same."""
 
 import numpy as np
 import pytest

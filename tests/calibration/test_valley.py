@@ -59,3 +59,23 @@ def test_stiffness_at_the_pretension_stays_along_it():
 
     moved = begin + np.array([0.0, 0.7, -0.4, 0.0])
     assert at_work(free.decode(valley.point(moved))) == pytest.approx(at_work(BASE))
+
+
+@given(straight=arrays(float, 4, elements=st.floats(-40, 40)))
+def test_a_point_of_the_valley_is_taken_within_its_limits(straight):
+    free = FreeParameters(BASE, NAMES)
+    valley = Valley(free)
+    within = valley.within(straight)
+    assert (free.lower <= within).all()
+    assert (within <= free.upper).all()
+    np.testing.assert_array_equal(valley.within(valley.straight(free.start)), free.start)
+
+
+def test_only_the_stiffness_that_is_replaced_has_no_bounds():
+    free = FreeParameters(BASE, NAMES)
+    lower, upper = Valley(free).bounds()
+    assert (lower[3], upper[3]) == (-np.inf, np.inf)
+    np.testing.assert_array_equal(lower[:3], free.lower[:3])
+    np.testing.assert_array_equal(upper[:3], free.upper[:3])
+    plain = FreeParameters(BASE, NAMES[2:])
+    np.testing.assert_array_equal(Valley(plain).bounds(), (plain.lower, plain.upper))

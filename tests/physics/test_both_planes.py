@@ -81,7 +81,7 @@ def test_each_plane_has_its_share_of_the_friction_where_both_move_alike(twin):
 
 
 def test_motion_in_one_plane_lets_the_other_one_go(twin):
-    """What friction holds back in one plane comes loose as the other one slides far enough."""
+    """A bend held back by friction in one plane comes loose as the other one slides far enough."""
     there, cycles = np.linspace(0, 2e-3, 80), 1.5e-3 * np.sin(np.linspace(0, 8 * np.pi, 400))
     pull = np.concatenate([there, there[::-1], np.zeros(400)])  # back to neutral: bent by friction alone
     lateral = np.concatenate([np.zeros(160), cycles])

@@ -13,6 +13,7 @@ from recorded import assert_equal, make_episode, messages
 from twin.episode import OPTIONAL, Episode
 from twin.recording import EpisodeWriter, read_dataset, read_episode, write_episode
 from twin.recording import endotwin_pb2 as schema
+from twin.recording.facts import EpisodeFacts
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +120,7 @@ def test_tension_of_load_cells_alone_comes_back(tmp_path):
     st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=8), st.binary(max_size=50), max_size=3),
 )
 def test_metadata_and_attachments_survive(folder, metadata, attachments):
-    metadata = {name: value for name, value in metadata.items() if name != "preset"}
+    metadata = {name: value for name, value in metadata.items() if name not in EpisodeFacts.model_fields}
     written = dataclasses.replace(make_episode(2), metadata=metadata, attachments=attachments)
     assert_equal(read_episode(write_episode(folder / "meta.mcap", written)), written)
 

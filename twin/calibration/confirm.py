@@ -65,7 +65,7 @@ def confirmed(
         scale = np.diag(np.diag(normal) + 1e-12)
         ways = [np.linalg.solve(normal + damping * scale, downhill) for damping in DAMPINGS]
         ends = [valley.straight(numbers) - np.clip(way, -TRUSTED, TRUSTED) for way in ways]
-        tried = [np.clip(valley.point(end), free.lower, free.upper) for end in ends]
+        tried = [valley.within(end) for end in ends]
         then = penalised(free, tried, loops, "mujoco", weight)
         best = int(np.argmin((then**2).sum(axis=1)))
         if not float(then[best] @ then[best]) < HELPS * float(off @ off):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
+from twin.evaluation.protocol import STEADY_SECONDS, Protocol
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.reduced import simulate_batch
@@ -19,11 +20,9 @@ from twin.signals.noise import draw_noise, noise_variance
 
 Array = NDArray[np.float64]
 
-SAMPLE_TIME = 0.1  # of the records [s]
 FINE = 0.02  # of the commands that `generate` draws [s]
 DRAWS = 3  # of each noise
-STEADY = 5.0  # after which an error counts as that of the model, not of the start [s]
-WRONG_START = 20.0  # of the filters [deg]
+SAMPLE_TIME, WRONG_START = Protocol.sample_time_s, Protocol.initial_error_deg  # [s], [deg]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,7 +195,7 @@ def _errors(
     model: Array, pull: Array, bend: Array, noises: Sequence[tuple[str, float]]
 ) -> tuple[Array, Array, Array]:
     """Return RMSE [deg] of C-H and, once the start is forgotten, of C-H, (G,), and of AM, (G, noises)."""
-    after = round(STEADY / SAMPLE_TIME)
+    after = round(STEADY_SECONDS / SAMPLE_TIME)
     a_b_c = [numbers[:, None] for numbers in model.T]
     of_model = ColemanHodgdon(*a_b_c)
     off = of_model.response(pull, bend[..., 0]) - bend

@@ -234,35 +234,26 @@ def _least_squares(
     valley = Valley(free)
     margin = 1e-6
 
-    def within(straight: Array) -> Array:
-        """Return the point of the search space; a stiffness may be beyond its limits in the valley."""
-        return np.clip(valley.point(straight), free.lower, free.upper)
-
     def of_one(straight: Array) -> Array:
         if stopped.is_set():
             raise CancelledError
-        residual: Array = penalised(free, [within(straight)], loops, "reduced", weight, threads=1)[0]
+        residual: Array = penalised(free, [valley.within(straight)], loops, "reduced", weight, threads=1)[0]
         return residual
 
     def slope(straight: Array) -> Array:
-        numbers = within(straight)
+        numbers = valley.within(straight)
         return valley.slope(_jacobian(free, loops, numbers, weight, sides=1, threads=1), numbers)
 
-    begin = np.clip(start, free.lower + margin, free.upper - margin)
-    ends = [
-        np.where(valley.straight(begin) == begin, end, far)
-        for end, far in ((free.lower, -np.inf), (free.upper, np.inf))
-    ]
     result = least_squares(
         of_one,
-        valley.straight(begin),
+        valley.straight(np.clip(start, free.lower + margin, free.upper - margin)),
         jac=slope,
-        bounds=(ends[0], ends[1]),
+        bounds=valley.bounds(),
         max_nfev=steps,
         xtol=1e-4,
         ftol=1e-5,
     )
-    return np.array([2 * result.cost, *within(result.x)])
+    return np.array([2 * result.cost, *valley.within(result.x)])
 
 
 def _jacobian(

@@ -18,7 +18,7 @@ class Valley:
 
     def __init__(self, free: FreeParameters) -> None:
         """Find the parameters that make the valley; without both of them nothing changes."""
-        self._pretension = free.base.pretension
+        self._free = free
         self._places = [
             free.names.index(name) if name in free.names else -1
             for name in ("wire_stiffness", "wire_stiffening", "pretension")
@@ -31,6 +31,19 @@ class Valley:
     def point(self, straight: Array) -> Array:
         """Return the point of the search space that has these straight coordinates."""
         return self._shifted(straight, -1.0)
+
+    def within(self, straight: Array) -> Array:
+        """Return the point of the search space; one beyond its limits, as a stiffness may be, is at them."""
+        point: Array = np.clip(self.point(straight), self._free.lower, self._free.upper)
+        return point
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the limits of the straight coordinates, (P,) each; that of the stiffness has none."""
+        lower, upper = self._free.lower, self._free.upper
+        stiffness, stiffening, _ = self._places
+        if min(stiffness, stiffening) >= 0:
+            lower[stiffness], upper[stiffness] = -np.inf, np.inf
+        return lower, upper
 
     def slope(self, jacobian: Array, numbers: Array) -> Array:
         """Return derivatives (R, P) at a point with respect to the straight coordinates."""
@@ -45,7 +58,7 @@ class Valley:
     def _growth(self, numbers: Array) -> float:
         """Return 2 s T at the pretension [-]."""
         _, stiffening, pretension = self._places
-        tension = np.exp(numbers[pretension]) if pretension >= 0 else self._pretension
+        tension = np.exp(numbers[pretension]) if pretension >= 0 else self._free.base.pretension
         return float(2 * np.exp(numbers[stiffening]) * tension)
 
     def _shifted(self, numbers: Array, sign: float) -> Array:

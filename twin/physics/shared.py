@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from twin.mechanics.compiled import compiled
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups
-from twin.physics.layout import Layout
+from twin.physics.layout import Index, Layout
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 TOLD = 1e-3
 """Force over friction above which it tells a direction [-]."""

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.compiled import compiled
-from twin.reduced.chain import Array, Hinge, Plane, fill_stretch, hinge_torque, load_of, turn_of
+from twin.reduced.chain import HELD, Array, Hinge, Plane, fill_stretch, hinge_torque, load_of, turn_of
 from twin.reduced.shared_friction import Neighbours, new_neighbours
 
 Index = NDArray[np.int64]
 
-HELD = 1e-3
-"""Share of its stiffness that a slack segment is given in the linear system, not in the equilibrium."""
 LEAST_TORQUE = 1e-12
 """Smallest friction of a hinge [N m]: a force over its friction must be a number."""
 

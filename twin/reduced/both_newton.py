@@ -8,7 +8,6 @@ import math
 
 from twin.mechanics.compiled import compiled, inlined
 from twin.reduced.both_chain import (
-    HELD,
     BothPlanes,
     Index,
     both_pulley_force,
@@ -16,7 +15,7 @@ from twin.reduced.both_chain import (
     load_elements,
     load_hinges,
 )
-from twin.reduced.chain import RESIDUAL_N, Array, Plane, Signs, bend_of
+from twin.reduced.chain import HELD, RESIDUAL_N, Array, Plane, Signs, bend_of, larger
 from twin.reduced.elimination import eliminate
 from twin.reduced.shared_friction import rub
 
@@ -103,7 +102,7 @@ def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool
                 continue
             unsettled = unsettled or slip[p, j] == 0
             slip[p, j] = 1
-            missing = _larger(missing, abs(pair.missing[p]))
+            missing = larger(missing, abs(pair.missing[p]))
             for q in range(2):
                 of_force, of_sum = pair.of_force[p, q], c * pair.of_friction[p, q]
                 _add_segments(matrix, row, column, slope, q, i, of_force, of_sum)
@@ -136,7 +135,7 @@ def _assemble_hinges(
                 continue
             unsettled = unsettled or turn[p, g] == 0
             turn[p, g] = 1
-            missing = _larger(missing, abs(pair.missing[p]) / arm)
+            missing = larger(missing, abs(pair.missing[p]) / arm)
             for q in range(2):
                 of_force, of_sum = arm * pair.of_force[p, q], wrapped * pair.of_friction[p, q]
                 _add_segments(matrix, row, column, slope, q, E, of_force, of_sum)
@@ -160,16 +159,8 @@ def _assemble_ends(plane: Plane, target: tuple[float, float], both: BothPlanes, 
         matrix[row, row] -= plane.pulley_stiffness + slope[p, 0] + slope[p, -1]
         matrix[row, column[p, 1]] += slope[p, 0]
         matrix[row, column[p, -2]] += slope[p, -1]
-        missing = _larger(missing, abs(force))
+        missing = larger(missing, abs(force))
     return missing
-
-
-@compiled
-def _larger(a: float, b: float) -> float:
-    """Return the larger of two numbers; infinity where one is no number."""
-    if math.isnan(a) or math.isnan(b):
-        return math.inf
-    return max(a, b)
 
 
 @inlined

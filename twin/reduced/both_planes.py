@@ -116,7 +116,7 @@ def _solve_part(
     farthest = FARTHEST + 2 * max(abs(target[0] - pulley[0]), abs(target[1] - pulley[1]))
     _begin(plane, target, both, element, hinge, pulley)
     if plane.holds > 1.0:
-        come_to_rest(plane, both, slip)
+        hold_caught_up(plane, both, slip)
     missing = math.inf
     for turns in range(ROUNDS):
         missing, settled = settle_both(
@@ -131,7 +131,7 @@ def _solve_part(
 
 
 @compiled
-def come_to_rest(plane: Plane, both: BothPlanes, slip: Signs) -> None:
+def hold_caught_up(plane: Plane, both: BothPlanes, slip: Signs) -> None:
     """Hold the neighbours that have caught up with what pulls them, by the tensions before an increment."""
     most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
     for j in range(slip.shape[1]):

@@ -21,6 +21,8 @@ from twin.mechanics.compiled import compiled, inlined
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
+HELD = 1e-3
+"""Share of its stiffness that a slack segment is given in the linear system, not in the equilibrium."""
 RESIDUAL_N = 1e-7
 """Force that is missing from equilibrium at any node, at most [N]."""
 
@@ -214,6 +216,14 @@ def hinge_torque(law: Hinge, angle: float, before: float) -> tuple[float, float]
     torque = away * (law.stiffness + law.cubic * away * away) + law.damping * (angle - before)
     slope = law.stiffness + 3.0 * law.cubic * away * away + law.damping
     return torque, slope
+
+
+@inlined
+def larger(a: float, b: float) -> float:
+    """Return the larger of two numbers; infinity where one is no number."""
+    if math.isnan(a) or math.isnan(b):
+        return math.inf
+    return max(a, b)
 
 
 @inlined

@@ -9,6 +9,7 @@ import math
 
 from twin.mechanics.compiled import compiled, inlined
 from twin.reduced.chain import (
+    HELD,
     RESIDUAL_N,
     Array,
     Plane,
@@ -16,13 +17,12 @@ from twin.reduced.chain import (
     Work,
     bend_of,
     hinge_torque,
+    larger,
     load_segments,
     pulley_force,
     turn_of,
 )
 
-HELD = 1e-3
-"""Share of its stiffness that a slack segment is given in the linear system, not in the equilibrium."""
 NEWTON_STEPS = 25
 
 
@@ -41,19 +41,11 @@ def settle(
         nodes_changed, of_nodes = _assemble_nodes(plane, work, slip)
         hinges_changed, of_hinges = _assemble_hinges(plane, work, hinge, turn)
         of_pulley = pulley_force(plane, work.force, pulley)
-        missing = _larger(_larger(of_nodes, of_hinges), abs(of_pulley))
+        missing = larger(larger(of_nodes, of_hinges), abs(of_pulley))
         if not nodes_changed and not hinges_changed and missing <= RESIDUAL_N:
             return pulley, missing, True
         pulley += _step(plane, work, hinge, slip, turn, of_pulley)
     return pulley, missing, False
-
-
-@inlined
-def _larger(a: float, b: float) -> float:
-    """Return the larger of two numbers; infinity where one is no number."""
-    if math.isnan(a) or math.isnan(b):
-        return math.inf
-    return max(a, b)
 
 
 @inlined
@@ -95,7 +87,7 @@ def _assemble_nodes(plane: Plane, work: Work, slip: Signs) -> tuple[bool, float]
         A, B = (1.0 - s * c) * slope[i], (1.0 + s * c) * slope[i + 1]
         lower[i], main[i], upper[i] = -A, A + B, -B
         right[i] = ahead - behind - s * friction
-        missing = _larger(missing, abs(right[i]))
+        missing = larger(missing, abs(right[i]))
         if A == 0.0 or B == 0.0:  # slack on one side: neighbours that slide with it may be held by nothing
             main[i] += HELD * plane.segment.stiffness
     return changed, missing
@@ -128,7 +120,7 @@ def _assemble_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> tup
             changed = changed or moved != 0.0
             continue
         residual[g] = moment - torque - s * friction
-        missing = _larger(missing, abs(residual[g]) / arm)
+        missing = larger(missing, abs(residual[g]) / arm)
         share = arm * size[g] / slope[g]
         A += share * arm * (1.0 - s * wrapped[g]) * work.slope[E]
         B += share * arm * (1.0 + s * wrapped[g]) * work.slope[E + 1]

@@ -63,7 +63,7 @@ def solve_plane(
     fill_stretch(work.stretch_before, plane.rest, work.node, pulley)
     load_segments(plane, work, pulley)
     if plane.holds > 1.0:
-        come_to_rest(plane, work, slip)
+        hold_caught_up(plane, work, slip)
     pulley = pulley + pulley_force(plane, work.force, pulley) / plane.pulley_stiffness
 
     missing = math.inf
@@ -78,7 +78,7 @@ def solve_plane(
 
 
 @compiled
-def come_to_rest(plane: Plane, work: Work, slip: Signs) -> None:
+def hold_caught_up(plane: Plane, work: Work, slip: Signs) -> None:
     """Hold the elements that have caught up with what pulls them, by the tensions before an increment."""
     most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
     for j in range(len(slip)):
