@@ -4,6 +4,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -43,6 +44,12 @@ class Calibrate:
     """Play the logs this many times faster than recorded; a log of phases has a pace of its own."""
     sample_time: float | None = None
     """Time between two samples that are compared [s]; if not given, some 900 samples of all logs are."""
+    rivals: tuple[Literal["coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii"], ...] = (
+        "coleman-hodgdon",
+        "prandtl-ishlinskii",
+    )
+    """Models without physics that are fitted to the same part of each log, for comparison; bouc-wen takes
+    some seconds for each bend of the sheath."""
     seed: int = 0
     json: bool = False
     """Print the summary as one JSON object."""
@@ -92,7 +99,7 @@ def run_calibration(args: Calibrate) -> Summary:
         state_file=state_file,
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
-    values = write_fit(out, fit, loops, held_out, args.seed)
+    values = write_fit(out, fit, loops, held_out, args.seed, args.rivals)
     remove_state(state_file, STATE)
     for warning in values["warnings"]:
         complain(f"warning: {warning}")

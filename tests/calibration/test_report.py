@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from twin.calibration import figure, files, report, uncertainty
+from twin.calibration import compared, figure, files, rivals, uncertainty
+from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
 from twin.calibration.files import log_summary, write_fit
 from twin.calibration.report import fit_report
@@ -17,24 +18,29 @@ from twin.preset.file import load_preset
 
 def test_report_compares_with_each_log_and_draws_it(fitted):
     _, logs, fit, _ = fitted
-    values, episodes = fit_report(fit, uncertainty(fit), logs, seed=0)
+    both = compare(fit.preset, logs, rivals=["coleman-hodgdon"])
+    values = fit_report(fit, uncertainty(fit), both, seed=0)
     assert [log["name"] for log in values["logs"]] == ["0 rad", "1.5 rad"]
     for log in values["logs"]:
         assert log["rmse_deg"] < 0.05 < log["coleman_hodgdon_rmse_deg"]
         assert log["tension_a_rmse_percent_of_range"] < 1
-    axes = fit_figure(logs, episodes).axes
-    assert len(axes) == 4
-    np.testing.assert_allclose(axes[0].lines[0].get_ydata(), np.degrees(logs[0].bend))
+    axes = fit_figure(both).axes
+    assert len(axes) == 6  # bend, error and tension of each
+    measured, simulated = (line.get_ydata() for line in axes[0].lines)
+    np.testing.assert_allclose(measured, np.degrees(logs[0].bend))
+    np.testing.assert_allclose(simulated, np.degrees(both[0].episode.bend), atol=0.05)
+    np.testing.assert_allclose(axes[2].lines[-1].get_ydata(), simulated - measured, atol=1e-9)
 
 
 def test_log_that_is_only_predicted_is_scored_apart(fitted):
     _, logs, fit, _ = fitted
     shown = [logs[0], logs[1].only_predicted()]
-    values, _ = fit_report(fit, uncertainty(fit), shown, seed=0)
+    values = fit_report(fit, uncertainty(fit), compare(fit.preset, shown, rivals=["coleman-hodgdon"]), seed=0)
     seen, unseen = values["logs"]
     assert seen["held_out_rmse_deg"] is None
     assert unseen["rmse_deg"] is None
     assert unseen["coleman_hodgdon_rmse_deg"] is None
+    assert unseen["coleman_hodgdon_held_out_rmse_deg"] > 0.5  # by the model of the other bend
     assert unseen["held_out_rmse_deg"] < 0.05
     assert unseen["tension_a_rmse_percent_of_range"] < 1
 
@@ -49,10 +55,10 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
     if trouble == "slack wire":
         logs = [dataclasses.replace(log, tension=log.tension * [1, 0]) for log in logs]
     if trouble == "diverges":
-        simulated = report.predict
-        monkeypatch.setattr(report, "predict", lambda *args: [[None, *simulated(*args)[0][1:]]])
+        simulated = compared.predict
+        monkeypatch.setattr(compared, "predict", lambda *args: [[None, *simulated(*args)[0][1:]]])
     if trouble == "no model":
-        monkeypatch.setattr(report, "identify", none_of_it)
+        monkeypatch.setattr(rivals, "identify", none_of_it)
     if trouble == "blind":
         fit = dataclasses.replace(fit, jacobian=np.where([True, False, False], fit.jacobian, 0.0))
         fit.jacobian[:, 2] = math.nan
@@ -60,7 +66,7 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
         logs = [dataclasses.replace(log, name=r"$\frac$ {{<b>") for log in logs]
     if trouble == "many logs":
         monkeypatch.setattr(figure, "MOST_DRAWN", 1)
-    values = write_fit(tmp_path / "p.yaml", fit, logs, [], 0)
+    values = write_fit(tmp_path / "p.yaml", fit, logs, [], 0, ["coleman-hodgdon"])
     assert load_preset(tmp_path / "p.yaml").section_stiffness == pytest.approx(fit.preset.section_stiffness)
     assert json.loads((tmp_path / "p_fit.json").read_text()) == values
     assert (tmp_path / "p_fit.png").is_file()

@@ -8,6 +8,7 @@ import pytest
 from calibrating import SAMPLE_TIME, TRUTH
 
 from twin.calibration import Fit, free_parameters, measured_loop, with_slack
+from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
 from twin.calibration.files import log_summary, write_fit
 from twin.calibration.objective import OFFSET_SPREAD, PRIOR, residuals
@@ -61,7 +62,7 @@ def test_both_planes_are_fitted_reported_and_drawn(simulated, tmp_path):
     off = residuals([TWO], loops)[0]
     jacobian = np.random.default_rng(0).normal(size=(len(off), 2))
     fit = Fit(free, TWO, float(off @ off), float(off @ off), jacobian, off)
-    values = write_fit(tmp_path / "x.yaml", fit, loops[:1], loops[1:], 0)
+    values = write_fit(tmp_path / "x.yaml", fit, loops[:1], loops[1:], 0, ["coleman-hodgdon"])
     fitted, predicted = json.loads((tmp_path / "x_fit.json").read_text())["logs"]
     assert values["logs"] == [fitted, predicted]
     assert (fitted["offset_deg"], fitted["lateral_offset_deg"]) == pytest.approx((3, -5), abs=1e-3)
@@ -72,13 +73,15 @@ def test_both_planes_are_fitted_reported_and_drawn(simulated, tmp_path):
     assert log_summary(fitted) == "a log RMSE 0.00 deg, sideways 0.00"
     assert log_summary(predicted) == "a log predicted within 1.00 deg, sideways 2.00"
     assert load_preset(tmp_path / "x.yaml").bending_planes == 2
-    axes = fit_figure(loops, [simulated, None]).axes
-    assert len(axes) == 4
-    measured, twin = axes[2].lines
+    one, other = compare(TWO, loops)
+    nothing = tuple({"twin": None} for _ in other.errors)
+    axes = fit_figure([one, dataclasses.replace(other, episode=None, errors=nothing)]).axes
+    assert len(axes) == 8  # bend and error, in two planes, of two logs
+    measured, twin = axes[4].lines
     np.testing.assert_allclose(measured.get_ydata(), np.degrees(loops[0].lateral_bend))
-    np.testing.assert_allclose(twin.get_ydata(), measured.get_ydata(), atol=1e-6)
+    np.testing.assert_allclose(twin.get_ydata(), measured.get_ydata(), atol=1e-3)
     np.testing.assert_allclose(measured.get_xdata(), 2 * np.cos(PHASE))
-    assert [len(axis.lines) for axis in axes] == [2, 1, 2, 1]
+    assert [len(axis.lines) for axis in axes] == [2, 1, 2, 1, 2, 1, 2, 1]
 
 
 def test_slack_wires_have_a_zero_of_each_command(simulated):

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from twin.calibration.compared import compare
 from twin.calibration.confirm import steady
 from twin.calibration.figure import fit_figure
 from twin.calibration.fit import Fit
@@ -99,6 +100,7 @@ def write_fit(
     loops: Sequence[MeasuredLoop],
     held_out: Sequence[MeasuredLoop],
     seed: int,
+    rivals: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Write a calibrated preset, and beside it NAME_fit.json and NAME_fit.png.
 
@@ -110,6 +112,7 @@ def write_fit(
         loops: the logs that were fitted.
         held_out: the logs that are only predicted.
         seed: of the calibration.
+        rivals: models without physics that are fitted to the same samples, as in `compare`.
 
     Returns:
         What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
@@ -119,10 +122,11 @@ def write_fit(
         fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))
     known = uncertainty(fit)
     write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
-    values, episodes = fit_report(fit, known, shown, seed)
+    logs = compare(fit.preset, shown, seed, rivals)
+    values = fit_report(fit, known, logs, seed)
     report, figure = report_files(out)
     write_whole(report, json.dumps(values, indent=2) + "\n")
-    write_whole(figure, to_png_bytes(fit_figure(shown, episodes)))
+    write_whole(figure, to_png_bytes(fit_figure(logs)))
     return values
 
 
