@@ -108,13 +108,35 @@ def test_one_parameter_is_searched_over_its_whole_range():
 
 def test_kept_stages_are_not_worked_out_again(problem, whole, tmp_path, monkeypatch):
     state = tmp_path / "state"
-    interrupt(problem, state, 8)  # all but the confirmation
+    stages = []
+    calibrate(*problem, seed=3, starts=2, on_progress=lambda *news: stages.append(news))
+    interrupt(problem, state, len(stages) - 1)  # all but the confirmation
 
-    def worked(*args):
+    def worked(*args, **options):
         raise AssertionError("least squares again")
 
-    monkeypatch.setattr(search, "_least_squares", worked)
+    monkeypatch.setattr(search, "descend", worked)
     same(calibrate(*problem, seed=3, starts=2, state_file=state), whole)
+
+
+def test_a_hop_ends_in_the_lower_of_two_valleys(problem, monkeypatch):
+    """The second valley is out of reach of a descent: a ridge of residuals lies between."""
+    (free,), logs = problem
+    ends = []
+
+    def penalised(free, points, *args, **options):
+        x, y = (np.array(points) - free.start).T * 40
+        high = np.cos(np.pi * x) ** 2 + 0.1 * (x - 2) ** 2  # lowest at 1.5, which is told within a ridge
+        return np.stack([np.sqrt(high + 0.05), 30 * y, *np.full((6, len(x)), 1e-2)], axis=1)
+
+    for module in ("search", "descent"):
+        monkeypatch.setattr(f"twin.calibration.{module}.penalised", penalised)
+    hopping = search._Search([free], logs, 2, {}, None, "", lambda *news: ends.append(news))
+    start = free.start - np.array([2.5, 0.0]) / 40
+    before = float((penalised(free, [start])[0] ** 2).sum())
+    cost, found = hopping.hop(0, before, start, 0.0, seed=0)
+    assert cost < 0.5 * before
+    assert (found - free.start)[0] * 40 > -0.6
 
 
 @pytest.mark.parametrize("seed", [1, 2])

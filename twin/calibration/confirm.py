@@ -36,7 +36,7 @@ def confirmed(
     loops: Sequence[MeasuredLoop],
     numbers: Array,
     weight: float,
-    jacobian: Callable[[Array], Array],
+    jacobian: Callable[[Array, Array | None], Array],
 ) -> Fit:
     """Move a fit of the reduced twin to where the twin in MuJoCo agrees with the logs.
 
@@ -48,7 +48,7 @@ def confirmed(
         loops: the logs.
         numbers: the fit, in the search space, (P,).
         weight: of the first guess, of `prior_weight`.
-        jacobian: derivative of the residuals of the reduced twin at a point (R, P).
+        jacobian: derivative of the residuals of the reduced twin at a point (R, P); it is given the last one.
 
     Raises:
         FloatingPointError: MuJoCo diverges along a log even at a much smaller step.
@@ -58,7 +58,7 @@ def confirmed(
     base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
     free = dataclasses.replace(free, base=base)
     valley = Valley(free)
-    slope, off = jacobian(numbers), penalised(free, [numbers], loops, "mujoco", weight)[0]
+    slope, off = jacobian(numbers, None), penalised(free, [numbers], loops, "mujoco", weight)[0]
     for _ in range(CORRECTIONS):
         along = valley.slope(slope, numbers)
         normal, downhill = along.T @ along, along.T @ off
@@ -71,7 +71,7 @@ def confirmed(
         if not float(then[best] @ then[best]) < HELPS * float(off @ off):
             break
         numbers, off = tried[best], then[best]
-        slope = jacobian(numbers)
+        slope = jacobian(numbers, slope)
     return Fit(
         free=free,
         preset=free.decode(numbers),

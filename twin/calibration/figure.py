@@ -1,6 +1,6 @@
 """Figure of a calibration: logs beside their simulation, what is left of each, and tensions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 MOST_DRAWN = 24
 """Largest number of logs in the figure; a picture has a largest size."""
-STRIPS = 4
-"""Logs from which on each is a narrow column, as short windows are."""
+COLUMNS = 4
+"""Logs beside each other; the next ones go below."""
 
 _MEASURED, _FITTED, _PREDICTED = "#8a939e", "#c4161c", "#1f5f99"
 _RIVALS = {
@@ -37,7 +37,8 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
     """Plot logs and their simulation over pull, one log a column, each row on shared axes.
 
     Rows are the bend, its error with those of the models that are compared, the same of the second plane, and
-    tensions. What was fitted is red, what was only predicted blue.
+    tensions. What was fitted is red, what was only predicted blue; of an angle whose zero is not known, a
+    prediction is shown less its mean error.
 
     Args:
         logs: the first `MOST_DRAWN` are drawn.
@@ -48,30 +49,50 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
         rows += ["lateral bend", "lateral error"]
     if any(log.loop.tension.size for log in logs):
         rows.append("tension")
-    heights = [0.62 if "error" in row else 1.0 for row in rows]
-    width = 3.4 if len(logs) < STRIPS else 2.1
-    figure = Figure(figsize=(width * len(logs) + 0.5, 2.8 * sum(heights)), layout="constrained")
-    axes = figure.subplots(
-        len(rows), len(logs), squeeze=False, sharey="row", gridspec_kw={"height_ratios": heights}
+    bands = [logs[first : first + COLUMNS] for first in range(0, len(logs), COLUMNS)]
+    heights = [0.72 if "error" in row else 1.0 for row in rows] * len(bands)
+    figure = Figure(figsize=(3.1 * len(bands[0]) + 0.5, 2.9 * sum(heights) + 0.3), layout="constrained")
+    axes = figure.subplots(len(heights), len(bands[0]), squeeze=False, gridspec_kw={"height_ratios": heights})
+    for band, drawn in enumerate(bands):
+        below = axes[band * len(rows) : (band + 1) * len(rows)]
+        for row, beside in zip(rows, below, strict=True):
+            _draw_row(row, beside, drawn)
+    for first in range(len(rows)):
+        same = axes[first :: len(rows)].ravel()
+        for axis in same[1:]:
+            axis.sharey(same[0])
+        same[0].autoscale(axis="y")
+    named = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
+    figure.legend(
+        named.values(),
+        named.keys(),
+        loc="outside lower center",
+        ncols=len(named),
+        frameon=False,
+        fontsize=8,
+        labelcolor=INK,
     )
-    for column, log in enumerate(logs):
-        for row, axis in zip(rows, axes[:, column], strict=True):
-            clean_axes(axis)
-            plane = int(row.startswith("lateral"))
-            if plane >= len(log.errors):
-                axis.set_axis_off()
-                continue
-            axis.set_xlabel(f"{'lateral ' * plane}pulling distance [mm]", color=INK)
-            if row == "tension":
-                _draw_tension(axis, log)
-            elif "error" in row:
-                _draw_error(axis, log, plane)
-            else:
-                axis.set_title(_title(log, plane), color=INK, fontsize=9)
-                _draw_bend(axis, log, plane)
-    for row, axis in zip(rows, axes[:, 0], strict=True):
-        axis.set_ylabel(_LABELS[row], color=INK)
     return figure
+
+
+def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
+    """Draw one quantity of logs beside each other; what a log does not have stays empty."""
+    plane = int(row.startswith("lateral"))
+    for place, axis in enumerate(axes):
+        log = logs[place] if place < len(logs) else None
+        if log is None or plane >= len(log.errors) or (row == "tension" and not log.loop.tension.size):
+            axis.set_axis_off()
+            continue
+        clean_axes(axis)
+        axis.set_xlabel(f"{'lateral ' * plane}pulling distance [mm]", color=INK)
+        if row == "tension":
+            _draw_tension(axis, log)
+        elif "error" in row:
+            _draw_error(axis, log, plane)
+        else:
+            axis.set_title(_title(log, plane), color=INK, fontsize=8)
+            _draw_bend(axis, log, plane)
+    axes[0].set_ylabel(_LABELS[row], color=INK)
 
 
 def _title(log: Compared, plane: int) -> str:
@@ -81,14 +102,14 @@ def _title(log: Compared, plane: int) -> str:
     if errors["rmse_deg"] is not None:
         said.append(f"fitted within {errors['rmse_deg']:.2f}°")
     if errors["held_out_rmse_deg"] is not None:
-        said.append(f"predicted within {errors['held_out_rmse_deg']:.2f}°")
-        if log.loop.offset and not log.loop.fitted.any():
-            said[-1] += f" ({errors['held_out_centred_rmse_deg']:.2f}° less offset)"
+        whole = log.loop.offset and not log.loop.fitted.any()
+        centred = f" ({errors['held_out_centred_rmse_deg']:.2f}° less offset)" if whole else ""
+        said.append(f"predicted within {errors['held_out_rmse_deg']:.2f}°{centred}")
     line = ", ".join(said) or "the twin diverges"
     if plane:
         return line
     bend = log.loop.sheath_bend
-    bent = "" if bend is None else f", sheath bent by {np.degrees(bend):.0f}°"
+    bent = "" if bend is None else f", sheath {np.degrees(bend):.0f}°"
     return f"{_plain(log.loop.name)}{bent}\n{line}"
 
 
@@ -104,37 +125,52 @@ def _pull_mm(log: Compared, plane: int) -> Array:
 def _draw_bend(axis: Axes, log: Compared, plane: int) -> None:
     """Draw the loop of a bending plane, measured and simulated."""
     measured = log.loop.lateral_bend if plane else log.loop.bend
-    pull, error = _pull_mm(log, plane), log.errors[plane][TWIN]
+    pull, error = _pull_mm(log, plane), _shown(log, log.errors[plane][TWIN])
     axis.plot(pull, np.degrees(measured), color=_MEASURED, lw=2.2, label="measured")
     if error is not None:
-        _draw_parts(axis, log, pull, np.degrees(measured + error), "twin")
-    axis.legend(frameon=False, fontsize=7, labelcolor=INK)
+        _draw_parts(axis, log, pull, np.degrees(measured + error))
 
 
-def _draw_parts(axis: Axes, log: Compared, pull: Array, values: Array, label: str) -> None:
+def _shown(log: Compared, error: Array | None) -> Array | None:
+    """Return an error (N,) as it is drawn: less its mean if no part was fitted and its zero is not known."""
+    if error is None or log.loop.fitted.any() or not log.loop.offset:
+        return error
+    centred: Array = error - error[log.loop.seen].mean()
+    return centred
+
+
+def _draw_parts(axis: Axes, log: Compared, pull: Array, values: Array) -> None:
     """Draw the twin's curve (N,) in the colour of what was fitted and of what was only predicted."""
     fitted = log.loop.fitted
     for mask, colour, part in ((fitted, _FITTED, "fitted"), (~fitted, _PREDICTED, "predicted")):
         if mask.any():
             shown = np.where(mask, values, np.nan)
-            axis.plot(pull, shown, color=colour, lw=1.1, label=f"{label}, {part}")
+            axis.plot(pull, shown, color=colour, lw=1.1, label=f"twin, {part}")
 
 
 def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
     """Draw the errors in a bending plane over pull: of the models that are compared, and of the twin."""
     pull = _pull_mm(log, plane)
     axis.axhline(0, color=_MEASURED, lw=0.8)
+    told = []
     for name, error in log.errors[plane].items():
-        if error is None or name == TWIN:
+        shown = _shown(log, error)
+        if shown is None or name == TWIN:
             continue
         label, colour, line = _RIVALS.get(name, (name, MUTED, "-"))
-        rmse = next(value for value in errors_deg(error, log.loop).values() if value is not None)
-        axis.plot(pull, np.degrees(error), color=colour, lw=0.8, ls=line, label=f"{label} {rmse:.2f}°")
-    error = log.errors[plane][TWIN]
-    if error is not None:
-        _draw_parts(axis, log, pull, np.degrees(error), "twin")
-    if len(axis.get_legend_handles_labels()[1]) > 2:
-        axis.legend(frameon=False, fontsize=6.5, labelcolor=INK, ncols=2, loc="upper left")
+        axis.plot(pull, np.degrees(shown), color=colour, lw=0.8, ls=line, label=label)
+        told.append(f"{label} {_told(errors_deg(shown, log.loop))}")
+    if told:
+        axis.set_title(", ".join(told), color=INK, fontsize=7)
+    twin = _shown(log, log.errors[plane][TWIN])
+    if twin is not None:
+        _draw_parts(axis, log, pull, np.degrees(twin))
+
+
+def _told(errors: Mapping[str, float | None]) -> str:
+    """Return an error where it was fitted, and where it was predicted."""
+    values = [errors[name] for name in ("rmse_deg", "held_out_rmse_deg")]
+    return " / ".join(f"{value:.2f}°" for value in values if value is not None)
 
 
 def _draw_tension(axis: Axes, log: Compared) -> None:
@@ -145,5 +181,4 @@ def _draw_tension(axis: Axes, log: Compared) -> None:
         axis.plot(pull, log.loop.tension[:, index], color=_MEASURED, lw=2.0, ls=line)
         if log.episode is not None:
             axis.plot(pull, log.episode.tension[:, index], color=colour, lw=1.1, ls=line)
-    said = "wire a solid, wire b dashed"
-    axis.text(0.02, 0.02, said, transform=axis.transAxes, fontsize=7, color=MUTED)
+    axis.set_title("wire a solid, wire b dashed", color=INK, fontsize=7)

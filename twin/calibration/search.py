@@ -4,22 +4,23 @@ import functools
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from twin import __version__
 from twin.calibration.confirm import confirmed
+from twin.calibration.descent import descend, over_what_is_told
 from twin.calibration.fit import Fit
+from twin.calibration.hops import EACH, WIDTHS, points_about
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
 from twin.calibration.parameters import FreeParameters
-from twin.calibration.valley import Valley
+from twin.calibration.secants import variance_of
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.state_file import damaged_state, read_state, state_key, write_state
@@ -33,11 +34,15 @@ STARTS = 8
 """Starts of least squares: valleys are many, and the best one by the fitted samples is taken."""
 FINISHED = 2
 """The best starts that are followed to the bottom."""
+HOPS = 2
+"""Most hops into another valley; after one that finds none there is no other."""
+LOWER = 0.998
+"""Share of the cost below which another valley is lower."""
 TURNS = 3
 """Most times that the first guess is given less weight, where the logs leave little unexplained."""
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
-STRIDE, STEPS, MOST_STEPS = 0.02, 12, 40  # of differences, and steps of a start and of one that is finished
-USUAL_STEPS, TRIALS = 25, 8  # of one that is finished, and simulations that are timed
+STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
+USUAL_STEPS, USUAL_HOPS, TRIALS = 15, 2, 8  # of one that is finished; hops; simulations that are timed
 STATE = "calibration state"
 """Kind of the state that an interrupted calibration leaves."""
 MOST_STARTS = 1000
@@ -58,8 +63,8 @@ def calibrate(
     """Fit a preset to logs.
 
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
-    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. `confirmed` then
-    moves the best fit to where the twin in MuJoCo agrees with the logs.
+    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Hops then look for a
+    lower valley nearby. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
 
     Args:
         structures: the fitted parameters and their first guess; of several sets the one that fits best is
@@ -85,7 +90,7 @@ def calibrate(
     saved = (read_state(state_file, STATE, key) if state_file else None) or {}
     search = _Search(structures, loops, starts, saved, state_file, key, on_progress)
     begun = search.screen(np.random.default_rng(seed))
-    down = search.descend("start", begun, STEPS)
+    down = search.descend("start", begun, STEPS, smooth=False)
     best = sorted(down, key=lambda one: one[0])[:FINISHED]
     finished = search.descend("finish", [(which, x) for _, which, x in best], MOST_STEPS)
     cost, which, numbers = min(finished, key=lambda one: one[0])
@@ -97,12 +102,13 @@ def calibrate(
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
             search.tell(cost)
+    cost, numbers = search.hop(which, cost, numbers, weight, seed)
     fit = confirmed(
         free,
         loops,
         numbers,
         weight,
-        jacobian=lambda at: _jacobian(free, loops, at, weight, sides=2, threads=0),
+        jacobian=lambda at, around: over_what_is_told(free, loops, at, weight, around),
     )
     search.tell(cost)
     return fit
@@ -128,8 +134,9 @@ def foreseen_seconds(
     residuals([free.base] * TRIALS, loops, "reduced")
     each = (time.perf_counter() - begun) / TRIALS
     step = len(free.names) + 2
-    simulations = SCREENED * starts + STEPS * step * starts + USUAL_STEPS * step * min(FINISHED, starts)
-    return each * simulations
+    descents = STEPS * step * starts + USUAL_STEPS * 2 * step * min(FINISHED, starts)
+    hops = USUAL_HOPS * (len(WIDTHS) * (EACH + STEPS * step) + USUAL_STEPS * 2 * step)
+    return each * (SCREENED * starts + descents + hops)
 
 
 class _Search:
@@ -149,6 +156,7 @@ class _Search:
         self._kept = dict(saved)
         self._state_file, self._key, self._on_progress = state_file, key, on_progress
         self._total = len(structures) + starts + min(FINISHED, starts) + TURNS + 1
+        self._total += HOPS * (len(WIDTHS) + 1)
         self._lowest, self._lock = np.inf, threading.Lock()
         self._done = 0
 
@@ -175,7 +183,13 @@ class _Search:
         return begun
 
     def descend(
-        self, stage: str, begun: Sequence[tuple[int, Array]], steps: int, weight: float = PRIOR
+        self,
+        stage: str,
+        begun: Sequence[tuple[int, Array]],
+        steps: int,
+        weight: float = PRIOR,
+        *,
+        smooth: bool = True,
     ) -> list[tuple[float, int, Array]]:
         """Return the cost, structure and place that least squares reaches from each start, two at a time."""
         stopped = threading.Event()
@@ -185,7 +199,16 @@ class _Search:
             found = self._once(
                 f"{stage} {number}",
                 (len(start) + 1,),
-                lambda: _least_squares(self._structures[which], self._loops, start, steps, weight, stopped),
+                lambda: descend(
+                    self._structures[which],
+                    self._loops,
+                    start,
+                    steps,
+                    weight,
+                    smooth=smooth,
+                    threads=1 if len(begun) > 1 else 0,
+                    stopped=stopped,
+                ),
             )
             return float(found[0]), which, found[1:]
 
@@ -202,8 +225,30 @@ class _Search:
                 pool.shutdown(cancel_futures=True)
                 raise
 
-    def _costs(self, free: FreeParameters, candidates: Array) -> Array:
-        off = penalised(free, list(candidates), self._loops, "reduced", PRIOR)
+    def hop(self, which: int, cost: float, numbers: Array, weight: float, seed: int) -> tuple[float, Array]:
+        """Return the cost and place after hops into lower valleys, until one finds none."""
+        free = self._structures[which]
+        for number in range(HOPS):
+            slope = over_what_is_told(free, self._loops, numbers, weight)
+            here = penalised(free, [numbers], self._loops, "reduced", weight)[0]
+            rng = np.random.default_rng([seed, number])
+            variance = variance_of(here, len(numbers))
+            drawn = points_about(numbers, slope, variance, (free.lower, free.upper), rng)
+            costs = np.array([self._costs(free, points, weight) for points in drawn])
+            begun = [
+                (which, points[place]) for points, place in zip(drawn, costs.argmin(axis=1), strict=True)
+            ]
+            reached = self.descend(f"hop {number}", begun, STEPS, weight, smooth=False)
+            lowest = min(reached, key=lambda one: one[0])
+            if not lowest[0] < LOWER * cost:
+                for _ in range((HOPS - number) * (len(WIDTHS) + 1) - len(WIDTHS)):
+                    self.tell(cost)
+                break
+            cost, _, numbers = self.descend(f"landing {number}", [(which, lowest[2])], MOST_STEPS, weight)[0]
+        return cost, numbers
+
+    def _costs(self, free: FreeParameters, candidates: Array, weight: float = PRIOR) -> Array:
+        off = penalised(free, list(candidates), self._loops, "reduced", weight)
         cost: Array = (off**2).sum(axis=1)
         return cost
 
@@ -220,68 +265,6 @@ class _Search:
             if self._state_file is not None:
                 write_state(self._state_file, STATE, self._key, self._kept)
         return found
-
-
-def _least_squares(
-    free: FreeParameters,
-    loops: Sequence[MeasuredLoop],
-    start: Array,
-    steps: int,
-    weight: float,
-    stopped: threading.Event,
-) -> Array:
-    """Return the cost that least squares reaches, and where, (1 + P,)."""
-    valley = Valley(free)
-    margin = 1e-6
-
-    def of_one(straight: Array) -> Array:
-        if stopped.is_set():
-            raise CancelledError
-        residual: Array = penalised(free, [valley.within(straight)], loops, "reduced", weight, threads=1)[0]
-        return residual
-
-    def slope(straight: Array) -> Array:
-        numbers = valley.within(straight)
-        return valley.slope(_jacobian(free, loops, numbers, weight, sides=1, threads=1), numbers)
-
-    result = least_squares(
-        of_one,
-        valley.straight(np.clip(start, free.lower + margin, free.upper - margin)),
-        jac=slope,
-        bounds=valley.bounds(),
-        max_nfev=steps,
-        xtol=1e-4,
-        ftol=1e-5,
-    )
-    return np.array([2 * result.cost, *valley.within(result.x)])
-
-
-def _jacobian(
-    free: FreeParameters,
-    loops: Sequence[MeasuredLoop],
-    numbers: Array,
-    weight: float,
-    *,
-    sides: int,
-    threads: int,
-) -> Array:
-    """Return the derivative of the residuals (R, P) at a point, by differences to one side or to both."""
-    count = len(numbers)
-    fits = numbers + STRIDE <= free.upper
-
-    def each_moved(ends: Array) -> list[Array]:
-        """Return the point with one parameter after the other at its end."""
-        return [np.where(np.arange(count) == i, ends, numbers) for i in range(count)]
-
-    if sides == 1:
-        up, down = np.where(fits, numbers + STRIDE, numbers - STRIDE), numbers
-        below = [numbers]
-    else:
-        up, down = np.where(fits, numbers + STRIDE, numbers), np.maximum(numbers - STRIDE, free.lower)
-        below = each_moved(down)
-    off = penalised(free, [*each_moved(up), *below], loops, "reduced", weight, threads)
-    derivative: Array = ((off[:count] - off[count:]) / (up - down)[:, None]).T
-    return derivative
 
 
 def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], seed: int, starts: int) -> str:

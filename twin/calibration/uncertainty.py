@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from twin.calibration.fit import Fit
 from twin.calibration.parameters import SIGNED, FreeParameters
+from twin.calibration.secants import variance_of
 from twin.preset.preset import parameter_limits
 from twin.preset.randomization import Ranges
 
@@ -38,18 +39,12 @@ class Uncertainty:
 def uncertainty(fit: Fit) -> Uncertainty:
     """Estimate standard deviations and correlations by linearised least squares.
 
-    The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989). Residuals of neighbouring samples are alike, so
-    that there is less information than samples: s^2 is inflated by (1 + r) / (1 - r), with r their
-    correlation from one sample to the next (the effective number of samples of an AR(1) process, Bayley and
-    Hammersley 1946).
+    The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989), with s^2 of `variance_of`.
     """
     free = fit.free
     told = np.isfinite(fit.jacobian).all(axis=0)
     residual, jacobian = fit.residual, np.where(told, fit.jacobian, 0.0)
-    freedom = max(len(residual) - jacobian.shape[1], 1)
-    power = float(residual @ residual)
-    r = float(np.clip(residual[1:] @ residual[:-1] / power, 0.0, 0.999)) if power > 0 else 0.0
-    variance = power / freedom * (1 + r) / (1 - r)
+    variance = variance_of(residual, jacobian.shape[1])
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) * variance
     blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
     deviation = np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
