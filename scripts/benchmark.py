@@ -29,6 +29,8 @@ class Benchmark:
     """Random closed cycles."""
     draws: int = 10_000
     """Endoscopes drawn from the randomisation ranges."""
+    known: int = 20
+    """Known endoscopes that are calibrated on logs of their own."""
     pairs: int = 200
     """Of them that both twins simulate."""
     steps: int = 1_000_000
@@ -57,6 +59,7 @@ def benchmark(args: Benchmark) -> Summary:
         cycles=args.cycles,
         draws=args.draws,
         pairs=args.pairs,
+        known=args.known,
         steps=args.steps,
         episodes=args.episodes,
         many_episodes=args.many_episodes,

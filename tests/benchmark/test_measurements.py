@@ -8,7 +8,9 @@ from twin.benchmark.result import Result
 from twin.benchmark.start import processor_seconds
 
 
-@pytest.mark.parametrize("field", ["amplitude", "cycles", "draws", "steps", "episodes", "many_episodes"])
+@pytest.mark.parametrize(
+    "field", ["amplitude", "cycles", "draws", "known", "steps", "episodes", "many_episodes"]
+)
 def test_a_size_that_measures_nothing_is_refused_by_name(field):
     with pytest.raises(ValueError, match=f"^{field} = 0: must be positive$"):
         Size(**{field: 0})

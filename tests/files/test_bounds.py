@@ -56,7 +56,7 @@ def test_no_number_that_is_not_finite_or_huge_is_taken(settings, name, wrong):
         (lambda **given: FullSuite("folder", **given), "seeds"),
         (lambda **given: check_options("bouc-wen", **given), "population"),
         (lambda **given: check_options("bouc-wen", **given), "generations"),
-        *((Size, name) for name in ("cycles", "draws", "steps", "episodes", "many_episodes")),
+        *((Size, name) for name in ("cycles", "draws", "known", "steps", "episodes", "many_episodes")),
     ],
 )
 def test_no_count_that_never_ends_is_taken(settings, name, wrong):

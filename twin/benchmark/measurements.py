@@ -12,6 +12,7 @@ from twin.benchmark import (
     filters,
     identification,
     physics,
+    recovery,
     reduced,
     scaling,
     speed,
@@ -33,6 +34,7 @@ MOST = {
     "cycles": 1_000_000,
     "draws": 1_000_000,
     "pairs": 1_000_000,
+    "known": 10_000,
     "steps": 100_000_000,
     "episodes": 10_000,
     "many_episodes": 10_000,
@@ -50,6 +52,7 @@ class Size:
         cycles: random closed cycles.
         draws: endoscopes drawn from the randomisation ranges.
         pairs: of them that both twins simulate.
+        known: endoscopes that are calibrated on logs of their own.
         steps: samples over which the covariances of the Kalman filters are watched.
         episodes: of 60 s, of the dataset that is made, weighed and read.
         many_episodes: of 10 s, while the memory is watched.
@@ -60,6 +63,7 @@ class Size:
     cycles: int = 1000
     draws: int = 10_000
     pairs: int = 200
+    known: int = 20
     steps: int = 1_000_000
     episodes: int = 64
     many_episodes: int = 1000
@@ -77,7 +81,7 @@ class Size:
             raise InputError(
                 f"amplitude = {self.amplitude * 1e3:g} mm: must be at most {LARGEST_AMPLITUDE * 1e3:g} mm"
             )
-        for name in ("cycles", "draws", "pairs", "steps", "episodes", "many_episodes"):
+        for name in ("cycles", "draws", "pairs", "known", "steps", "episodes", "many_episodes"):
             check_between(name, getattr(self, name), 1, MOST[name])
 
 
@@ -134,6 +138,9 @@ MEASUREMENTS: dict[str, Measurement] = {
         preset, load_ranges(size.preset), size.amplitude
     ),
     "reduced_start": lambda preset, _, __: reduced.start(preset),
+    "recovery": lambda preset, size, progress: recovery.recovered(
+        preset, size.amplitude, size.known, progress
+    ),
     "memory": lambda preset, size, _: datasets.memory(preset, size.amplitude, size.many_episodes),
 }
 """Each measurement by its name: a result, or several."""
