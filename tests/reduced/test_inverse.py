@@ -31,7 +31,7 @@ def test_the_pull_brings_what_it_says(drive):
     twins, rng = ReducedTwins(drawn(12, 1, **drive), T), np.random.default_rng(2)
     found_all = []
     for _ in range(15):
-        wanted = rng.uniform(-1.2, 1.2, 12)
+        wanted = rng.uniform(-1.0, 1.0, 12)
         found = twins.inverse(wanted, stroke=STROKE)
         before = twins.save_state()
         off = np.empty((41, 12))

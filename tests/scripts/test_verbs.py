@@ -292,7 +292,7 @@ def mistakes(workspace):
         ("generate --stroke 2 --out x", "--stroke ['2']: must be FLOAT FLOAT"),
         ("generate --out x --bogus", "--bogus"),
         ("generate --preset ureteroscope", "--out"),
-        ("generate --stroke 2 400 --out x", "pulled by at most 30.5 mm: is the unit right?"),
+        ("generate --stroke 2 400 --out x", "pulled by at most 51.1 mm: is the unit right?"),
         ("generate --sample-time nan --out x", "sample_time_s = nan: input should be a finite number"),
         ("generate --seed -1 --out x", "--seed -1"),
         ("generate --stroke -1 1 --episodes 2 --seconds 8 --seed 1 --out data/train", "of another recipe"),

@@ -40,7 +40,7 @@ SPREAD = {
 }
 """Standard deviation of each parameter: of its logarithm, or of its value where it may be negative."""
 USUAL = {"section_stiffening": 0.1, "servo_gain": 20.0, "initial_bend": 0.0, "joint_friction_taper": 0.25}
-"""What the endoscopes are drawn around where it is not the preset's."""
+"""Middle of the draws where it is not the preset's own value."""
 LEAST = 0.9
 """Share of the parameters that are told which are to be within two of their standard deviations."""
 

@@ -226,8 +226,14 @@ class _Search:
                 raise
 
     def hop(self, which: int, cost: float, numbers: Array, weight: float, seed: int) -> tuple[float, Array]:
-        """Return the cost and place after hops into lower valleys, until one finds none."""
+        """Return the cost and place after hops into lower valleys, until one finds none.
+
+        Only where the logs leave so little unexplained that the first guess counts less than `PRIOR`.
+        """
         free = self._structures[which]
+        if weight >= PRIOR:  # what the twin cannot explain outweighs what such valleys differ by
+            self._skip(HOPS * (len(WIDTHS) + 1), cost)
+            return cost, numbers
         for number in range(HOPS):
             slope = over_what_is_told(free, self._loops, numbers, weight)
             here = penalised(free, [numbers], self._loops, "reduced", weight)[0]
@@ -241,11 +247,14 @@ class _Search:
             reached = self.descend(f"hop {number}", begun, STEPS, weight, smooth=False)
             lowest = min(reached, key=lambda one: one[0])
             if not lowest[0] < LOWER * cost:
-                for _ in range((HOPS - number) * (len(WIDTHS) + 1) - len(WIDTHS)):
-                    self.tell(cost)
+                self._skip((HOPS - number) * (len(WIDTHS) + 1) - len(WIDTHS), cost)
                 break
             cost, _, numbers = self.descend(f"landing {number}", [(which, lowest[2])], MOST_STEPS, weight)[0]
         return cost, numbers
+
+    def _skip(self, stages: int, cost: float) -> None:
+        for _ in range(stages):
+            self.tell(cost)
 
     def _costs(self, free: FreeParameters, candidates: Array, weight: float = PRIOR) -> Array:
         off = penalised(free, list(candidates), self._loops, "reduced", weight)
