@@ -30,7 +30,7 @@ def test_error_of_each_fidelity_is_what_is_stated(name):
         assert rms <= FIDELITIES[fidelity].rms_deg, (fidelity, rms)
         assert most <= FIDELITIES[fidelity].most_deg, (fidelity, most)
     assert errors["fine"][0] < errors["standard"][0] / 2
-    assert errors["standard"][0] < 1.01 * errors["fast"][0]
+    assert errors["standard"][0] < 1.1 * errors["fast"][0]  # five elements count more than the step
 
 
 def test_fidelity_changes_parts_and_steps_alone():

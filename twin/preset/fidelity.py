@@ -30,7 +30,7 @@ class Fidelity:
 
 FIDELITIES = {
     "fine": Fidelity({"sheath_elements": 10, "time_step": 1.25e-3}, 0.1, 0.3),
-    "standard": Fidelity({}, 0.2, 0.4),
+    "standard": Fidelity({}, 0.3, 0.8),
     "fast": Fidelity({"vertebrae": 8, "time_step": 5e-3}, 0.3, 0.9),
 }
 """Each fidelity by its name, from the finest; `standard` is the preset as it stands."""
