@@ -60,7 +60,8 @@ def time_step(preset: Preset, amplitude: float) -> Result:
 def capstan(preset: Preset, amplitude: float) -> Result:
     """Measure the worst error of the tension ratio of a sliding wire against exp(-mu phi), phi up to 2 pi."""
     bends = np.linspace(0, 2 * np.pi, 9)
-    bare = preset.replace(sheath_friction_floor=0.0, joint_friction=0.0, routing_friction=0.0)
+    other = ("sheath_friction_floor", "sheath_friction_growth", "joint_friction", "routing_friction")
+    bare = preset.replace(**dict.fromkeys(other, 0.0))
     presets = [bare.replace(sheath_bend=float(bend), sheath_bend_offset=0.0) for bend in bends]
     there, back = np.linspace(0, 2 * amplitude, 201), np.linspace(2 * amplitude, 0.25 * amplitude, 351)
     command = np.concatenate([there, back])
