@@ -67,7 +67,7 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
         named.values(),
         named.keys(),
         loc="outside lower center",
-        ncols=len(named),
+        ncols=min(len(named), 2 * len(bands[0])),
         frameon=False,
         fontsize=8,
         labelcolor=INK,
