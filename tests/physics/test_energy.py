@@ -26,7 +26,9 @@ def test_closed_cycles_never_give_energy(twin):
 
 def test_work_of_the_pulley_is_what_friction_dissipates(twin):
     """First law over a closed cycle: the springs give back what they took, so the rest went into friction."""
-    preset = PRESET.without_viscosity().replace(joint_friction=2e-3)  # enough that both losses count
+    preset = PRESET.without_viscosity().replace(
+        joint_friction=2e-3, routing_friction=0.0
+    )  # enough that both losses count
     sliding, turning, friction, tension, pulley = [], [], [], [], []
 
     def note(endoscope) -> None:
@@ -54,7 +56,7 @@ def bend_of_least_energy(preset: Preset, pull: float) -> float:
     at_rest = max(np.roots([quadratic, stiffness, -preset.pretension]))
 
     def energy(bend: float) -> float:
-        stored = preset.section_stiffness * bend**2 / 2
+        stored = preset.section_stiffness * (bend**2 / 2 + preset.section_stiffening * bend**4 / 4)
         for side in (1, -1):
             stretch = max(side * (pull - preset.wire_offset * bend) / lengths + at_rest, 0.0)
             stored += lengths * (stiffness * stretch**2 / 2 + quadratic * stretch**3 / 3)

@@ -20,9 +20,9 @@ COLUMNS = 4
 
 _MEASURED, _FITTED, _PREDICTED = "#8a939e", "#c4161c", "#1f5f99"
 _RIVALS = {
-    "coleman-hodgdon": ("C-H", "#6f3fa0", (0, (5, 1.5))),
-    "bouc-wen": ("Bouc-Wen", "#b9811f", (0, (3, 1.2, 1, 1.2))),
-    "prandtl-ishlinskii": ("P-I", "#3b7d5d", (0, (1, 1))),
+    "coleman-hodgdon": ("#6f3fa0", (0, (5, 1.5))),
+    "bouc-wen": ("#b9811f", (0, (3, 1.2, 1, 1.2))),
+    "prandtl-ishlinskii": ("#3b7d5d", (0, (1, 1))),
 }
 _LABELS = {
     "bend": "bending angle [deg]",
@@ -157,9 +157,10 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
         shown = _shown(log, error)
         if shown is None or name == TWIN:
             continue
-        label, colour, line = _RIVALS.get(name, (name, MUTED, "-"))
-        axis.plot(pull, np.degrees(shown), color=colour, lw=0.8, ls=line, label=label)
-        told.append(f"{label} {_told(errors_deg(shown, log.loop))}")
+        colour, line = _RIVALS.get(name, (MUTED, "-"))
+        axis.plot(pull, np.degrees(shown), color=colour, lw=0.8, ls=line, label=name.title())
+        initials = "-".join(part[0].upper() for part in name.split("-"))
+        told.append(f"{initials} {_told(errors_deg(shown, log.loop))}")
     if told:
         axis.set_title(", ".join(told), color=INK, fontsize=7)
     twin = _shown(log, log.errors[plane][TWIN])
