@@ -26,9 +26,8 @@ def test_closed_cycles_never_give_energy(twin):
 
 def test_work_of_the_pulley_is_what_friction_dissipates(twin):
     """First law over a closed cycle: the springs give back what they took, so the rest went into friction."""
-    preset = PRESET.without_viscosity().replace(
-        joint_friction=2e-3, routing_friction=0.0
-    )  # enough that both losses count
+    # Enough in the hinges that both losses count; that of wires on vertebrae is not counted.
+    preset = PRESET.without_viscosity().replace(joint_friction=2e-3, routing_friction=0.0)
     sliding, turning, friction, tension, pulley = [], [], [], [], []
 
     def note(endoscope) -> None:

@@ -128,9 +128,9 @@ def deviations(fit: Fit, truth: Preset) -> dict[str, float]:
     free, known = fit.free, uncertainty(fit).deviation
     found, true = free.encode(fit.preset), free.encode(truth)
     away = {}
-    for name, numbers in zip(free.names, zip(found, true, strict=True), strict=True):
+    for name, here, there in zip(free.names, found, true, strict=True):
         scale = SIGNED[name] if name in SIGNED else getattr(fit.preset, name)
         deviation = known[name] / scale
         if deviation <= UNKNOWN:
-            away[name] = abs(numbers[0] - numbers[1]) / deviation
+            away[name] = abs(here - there) / deviation
     return away

@@ -117,15 +117,10 @@ def _plain(name: str) -> str:
     return name.replace("$", r"\$")  # a pair of them would be mathematics
 
 
-def _pull_mm(log: Compared, plane: int) -> Array:
-    pull = log.loop.lateral_pull if plane else log.loop.pull
-    return pull * 1e3 if pull.size else np.zeros(len(log.loop.pull))
-
-
 def _draw_bend(axis: Axes, log: Compared, plane: int) -> None:
     """Draw the loop of a bending plane, measured and simulated."""
-    measured = log.loop.lateral_bend if plane else log.loop.bend
-    pull, error = _pull_mm(log, plane), _shown(log, log.errors[plane][TWIN])
+    measured = log.loop.bend_in(plane)
+    pull, error = log.loop.pull_in(plane) * 1e3, _shown(log, log.errors[plane][TWIN])
     axis.plot(pull, np.degrees(measured), color=_MEASURED, lw=2.2, label="measured")
     if error is not None:
         _draw_parts(axis, log, pull, np.degrees(measured + error))
@@ -150,7 +145,7 @@ def _draw_parts(axis: Axes, log: Compared, pull: Array, values: Array) -> None:
 
 def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
     """Draw the errors in a bending plane over pull: of the models that are compared, and of the twin."""
-    pull = _pull_mm(log, plane)
+    pull = log.loop.pull_in(plane) * 1e3
     axis.axhline(0, color=_MEASURED, lw=0.8)
     told = []
     for name, error in log.errors[plane].items():
@@ -176,7 +171,7 @@ def _told(errors: Mapping[str, float | None]) -> str:
 
 def _draw_tension(axis: Axes, log: Compared) -> None:
     """Draw the tensions at the pulley over pull, measured and simulated."""
-    pull = _pull_mm(log, 0)
+    pull = log.loop.pull * 1e3
     colour = _FITTED if log.loop.fitted.any() else _PREDICTED
     for index, line in enumerate(("-", (0, (4, 1.5)))[: log.loop.tension.shape[1]]):
         axis.plot(pull, log.loop.tension[:, index], color=_MEASURED, lw=2.0, ls=line)

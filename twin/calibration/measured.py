@@ -65,6 +65,15 @@ class MeasuredLoop:
         """Return the log with no fitted sample, for prediction only."""
         return dataclasses.replace(self, fitted=np.zeros_like(self.fitted))
 
+    def pull_in(self, plane: int) -> Array:
+        """Return the command of a bending plane, (N,) [m]; zero in one that has none."""
+        pull = self.lateral_pull if plane else self.pull
+        return pull if pull.size else np.zeros_like(self.pull)
+
+    def bend_in(self, plane: int) -> Array:
+        """Return the measured angle in a bending plane, (N,) [rad]; (0,) if there is none."""
+        return self.lateral_bend if plane else self.bend
+
     @property
     def tension_range(self) -> float:
         """Range of the measured tensions [N]."""

@@ -91,9 +91,7 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
     Models that are odd about zero could not follow logs whose middle is elsewhere. They get command and angle
     about the middle of what is fitted. A play starts from rest at zero: its model gets them as they are.
     """
-    bends = [loop.lateral_bend if plane else loop.bend for loop in loops]
-    pulls = [_lateral_pull(loop) if plane else loop.pull for loop in loops]
-    pairs = list(zip(loops, pulls, bends, strict=True))
+    pairs = [(loop, loop.pull_in(plane), loop.bend_in(plane)) for loop in loops]
     middle = zero = 0.0
     if centred:
         middle = _middle([pull[loop.fitted] for loop, pull, bend in pairs if bend.size])
@@ -110,10 +108,6 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
         else None
         for loop, pull, bend in pairs
     ]
-
-
-def _lateral_pull(loop: MeasuredLoop) -> Array:
-    return loop.lateral_pull if loop.lateral_pull.size else np.zeros_like(loop.pull)
 
 
 def _middle(parts: Sequence[Array]) -> float:
