@@ -17,14 +17,14 @@ def nothing(*_: object) -> None:
 def test_agreement_is_measured_on_every_signal_and_draw(monkeypatch):
     monkeypatch.setattr(reduced, "SECONDS", 5.0)
     told = []
-    results = reduced.agreement(PRESET, RANGES, 3e-3, 2, lambda *counts: told.append(counts))
+    finer = PRESET.replace(time_step=PRESET.time_step / 2)  # at its own step MuJoCo's tensions are 2 % off
+    results = reduced.agreement(finer, RANGES, 3e-3, 2, lambda *counts: told.append(counts))
     assert list(results) == ["reduced_rms", "reduced_largest", "reduced_start", "reduced_tension"]
     assert (
         "worst of 9 records" in results["reduced_rms"].name
     )  # 5 signals, 2 draws, moving sheath, two planes
     assert told[-1] == (7, 7)
-    assert all(result.holds for name, result in results.items() if name != "reduced_tension")
-    assert results["reduced_tension"].value < 3  # of single draws, at MuJoCo's default step
+    assert all(result.holds for result in results.values())
     assert results["reduced_rms"].value > results["reduced_rms"].peer_value > 0
 
 
