@@ -19,30 +19,70 @@ from twin.estimation.registry import MethodSpec, find_training
 if TYPE_CHECKING:
     from rl.options import TrainingOptions
     from twin.estimation.active_model import ActiveModel
+    from twin.preset.preset import Preset
+    from twin.preset.randomization import Ranges
 
 Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 """`(pull_mm (N,), bend_deg (N,))` of the training set."""
 OnProgress = Callable[[int, int, float], None]
 """Told how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
 Train = Callable[[Records, "ActiveModel", "TrainingOptions", Path, OnProgress | None], Path]
+TrainOnTwins = Callable[["Preset", "Ranges", "TrainingOptions", Path, OnProgress | None], Path]
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """All that a method may be trained on.
+
+    Attributes:
+        records: of the training set.
+        active_model: filter or model that is learned beside.
+        twins: preset and ranges of twins that may be simulated.
+    """
+
+    records: Records = ()
+    active_model: "ActiveModel | None" = None
+    twins: "tuple[Preset, Ranges] | None" = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Trainer:
-    """Training of one method.
+    """Training of one method, on records or on simulated twins.
 
     Attributes:
         method: that it trains.
-        train: trains into a folder and returns the trained file; a finished run is left as it is.
+        train: trains on records into a folder and returns the trained file; a finished run is left as it is.
+        on_twins: the same on twins of a preset, which it simulates.
         unit: of progress, in the plural.
         counts_samples: whether an episode is a record of whatever number of samples, as in PPO, so that at a
             shorter sample time fewer episodes are as much to learn from.
     """
 
     method: MethodSpec
-    train: Train
+    train: Train | None = None
+    on_twins: TrainOnTwins | None = None
     unit: str = "steps"
     counts_samples: bool = False
+
+    def run(
+        self,
+        material: "Material",
+        options: "TrainingOptions",
+        folder: Path,
+        on_progress: OnProgress | None = None,
+    ) -> Path:
+        """Train from what there is into a folder, and return the trained file.
+
+        Raises:
+            ValueError: what it is trained on is missing.
+        """
+        if self.on_twins is not None:
+            if material.twins is None:
+                raise InputError(f"{self.method.name} is trained on twins of a preset: none is given")
+            return self.on_twins(*material.twins, options, folder, on_progress)
+        if self.train is None or material.active_model is None:
+            raise InputError(f"{self.method.name} is trained on records beside a model: none are given")
+        return self.train(material.records, material.active_model, options, folder, on_progress)
 
 
 _TRAINERS: dict[str, Trainer] = {}

@@ -174,4 +174,4 @@ class _Run(BaseCallback):
 
 
 for _method in (RAM, DIRECT):
-    register_trainer(Trainer(_method, train_policy, "samples", counts_samples=True))
+    register_trainer(Trainer(_method, train_policy, unit="samples", counts_samples=True))

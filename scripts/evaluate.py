@@ -51,7 +51,8 @@ class Evaluate:
     train: Path | None = None
     """Training set, to train what is not given and to tune the yardsticks."""
     policy: tuple[Path, ...] = ()
-    """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ..."""
+    """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ... One that was
+    trained at one sample time runs at that one alone (--sample-time)."""
     methods: tuple[str, ...] = ()
     """Names of the methods to compare, as in the tables; all of the suite, if not given."""
     suite: str = "paper"
@@ -94,26 +95,27 @@ def evaluate(args: Evaluate) -> Summary:
 
 
 def _full(args: Evaluate) -> Summary:
-    if args.policy:
-        raise ValueError("--suite full trains every method at each of its sample times: give no --policy")
     if args.measurements == "recorded" or args.write_estimates or args.sensor_variance is not None:
         raise ValueError(
             "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
         )
     from rl.suite.full import run_full_suite
+    from rl.suite.paper import given_files
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
     from twin.evaluation.recorded import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
 
+    sample_times = tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True))
     suite = FullSuite(
         folder=args.out,
         data=args.data,
         train=args.train,
         methods=args.methods,
         preset=args.preset,
-        sample_times=tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True)),
+        sample_times=sample_times,
+        trained=given_files(args.policy, None, sample_times),
         seeds=args.seeds,
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
@@ -157,9 +159,9 @@ def _paper(args: Evaluate) -> Summary:
     T = args.sample_time[0] if args.sample_time else PAPER_SAMPLE_TIME
     protocol = Protocol(args.suite, args.seeds, T, args.initial_error_deg, args.seed)
     model, source = _model(args)
-    if not isinstance(model, ColemanHodgdon):
+    if not (model is None or isinstance(model, ColemanHodgdon)):
         raise ValueError(f"--model {source} is {model.name}: the paper's suite rests on coleman-hodgdon")
-    trained = given_files(args.policy, model, T)
+    trained = given_files(args.policy, model, [T])
     variance = args.sensor_variance
     usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
     if not usable or not (variance is None or recorded or args.write_estimates):
@@ -210,16 +212,23 @@ def _say_of_measured_logs(line: str) -> None:
         complain(f"endotwin evaluate: {line}")
 
 
-def _model(args: Evaluate) -> "tuple[HysteresisModel, str]":
-    """The reference model and where it is from: given, in the working folder, or inside the first policy."""
+def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":
+    """The reference model and where it is from: given, in the working folder, or inside the first policy.
+
+    None where every policy brings twins in place of a model.
+    """
+    from twin.estimation.learned.trained_file import read_trained_file
     from twin.estimation.load import model_of
+    from twin.estimation.registry import find_training
     from twin.hysteresis import load_model
 
     if args.model is not None or MODEL.is_file() or not args.policy:
         path = args.model or MODEL
         return load_model(path), str(path)
-    first = args.policy[0]
-    return model_of(first), str(first)
+    for path in args.policy:
+        if not find_training(read_trained_file(path).agent).on_twins:
+            return model_of(path), str(path)
+    return None, ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -13,6 +13,9 @@ from scripts.command import Summary, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
+
+if TYPE_CHECKING:
+    from rl.trainers import Material
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 
@@ -26,16 +29,19 @@ def agents_in_words(default: str = "") -> str:
 class Train:
     """Train a policy by PPO on records, the paper's Table I as defaults; a stopped run is taken up again."""
 
-    data: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of MCAP files, or files."""
-    model: Path
-    """coleman_hodgdon.json of the reference model."""
     out: Path
     """Run folder: policy.onnx or the network's file, config.yaml, progress.csv."""
+    data: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Folders of MCAP files, or files; none for --protocol twins."""
+    model: Path | None = None
+    """coleman_hodgdon.json of the reference model; none for --protocol twins."""
     agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
     """Learned method."""
-    protocol: Literal["strict", "free"] = "strict"
-    """strict: trained under Gaussian noise of R = 0.1 alone, as in the paper; free: noise as given."""
+    protocol: Literal["strict", "free", "twins"] = "strict"
+    """strict: on records under Gaussian noise of R = 0.1 alone, as in the paper; free: as given;
+    twins: on simulated twins of --preset under noises of every kind, for any sample time."""
+    preset: str = "ureteroscope"
+    """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
     episodes: int = TrainingOptions.episodes
@@ -71,26 +77,59 @@ def train(args: Train) -> Summary:
     given = {name: getattr(args, name) for name in STRICT}
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
-    find_training(args.agent)
+    agent = _agent(args)
     names = [field.name for field in dataclasses.fields(TrainingOptions)]
-    options = TrainingOptions(**{name: getattr(args, name) for name in names})
+    options = TrainingOptions(**{name: getattr(args, name) for name in names} | {"agent": agent})
 
     from rl.trainers import find_trainer
+
+    material, source = _on_twins(args) if find_training(agent).on_twins else _on_records(args)
+    folder = output_folder(args.out)
+    trainer = find_trainer(agent)
+    progress = TrainingProgress(f"train {agent}", trainer.unit)
+    path = trainer.run(material, options, folder, progress)
+    return Summary(f"{path}: {agent} trained on {source}", {"out": str(path), "agent": agent})
+
+
+def _agent(args: Train) -> str:
+    """Return the agent that is meant: with the protocol `twins`, the one that learns on twins."""
+    known = trainings()
+    if args.protocol != "twins":
+        if find_training(args.agent).on_twins:
+            raise ValueError(f"--agent {args.agent} is trained with --protocol twins")
+        return args.agent
+    on_twins = [agent for agent, training in known.items() if training.on_twins]
+    for agent in (args.agent, f"{args.agent}-twins"):
+        if agent in on_twins:
+            return agent
+    valid = ", ".join(agent.removesuffix("-twins") for agent in on_twins)
+    raise ValueError(f"--agent {args.agent} is not trained on twins; valid with --protocol twins: {valid}")
+
+
+def _on_twins(args: Train) -> "tuple[Material, str]":
+    from rl.trainers import Material
+    from twin.preset import load_preset, load_ranges
+
+    if args.data or args.model:
+        raise ValueError("--protocol twins simulates what it is trained on: give no data and no --model")
+    twins = load_preset(args.preset), load_ranges(args.preset)
+    return Material(twins=twins), f"simulated twins of {twins[0].name}"
+
+
+def _on_records(args: Train) -> "tuple[Material, str]":
+    from rl.trainers import Material
     from twin.estimation.active_model import ActiveModel
     from twin.evaluation.reading import true_records
     from twin.hysteresis import load_model
 
+    if not args.data or args.model is None:
+        missing = "--model" if args.data else "folders of MCAP files"
+        raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")
     active_model = ActiveModel(
         load_model(args.model), args.sample_time, measurement_variance=args.noise_level
     )
     records = true_records(args.data, args.sample_time)
-    folder = output_folder(args.out)
-    trainer = find_trainer(args.agent)
-    progress = TrainingProgress(f"train {args.agent}", trainer.unit)
-    path = trainer.train(records, active_model, options, folder, progress)
-    return Summary(
-        f"{path}: {args.agent} trained on {len(records)} records", {"out": str(path), "agent": args.agent}
-    )
+    return Material(records, active_model), f"{len(records)} records"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

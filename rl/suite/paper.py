@@ -34,7 +34,7 @@ class PaperSuite:
     Attributes:
         folder: for results and for what is trained.
         data: test records.
-        model: reference model.
+        model: reference model; without it, only methods that need none are compared.
         protocol: noises, seeds, sample time and initial error.
         train: training records; without them, nothing is trained or tuned.
         trained: trained file of each agent that is given.
@@ -47,7 +47,7 @@ class PaperSuite:
 
     folder: Path
     data: tuple[Path, ...]
-    model: ColemanHodgdon
+    model: ColemanHodgdon | None
     protocol: Protocol
     train: Path | None = None
     trained: dict[str, Path] = dataclasses.field(default_factory=dict)
@@ -84,8 +84,15 @@ class PaperResult:
     estimates: list[Path]
 
 
-def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float) -> dict[str, Path]:
+def given_files(
+    paths: Sequence[Path], model: ColemanHodgdon | None, sample_times: Sequence[float]
+) -> dict[str, Path]:
     """Return trained files by agent, and refuse one that was trained for something else.
+
+    Args:
+        paths: of the files.
+        model: that an estimator runs beside, unless it brings its own.
+        sample_times: T at which it is to run [s].
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -98,14 +105,18 @@ def given_files(paths: Sequence[Path], model: ColemanHodgdon, sample_time: float
         if agent in files:
             raise InputError(f"{path}: a second policy of the agent {agent!r}")
         estimator: Any = training.load(path)
-        trained_at = float(estimator.sample_time)
-        if abs(trained_at - sample_time) > 1e-9:
-            raise InputError(
-                f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
-            )
-        if training.same_filter:
+        for sample_time in sample_times:
+            if training.on_twins:
+                estimator.at(sample_time)  # it is told T, which its twins must be able to follow
+                continue
+            trained_at = float(estimator.sample_time)
+            if abs(trained_at - sample_time) > 1e-9:
+                raise InputError(
+                    f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
+                )
+        if training.same_filter and model is not None:
             beside = estimator.active_model
-            here = ActiveModel(model, sample_time, measurement_variance=beside.measurement_variance)
+            here = ActiveModel(model, sample_times[0], measurement_variance=beside.measurement_variance)
             if beside != here:
                 raise InputError(f"{path} was trained beside another model or filter than the one given")
         files[agent] = path
@@ -130,14 +141,14 @@ def run_paper_suite(
     test = evaluation_records(suite.data, T)
     knowledge = Knowledge(
         sample_time=T,
-        models={ColemanHodgdon.name: suite.model},
+        models={ColemanHodgdon.name: suite.model} if suite.model else {},
         records=true_records([suite.train], T) if suite.train else (),
         seed=suite.protocol.seed,
         trained=dict(suite.trained),
     )
     _refuse_what_cannot_run(suite, knowledge)
     estimate_files = named_files(suite.data) if suite.write_estimates else {}
-    if knowledge.records:
+    if knowledge.records and knowledge.models:
         knowledge = _train_missing(suite, knowledge, training_progress)
     ready = [spec for spec in suite.specs if spec.is_ready(knowledge)]
     fits = {fit.key: fit.find(knowledge) for fit in needed_fits(ready)}
@@ -157,8 +168,8 @@ def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
     Raises:
         ValueError: one lacks something.
     """
-    if knowledge.records:
-        trained = dict.fromkeys((spec.agent for spec in suite.specs if spec.agent), Path())
+    if knowledge.records and knowledge.models:
+        trained = dict.fromkeys(_trained_on_records(suite), Path())
         knowledge = dataclasses.replace(knowledge, trained=trained | dict(knowledge.trained))
     for spec in suite.specs if suite.methods else ():
         if missing := spec.missing(knowledge):
@@ -167,22 +178,27 @@ def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
             )
 
 
+def _trained_on_records(suite: PaperSuite) -> list[str]:
+    """Agents of the compared methods that learn from records, each once."""
+    agents = dict.fromkeys(spec.agent for spec in suite.specs if spec.agent)
+    return [agent for agent in agents if not find_training(agent).on_twins]
+
+
 def _train_missing(
     suite: PaperSuite, knowledge: Knowledge, training_progress: Callable[[str, str], OnTraining]
 ) -> Knowledge:
     """Train the learned methods whose files are not given, beside the results."""
-    from rl.trainers import find_trainer  # what is given needs no torch
+    from rl.trainers import Material, find_trainer  # what is given needs no torch
 
     trained = dict(knowledge.trained)
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    for agent in dict.fromkeys(spec.agent for spec in suite.specs if spec.agent):
+    material = Material(knowledge.records, active_model)
+    for agent in _trained_on_records(suite):
         if agent not in trained:
             trainer = find_trainer(agent)
             options = TrainingOptions(agent=agent, episodes=suite.episodes, seed=suite.protocol.seed)
             shown = training_progress(f"train {agent}", trainer.unit)
-            trained[agent] = trainer.train(
-                knowledge.records, active_model, options, suite.folder / agent, shown
-            )
+            trained[agent] = trainer.run(material, options, suite.folder / agent, shown)
     return dataclasses.replace(knowledge, trained=trained)
 
 
@@ -203,14 +219,13 @@ def _estimates(suite: PaperSuite, methods: Sequence[Method], files: Mapping[str,
 
 
 def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
-    filter_ = ActiveModel(suite.model, suite.protocol.sample_time_s)
     protocol = {
         **dataclasses.asdict(suite.protocol),
         "records": records,
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
         "filters_told": "the variance of the noise as R",
-        "process_variance": list(filter_.process_variance),
-        "initial_variance": list(filter_.initial_variance),
+        "process_variance": list(ActiveModel.process_variance),
+        "initial_variance": list(ActiveModel.initial_variance),
         "model": suite.source,
         "policies": [str(path) for path in suite.trained.values()],
     }

@@ -8,13 +8,14 @@ from typing import Any
 
 from rl.options import TrainingOptions
 from rl.suite.settings import PAPER_SAMPLE_TIME, TRAINING_STROKE_MM, FullSuite, NewProgress, OnProgress
-from rl.trainers import Trainer, find_trainer
+from rl.trainers import Material, Trainer, find_trainer
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import needed_fits, trainings
+from twin.estimation.registry import find_training, needed_fits, trainings
 from twin.evaluation.reading import read_episodes, true_records, whole_pieces
+from twin.hysteresis import ColemanHodgdon
 from twin.preset import Preset, Ranges
 from twin.suite.fitting import identify_models, load_fits, save_fits
 from twin.suite.limit import make_ensembles
@@ -62,11 +63,12 @@ def learn(
         save_fits(path, fits)
         knowledge = dataclasses.replace(knowledge, fits=fits)
     trained = {
-        agent: folder / agent / training.file
+        # What is trained on twins is told T: one serves all sample times.
+        agent: (suite.folder if training.on_twins else folder) / agent / training.file
         for agent, training in trainings().items()
         if agent in agents_of(suite)
     }
-    return dataclasses.replace(knowledge, trained=trained)
+    return dataclasses.replace(knowledge, trained=trained | suite.trained, twins=(preset, ranges))
 
 
 def agents_of(suite: FullSuite) -> list[str]:
@@ -77,13 +79,14 @@ def agents_of(suite: FullSuite) -> list[str]:
 def train_all(
     suite: FullSuite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress
 ) -> None:
-    """Train every learned method at every sample time, on as many samples at each."""
+    """Train every learned method that is not given, at every sample time, on as many samples at each."""
     # PPO takes longest: what begins last would leave the other workers idle.
-    agents = sorted(agents_of(suite), key=lambda agent: not find_trainer(agent).counts_samples)
+    wanted = [agent for agent in agents_of(suite) if agent not in suite.trained]
+    agents = sorted(wanted, key=lambda agent: not find_trainer(agent).counts_samples)
     jobs = [
         executor.submit(train_one, agent, knowledge, suite.episodes, suite.seed)
         for agent in agents
-        for knowledge in known
+        for knowledge in (known[:1] if find_training(agent).on_twins else known)
     ]
     if jobs:
         wait_for(jobs, progress("train", "method"))
@@ -92,10 +95,17 @@ def train_all(
 def train_one(agent: str, knowledge: Knowledge, episodes: int, seed: int) -> None:
     """Train one method under the strict protocol; a finished one is left as it is. It runs in a worker."""
     trainer = find_trainer(agent)
-    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
     count = episodes_at(trainer, episodes, knowledge.sample_time)
     options = TrainingOptions(agent=agent, episodes=count, seed=seed)
-    trainer.train(knowledge.records, active_model, options, knowledge.trained[agent].parent, None)
+    trainer.run(material_of(knowledge), options, knowledge.trained[agent].parent)
+
+
+def material_of(knowledge: Knowledge) -> Material:
+    """Return what a method may be trained on, of what is known."""
+    active_model = None
+    if ColemanHodgdon.name in knowledge.models:
+        active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    return Material(knowledge.records, active_model, knowledge.twins)
 
 
 def episodes_at(trainer: Trainer, episodes: int, sample_time: float) -> int:

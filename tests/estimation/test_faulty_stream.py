@@ -116,7 +116,8 @@ def test_memory_is_flat(knowledge):
 @pytest.mark.endurance
 def test_a_million_faulty_samples(knowledge, records, tmp_path):
     from rl.options import TrainingOptions
-    from rl.trainers import find_trainer
+    from rl.trainers import Material, find_trainer
+    from twin.preset import load_preset, load_ranges
 
     few = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
     trained: dict[str, Path] = {}
@@ -124,7 +125,9 @@ def test_a_million_faulty_samples(knowledge, records, tmp_path):
         options = TrainingOptions(agent=agent, seed=1, **few)
         (tmp_path / agent).mkdir()
         active_model = ActiveModel(COLEMAN_HODGDON, T)
-        trained[agent] = find_trainer(agent).train(records, active_model, options, tmp_path / agent, None)
+        twins = load_preset("ureteroscope"), load_ranges("ureteroscope")
+        material = Material(records, active_model, twins)
+        trained[agent] = find_trainer(agent).run(material, options, tmp_path / agent)
     known = Knowledge(T, MODELS, records, fits=FITS, trained=trained, smallest_wire_offset=1e-3)
     memory, pushed, slow = [], 0, {}
     for place, name in enumerate(NAMES):

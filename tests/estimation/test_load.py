@@ -10,13 +10,16 @@ import pytest
 from faulty_stream import run_faulty
 
 from rl.options import TrainingOptions
-from rl.trainers import find_trainer
+from rl.trainers import Material, find_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator, model_of
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import trainings
+from twin.preset import load_preset, load_ranges
 
+PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 
 
@@ -24,7 +27,8 @@ FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    return find_trainer(request.param).train(records, ActiveModel(model, 0.1), options, folder, None)
+    material = Material(records, ActiveModel(model, 0.1), (PRESET, RANGES))
+    return find_trainer(request.param).run(material, options, folder)
 
 
 def test_it_filters_and_a_stream_gives_what_the_record_gives(trained, records):
@@ -46,7 +50,11 @@ def test_it_survives_a_faulty_stream_and_is_back_within_5_s(trained):
 
 
 def test_the_file_tells_the_model_and_how_it_was_trained(trained, model):
-    assert model_of(trained) == model
+    if trainings()[read_trained_file(trained).agent].on_twins:
+        with pytest.raises(ValueError, match="does not tell the model"):
+            model_of(trained)
+    else:
+        assert model_of(trained) == model
     (described,) = [item.value for item in onnx.load(trained).metadata_props if item.key == "endotwin"]
     assert json.loads(described)["training"]["seed"] == 1
 
@@ -81,7 +89,7 @@ def test_what_is_no_trained_file_is_refused_in_one_line(tmp_path, trained):
     for change, said in (
         ({"agent": "dqn"}, "unknown agent 'dqn'; valid"),
         ({"agent": 3}, "is not a trained file"),
-        ({"active_model": {}}, r"is not a policy|is no network"),
+        ({"active_model": {}, "members": {}}, r"is not a policy|is no network"),
     ):
         onnx.helper.set_model_props(graph, {"endotwin": json.dumps(description | change)})
         onnx.save(graph, path)

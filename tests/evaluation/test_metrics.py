@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from twin.evaluation.metrics import confidence_interval, error_indices
+from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 
 NAMES = {"mae_deg", "rmse_deg", "md_deg", "md_printed_deg2", "var_deg2", "bias_deg"}
 errors = arrays(
@@ -100,3 +100,12 @@ def test_interval_covers_the_mean_as_often_as_it_says(size, confidence):
 def test_interval_of_one_value_or_of_equal_values_is_the_value():
     assert confidence_interval(np.array([3.25])) == (3.25, 3.25)
     assert confidence_interval(np.full(6, 3.25)) == (3.25, 3.25)
+
+
+@pytest.mark.parametrize(("scale", "coverage", "nees"), [(1.0, 0.95, 1.0), (2.0, 0.6729, 4.0)])
+def test_intervals_of_normal_errors_are_as_honest_as_they_are_wide(scale, coverage, nees):
+    """Errors twice the stated deviation are covered with the probability of 0.98 deviations."""
+    error = scale * np.random.default_rng(1).standard_normal(200_000)
+    found = interval_indices(error, np.full(200_000, 1.959964))
+    assert found["coverage95"] == pytest.approx(coverage, abs=0.005)
+    assert found["nees"] == pytest.approx(nees, rel=0.02)

@@ -26,8 +26,10 @@ SCORE = Score(
     rmse_ci95_deg=(0.58, 0.62),
     seeds=20,
     paper_rmse_deg=0.6354,
+    coverage95=0.94,
+    nees=1.1,
 )
-OPTIONAL = {"stroke_mm", "twin", "md_printed_deg2", "paper_rmse_deg"}
+OPTIONAL = {"stroke_mm", "twin", "md_printed_deg2", "paper_rmse_deg", "coverage95", "nees"}
 
 
 def write(path, rows):

@@ -147,3 +147,17 @@ def test_preset_without_ranges_and_unknown_files_are_refused(tmp_path):
         load_ranges("uretroscope")
     with pytest.raises(FileNotFoundError, match=r"none\.yaml"):
         load_ranges(tmp_path / "none.yaml")
+
+
+@given(factor=st.floats(0.1, 3))
+def test_wider_ranges_have_the_same_middles_where_nothing_limits_them(factor):
+    preset, ranges = load_preset("ureteroscope"), load_ranges("ureteroscope")
+    for (name, low, high), (_, least, most) in zip(ranges.limits, ranges.wider(factor).limits, strict=True):
+        preset.replace(**{name: least})
+        preset.replace(**{name: most})
+        if factor <= 1:
+            assert low <= least * (1 + 1e-9) + 1e-12
+            assert most <= high * (1 + 1e-9)
+        elif name in ("pretension", "wire_offset", "wire_stiffness"):
+            assert (most - least) / (high - low) == pytest.approx(factor)
+            assert least + most == pytest.approx(low + high)

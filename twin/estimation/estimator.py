@@ -73,7 +73,17 @@ class Estimator(abc.ABC, Generic[State]):
     def bend_deg(self, state: State) -> Array:
         """Return the (B,) estimate that a state holds [deg]."""
 
+    def half_width_deg(self, state: State) -> Array | None:
+        """Return half of the (B,) 95 % intervals about the estimates [deg]; None where it states none."""
+        return None
+
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
+        """Filter whole records; see `estimate_with_interval`, whose first result this is."""
+        return self.estimate_with_interval(pull_mm, measurement_deg, initial_bend_deg)[0]
+
+    def estimate_with_interval(
+        self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
+    ) -> tuple[Array, Array | None]:
         """Filter whole records.
 
         Args:
@@ -83,16 +93,19 @@ class Estimator(abc.ABC, Generic[State]):
             initial_bend_deg: scalar or (B,) initial estimate [deg].
 
         Returns:
-            (B, N) estimated angle [deg].
+            (B, N) estimated angle and half of its 95 % interval [deg]; None for that where it states none.
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
-        estimate = np.empty_like(measurement)
+        estimate, half_width = np.empty_like(measurement), np.empty_like(measurement)
         state = self.start(pull[0], initial)
-        estimate[0] = initial
+        estimate[0], stated = initial, self.half_width_deg(state)
+        half_width[0] = 0.0 if stated is None else stated
         for k in range(1, len(measurement)):
             state = self.step(state, pull[k], pull[k - 1], measurement[k])
             estimate[k] = self.bend_deg(state)
-        return estimate.T
+            if stated is not None:
+                half_width[k] = self.half_width_deg(state)
+        return estimate.T, None if stated is None else half_width.T
 
 
 def time_first(

@@ -3,13 +3,17 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon, HysteresisModel
+
+if TYPE_CHECKING:
+    from twin.preset.preset import Preset
+    from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
 Record = tuple[Array, Array]
@@ -40,6 +44,7 @@ class Knowledge:
         trained: file of each trained agent.
         ensembles: files of twins along the test's commands.
         smallest_wire_offset: that a twin may have [m].
+        twins: preset and ranges of twins that may be simulated for a training.
     """
 
     sample_time: float
@@ -50,6 +55,7 @@ class Knowledge:
     trained: Mapping[str, Path] = dataclasses.field(default_factory=dict)
     ensembles: tuple[Path, ...] = ()
     smallest_wire_offset: float | None = None
+    twins: "tuple[Preset, Ranges] | None" = None
 
     @property
     def reference(self) -> HysteresisModel:

@@ -49,6 +49,7 @@ class Training:
         load: reads such a file.
         purpose: a few words for the help of the command line.
         same_filter: whether it runs beside the very filter that it was trained beside, and no other.
+        on_twins: whether it is trained on simulated twins of a preset, without records, for any sample time.
     """
 
     agent: str
@@ -56,6 +57,7 @@ class Training:
     load: "Callable[[Path], Estimator[Any]]"
     purpose: str
     same_filter: bool = False
+    on_twins: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +123,8 @@ class MethodSpec:
         if self.ensembles and not knowledge.ensembles:
             missing.append("ensembles of twins")
         if self.agent is not None and self.agent not in knowledge.trained:
-            missing.append(f"a trained file of {self.agent}, or training records")
+            source = "" if find_training(self.agent).on_twins else ", or training records"
+            missing.append(f"a trained file of {self.agent}{source}")
         return missing
 
     def is_ready(self, knowledge: "Knowledge") -> bool:

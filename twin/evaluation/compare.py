@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.errors import DivergedError
 from twin.evaluation.case import group_records, make_case
 from twin.evaluation.method import Method
-from twin.evaluation.metrics import confidence_interval, error_indices
+from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 from twin.evaluation.paper import INSTRUMENT, paper_value
 from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
@@ -77,11 +77,15 @@ def _evaluate_group(
     rows: dict[Condition, list[Score]] = {condition: [] for condition in conditions}
     tracks: dict[str, Array] = {}
     for method in methods:
-        estimate = method.estimate(shown if method.oracle else case)
+        estimate, half_width = method.run(shown if method.oracle else case)
         tracks[method.name] = estimate[tracked]
-        errors = (estimate - truth).reshape(len(records), len(conditions), protocol.seeds, -1)
+        shape = (len(records), len(conditions), protocol.seeds, -1)
+        errors = (estimate - truth).reshape(shape)
+        stated = None if half_width is None else half_width.reshape(shape)
         for place, condition in enumerate(conditions):
-            row = _row(condition, method, [errors[r, place] for r in range(len(records))], records, protocol)
+            of_condition = [errors[r, place] for r in range(len(records))]
+            intervals = None if stated is None else [stated[r, place] for r in range(len(records))]
+            row = _row(condition, method, of_condition, intervals, records, protocol)
             rows[condition].append(row)
     first = records[0][1]
     time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s
@@ -101,20 +105,23 @@ def _row(
     condition: Condition,
     method: Method,
     errors: list[Array],
+    half_widths: list[Array] | None,
     records: Sequence[tuple[int, EvaluationRecord]],
     protocol: Protocol,
 ) -> Score:
     """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
     noise, level = condition
 
-    def pooled(first: int) -> dict[str, Array]:
+    def pooled(values: list[Array], first: int) -> Array:
         scored = []
-        for error, (_, record) in zip(errors, records, strict=True):
+        for value, (_, record) in zip(values, records, strict=True):
             begin = min(first, int(np.flatnonzero(record.seen)[-1]))  # a short record: its last sample
-            scored.append(error[:, begin : len(record.seen)][:, record.seen[begin:]])
-        return error_indices(np.concatenate(scored, axis=1))
+            scored.append(value[:, begin : len(record.seen)][:, record.seen[begin:]])
+        return np.concatenate(scored, axis=1)
 
-    indices, late = pooled(1), pooled(round(STEADY_SECONDS / protocol.sample_time_s))
+    indices = error_indices(pooled(errors, 1))
+    late = error_indices(pooled(errors, round(STEADY_SECONDS / protocol.sample_time_s)))
+    honesty = {} if half_widths is None else interval_indices(pooled(errors, 1), pooled(half_widths, 1))
     if not np.isfinite(indices["rmse_deg"]).all():
         raise DivergedError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     low, high = confidence_interval(indices["rmse_deg"])
@@ -135,4 +142,5 @@ def _row(
         rmse_ci95_deg=(low, high),
         seeds=protocol.seeds,
         paper_rmse_deg=published,
+        **honesty,
     )

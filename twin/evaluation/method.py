@@ -28,6 +28,12 @@ class Method:
     estimate: CaseEstimator
     oracle: bool = False
 
+    def run(self, case: Case) -> tuple[Array, Array | None]:
+        """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""
+        if isinstance(self.estimate, Filtering):
+            return self.estimate.with_interval(case)
+        return self.estimate(case), None
+
 
 @dataclasses.dataclass(frozen=True)
 class Filtering:
@@ -41,8 +47,12 @@ class Filtering:
 
     def __call__(self, case: Case) -> Array:
         """Return (B, N) estimated angles [deg]."""
+        return self.with_interval(case)[0]
+
+    def with_interval(self, case: Case) -> tuple[Array, Array | None]:
+        """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""
         filter_ = self.estimator.with_sensor(case.sensor)
-        return filter_.estimate(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
+        return filter_.estimate_with_interval(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
 
 
 def as_method(name: str, estimator: Estimator[Any]) -> Method:

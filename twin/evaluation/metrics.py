@@ -33,6 +33,23 @@ def error_indices(error_deg: Array) -> dict[str, Array]:
     }
 
 
+def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float]:
+    """Return how honest stated 95 % intervals are.
+
+    Args:
+        error_deg: estimate minus truth [deg].
+        half_width_deg: half of each interval, of the same shape [deg].
+
+    Returns:
+        `coverage95`, the share of samples whose interval held the truth; `nees`, the mean square error in
+        units of the variance that a normal law of that interval has (Bar-Shalom et al. 2001), 1 where it is
+        honest.
+    """
+    share = np.abs(error_deg) / half_width_deg
+    deviations = share * stats.norm.ppf(0.975)
+    return {"coverage95": float((share <= 1).mean()), "nees": float((deviations**2).mean())}
+
+
 def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:
     """Return Student's t interval of the mean of independent values.
 

@@ -62,6 +62,8 @@ class Score:
         seeds: draws of the noise that the figures are means over.
         paper_rmse_deg: RMSE that the paper published, if it has this row and the records are of its
             instrument [deg].
+        coverage95: share of samples whose stated 95 % interval held the truth; None where none is stated.
+        nees: mean square error in units of the stated variance: 1 where the interval is honest.
     """
 
     noise: str
@@ -81,6 +83,8 @@ class Score:
     rmse_ci95_deg: tuple[float, float]
     seeds: int
     paper_rmse_deg: float | None = None
+    coverage95: float | None = None
+    nees: float | None = None
 
     @property
     def condition(self) -> tuple[str, float]:
@@ -151,6 +155,7 @@ def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
 
 
 _TEXTS = ("noise", "twin", "method")
+_MAY_BE_NONE = ("paper_rmse_deg", "md_printed_deg2", "coverage95", "nees")
 
 
 def _read(name: str, value: Any) -> Any:
@@ -161,7 +166,7 @@ def _read(name: str, value: Any) -> Any:
     elif name == "oracle":
         if isinstance(value, bool):
             return value
-    elif name in ("paper_rmse_deg", "md_printed_deg2") and value is None:
+    elif name in _MAY_BE_NONE and value is None:
         return None
     elif name in ("stroke_mm", "rmse_ci95_deg"):
         lengths = (0, 2) if name == "stroke_mm" else (2,)  # a row need not tell its stroke

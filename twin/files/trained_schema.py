@@ -30,6 +30,22 @@ class ActiveModelFile(BaseModel):
     initial_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
 
 
+class MembersFile(BaseModel):
+    """Twins inside of an estimator, as a trained file holds them.
+
+    Attributes:
+        preset: parameters that all of them have.
+        drawn: the value of each member, of every other parameter.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    preset: Annotated[dict[str, float | int | str], Field(max_length=200)]
+    drawn: Annotated[
+        dict[str, Annotated[list[float | int], Field(max_length=512)]], Field(min_length=1, max_length=200)
+    ]
+
+
 class TrainedDescription(BaseModel):
     """Description in a trained file, as far as it is read; the rest is the configuration of the run.
 

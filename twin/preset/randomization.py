@@ -71,6 +71,23 @@ class Ranges:
         """Return the lowest value that a parameter can have; that of the preset if it has no range."""
         return {limits[0]: limits[1] for limits in self.limits}.get(name, float(getattr(preset, name)))
 
+    def wider(self, factor: float) -> "Ranges":
+        """Return ranges about the same middles, wider by a factor, within what each parameter may be.
+
+        A range that is drawn log-uniformly is widened in logarithms, so that it stays positive.
+        """
+        limits = []
+        for name, low, high in self.limits:
+            least, most = parameter_limits(name)
+            if _is_wide(low, high):
+                middle, half = np.sqrt(low * high), (high / low) ** (factor / 2)
+                low, high = middle / half, middle * half
+            else:
+                middle, half = (low + high) / 2, (high - low) / 2 * factor
+                low, high = middle - half, middle + half
+            limits.append((name, max(float(low), least), min(float(high), most)))
+        return Ranges(tuple(limits))
+
     def without(self, names: Collection[str]) -> "Ranges":
         """Return the ranges without those of some parameters."""
         return Ranges(tuple(limits for limits in self.limits if limits[0] not in names))
@@ -107,6 +124,11 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
 
 
 def _draw(low: float, high: float, rng: np.random.Generator) -> float:
-    if low > 0 and high / low > WIDE:
+    if _is_wide(low, high):
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
     return float(rng.uniform(low, high))
+
+
+def _is_wide(low: float, high: float) -> bool:
+    """Return whether a range is drawn log-uniformly."""
+    return low > 0 and high / low > WIDE

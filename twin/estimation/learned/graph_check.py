@@ -12,12 +12,29 @@ from twin.errors import InputError
 from twin.files.shown import cut
 
 _LAYERS = {"Gemm", "GRU", "LSTM", "MatMul"}
-_OF_ELEMENTS = {"Abs", "Add", "Clip", "Div", "Exp", "Log", "Mul", "Neg", "Relu", "Sign", "Sub"}
-_SMOOTH = {"Sigmoid", "Tanh"}
+_OF_ELEMENTS = {
+    "Abs",
+    "Add",
+    "Clip",
+    "Div",
+    "Exp",
+    "Log",
+    "Max",
+    "Mul",
+    "Neg",
+    "Pow",
+    "Relu",
+    "Sign",
+    "Sqrt",
+    "Sub",
+}
+_SMOOTH = {"Asinh", "Sigmoid", "Softmax", "Tanh"}
+_CHOICES = {"IsNaN", "Not", "Where"}
+_SUMS = {"ReduceMean", "ReduceSum"}
 _OF_SHAPE = {"Cast", "Concat", "Constant", "Gather", "Identity", "Split", "Squeeze", "Transpose", "Unsqueeze"}
-OPERATORS = _LAYERS | _OF_ELEMENTS | _SMOOTH | _OF_SHAPE
+OPERATORS = _LAYERS | _OF_ELEMENTS | _SMOOTH | _CHOICES | _SUMS | _OF_SHAPE
 """Operators of the networks that training writes, and near ones that another torch may write for the same."""
-MOST_NODES = 200
+MOST_NODES = 350
 MOST_CONCATENATIONS = 4
 """Number of `Concat` nodes: each may double what it is given."""
 LONGEST_AXIS = 8192

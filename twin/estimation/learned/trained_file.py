@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +94,10 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
 
 
 def check_network(
-    file: TrainedFile, inputs: Mapping[str, tuple[int, ...]], outputs: Mapping[str, tuple[int, ...]]
+    file: TrainedFile,
+    inputs: Mapping[str, tuple[int, ...]],
+    outputs: Mapping[str, tuple[int, ...]],
+    positive: Collection[str] = (),
 ) -> None:
     """Run a network once on zeros, and check what it takes and returns.
 
@@ -102,6 +105,7 @@ def check_network(
         file: the trained file.
         inputs: shape of each of its inputs, by name.
         outputs: shape of each of its outputs for these, by name.
+        positive: inputs that cannot be zero, and are one.
 
     Raises:
         ValueError: names, shapes or types are others, it cannot be run, or what it returns is not finite.
@@ -114,11 +118,13 @@ def check_network(
         if found != dict.fromkeys(wanted, "tensor(float)"):
             raise InputError(f"its {what} are {shown(found)}, not {', '.join(wanted)} in single precision")
     try:
-        returned = file.run(**{name: np.zeros(shape) for name, shape in inputs.items()})
+        returned = file.run(
+            **{name: np.full(shape, float(name in positive)) for name, shape in inputs.items()}
+        )
     except Exception as error:  # onnxruntime's own classes, for arrays that do not fit together
         raise InputError("it cannot be run on arrays of the shapes that its estimator has") from error
     for (name, shape), values in zip(outputs.items(), returned, strict=True):
         if values.shape != shape:
             raise InputError(f"its output {name} has the shape {values.shape}, not {shape}")
         if not np.isfinite(values).all():
-            raise InputError(f"its output {name} is not finite where all that it is given is zero")
+            raise InputError(f"its output {name} is not finite where it is given nothing but zeros, or ones")

@@ -1,0 +1,188 @@
+"""The three lessons of RAM (twins): recognise the noise, set the gain, state how sure the estimate is.
+
+1. The recogniser learns by supervision from the residuals of the filter without a policy.
+2. Everything learns by back-propagation through the filter: an analytic policy gradient. The loss is the
+   logarithm of each sequence's mean square error, so that quiet sensors count as much as loud ones.
+3. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import torch
+
+from rl.supervised import GRADIENT_LIMIT
+from rl.twins.sequences import Sequences, SequenceSource
+from rl.twins.settings import TwinsTraining
+from rl.twins.step import FilterState, Output, TwinsStep
+from twin.errors import DivergedError
+
+OnUpdate = Callable[[int, float], None]
+"""Told how many updates of a lesson are done, and its latest loss."""
+SMALLEST_ERROR_DEG2 = 1e-3  # added to mean square errors: their logarithm stays finite
+COVERAGE = 0.95
+NOTHING, HEARD, ALL = (torch.tensor(parts) for parts in ([0.0, 0.0], [0.0, 1.0], [1.0, 1.0]))
+"""Parts that take part: the filter alone; the recogniser too; the policy too."""
+
+# What one seed is used for beside the records: the streams of these never meet.
+_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION = range(200, 204)
+
+
+def filter_sequences(
+    step: TwinsStep, drawn: Sequences, parts: torch.Tensor, state: FilterState | None = None
+) -> Iterator[tuple[Output, FilterState]]:
+    """Yield outputs and states sample by sample, from a state or from the start."""
+    state = step.start(drawn.variance) if state is None else state
+    for members, way, measurement in zip(drawn.members_deg, drawn.way_mm, drawn.measurement_deg, strict=True):
+        output, state = step(members, way, measurement, drawn.variance, drawn.sample_time, parts, state)
+        yield output, state
+
+
+def learn_noise(
+    step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
+) -> None:
+    """Train the recogniser on residuals of the filter without a policy."""
+    rng = np.random.default_rng([settings.seed, _RECOGNISER])
+    samples = min(500, (source.records.pull_mm.shape[1] - 1) // 5)
+    chosen = np.unique(np.geomspace(3, samples, 40).astype(int)) - 1
+    histograms, levels, biases = [], [], []
+    for _ in range(math.ceil(settings.recogniser_sequences / 1024)):
+        drawn = source.draw(min(1024, settings.recogniser_sequences), samples, rng, stride=5)
+        seen = []
+        with torch.no_grad():
+            for sample, (_, state) in enumerate(filter_sequences(step, drawn, NOTHING)):
+                if sample in chosen:
+                    seen.append(state.counts)
+        histograms.append(torch.stack(seen))
+        levels.append(torch.log(drawn.variance))
+        biases.append(drawn.bias_deg / torch.sqrt(drawn.variance))
+    counts, level, bias = torch.cat(histograms, dim=1), torch.cat(levels), torch.cat(biases)
+
+    def loss(update: int) -> torch.Tensor:
+        rows = torch.as_tensor(rng.integers(len(level), size=128))
+        here = level[rows].expand(len(counts), -1)
+        _, mean, variance = step.recognise(counts[:, rows], here)
+        square = (bias[rows] - mean) ** 2
+        return (0.5 * (square / variance + torch.log(variance)) + square).mean()
+
+    groups: list[dict[str, Any]] = [{"params": [step.likelihood, *step.laws.parameters()]}]
+    _descend(groups, loss, settings.recogniser_updates, settings.recogniser_rate, on_update)
+
+
+def learn_gain(
+    step: TwinsStep,
+    source: SequenceSource,
+    settings: TwinsTraining,
+    on_update: OnUpdate | None = None,
+) -> None:
+    """Train filter, recogniser and policy by back-propagation through the filter."""
+    episode = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
+    windows = max(episode // settings.window, 1)
+    held: list[tuple[Sequences, FilterState]] = []
+
+    def loss(update: int) -> torch.Tensor:
+        place = update % windows
+        if place == 0:
+            rng = np.random.default_rng([settings.seed, _GAIN, update])
+            whole = source.draw(settings.sequences, episode, rng)
+            held[:] = [(whole, step.start(whole.variance))]
+        whole, state = held[0]
+        if place:  # the state is handed on to the next window, its history is not
+            state = FilterState(*(of.detach() for of in state))
+        window = whole.between(place * settings.window, (place + 1) * settings.window)
+        value, state = _window_loss(step, window, state, settings)
+        held[:] = [(whole, state)]
+        return value
+
+    # Counts are large numbers: what they are multiplied by learns in smaller steps.
+    rest = [values for name, values in step.named_parameters() if name != "likelihood"]
+    groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.likelihood], "share": 0.2}]
+    _descend(groups, loss, settings.updates, settings.learning_rate, on_update)
+
+
+def _window_loss(
+    step: TwinsStep, window: Sequences, state: FilterState, settings: TwinsTraining
+) -> tuple[torch.Tensor, FilterState]:
+    """Return the loss of one window, and the state behind it."""
+    squares, likelihoods, departures = [], [], []
+    of_bias = window.bias_deg / torch.sqrt(window.variance)
+    for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
+        squares.append((output.bend_deg - window.truth_deg[sample]) ** 2)
+        bounded = torch.tanh(output.action[:, :2]) ** 2
+        departures.append(window.gaussian * bounded.sum(dim=1))
+        if sample % 5 == 4:  # what is known of the noise hardly changes from sample to sample
+            off = of_bias - output.bias
+            likelihoods.append(off**2 / output.bias_variance + torch.log(output.bias_variance))
+        state = after
+    error = torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()
+    recognised = 0.5 * torch.stack(likelihoods).mean() if likelihoods else error.new_zeros(())
+    departed = torch.stack(departures).mean()
+    return error + settings.bias_weight * recognised + settings.linear_penalty * departed, state
+
+
+def learn_interval(
+    step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
+) -> None:
+    """Train the width of the interval on errors of the finished filter; nothing else changes."""
+    rng = np.random.default_rng([settings.seed, _INTERVAL])
+    samples = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
+    seen, errors = [], []
+    for _ in range(max(settings.interval_sequences // 256, 1)):
+        drawn = source.draw(min(256, settings.interval_sequences), samples, rng)
+        with torch.no_grad():
+            for place, (output, _) in enumerate(filter_sequences(step, drawn, ALL)):
+                if place % 5 == 0:  # neighbours tell little more
+                    off = (output.bend_deg - drawn.truth_deg[place]).abs() / output.deviation_deg
+                    seen.append(output.seen)
+                    errors.append(torch.log(off + 1e-3))
+    features, error = torch.cat(seen), torch.cat(errors)
+
+    def loss(update: int) -> torch.Tensor:
+        rows = torch.as_tensor(rng.integers(len(error), size=2048))
+        over = error[rows] - torch.log(step.widen(features[rows]))
+        return torch.maximum(COVERAGE * over, (COVERAGE - 1) * over).mean()
+
+    _descend([{"params": list(step.interval.parameters())}], loss, settings.interval_updates, 1e-2, on_update)
+
+
+def validation_loss(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> float:
+    """Return the mean logarithm of the mean square error of held-out sequences."""
+    rng = np.random.default_rng([settings.seed, _VALIDATION])
+    samples = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
+    drawn = source.draw(256, samples, rng, stride=5)
+    with torch.no_grad():
+        squares = [
+            (output.bend_deg - truth) ** 2
+            for (output, _), truth in zip(filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True)
+        ]
+    return float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean())
+
+
+def _descend(
+    groups: list[dict[str, Any]],
+    loss: Callable[[int], torch.Tensor],
+    updates: int,
+    rate: float,
+    on_update: OnUpdate | None,
+) -> None:
+    """Take gradient steps by Adam; the learning rate falls to zero along a cosine.
+
+    Raises:
+        FloatingPointError: the loss is no number.
+    """
+    optimiser = torch.optim.Adam(groups, lr=rate, betas=(0.9, 0.99))
+    parameters = [values for group in optimiser.param_groups for values in group["params"]]
+    for update in range(updates):
+        for group in optimiser.param_groups:
+            group["lr"] = rate * group.get("share", 1.0) * (1 + math.cos(math.pi * update / updates)) / 2
+        value = loss(update)
+        if not torch.isfinite(value):
+            raise DivergedError(f"the training has diverged: the loss of update {update + 1} is no number")
+        optimiser.zero_grad()
+        value.backward()
+        torch.nn.utils.clip_grad_norm_(parameters, GRADIENT_LIMIT)
+        optimiser.step()
+        if on_update:
+            on_update(update + 1, value.item())

@@ -1,0 +1,131 @@
+"""Noise families of the training: each sequence has its own, with parameters drawn anew.
+
+A benchmark's noise has one level and fixed parameters (`twin.signals.noise`). Here nothing is fixed: a policy
+that is to recognise what it has not met must not learn five laws by heart.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+
+Array = NDArray[np.float64]
+
+VARIANCES = (0.05, 8.0)
+"""Least and greatest R of a noise [deg^2]."""
+
+
+class NoiseBatch(NamedTuple):
+    """Noise of B sequences of N samples.
+
+    Attributes:
+        noise_deg: (B, N) [deg].
+        variance: (B,) R, which the filter is told [deg^2].
+        mean_deg: (B,) mean of the noise, which it is not told [deg].
+        gaussian: (B,) whether the noise is Gaussian, so that the linear update is the best there is.
+    """
+
+    noise_deg: Array
+    variance: Array
+    mean_deg: Array
+    gaussian: NDArray[np.bool_]
+
+
+def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.random.Generator) -> NoiseBatch:
+    """Draw the noise of sequences, each from one of some families.
+
+    Args:
+        families: names from `FAMILIES`, each as likely as its weight there.
+        count: number of sequences.
+        samples: of each.
+        rng: source of random numbers.
+
+    Raises:
+        ValueError: there is no such family, or none is given.
+    """
+    check_families(families)
+    weights = np.array([FAMILIES[name][0] for name in families])
+    chosen = rng.choice(len(families), count, p=weights / weights.sum())
+    noise = np.empty((count, samples))
+    variance, mean = np.empty(count), np.empty(count)
+    for row, number in enumerate(chosen):
+        draw = FAMILIES[families[number]][1]
+        noise[row], variance[row], mean[row] = draw(samples, rng)
+    return NoiseBatch(noise, variance, mean, np.array([families[k] == "gaussian" for k in chosen]))
+
+
+def check_families(families: Sequence[str]) -> None:
+    """Refuse families that there are not.
+
+    Raises:
+        ValueError: one is unknown, or there is none.
+    """
+    unknown = [name for name in families if name not in FAMILIES]
+    if unknown or not families:
+        raise InputError(f"training noises {', '.join(unknown) or 'none'}: choose from {', '.join(FAMILIES)}")
+
+
+_Draw = Callable[[int, np.random.Generator], tuple[Array, float, float]]
+
+
+def _variance(rng: np.random.Generator, low: float = VARIANCES[0], high: float = VARIANCES[1]) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _gaussian(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    variance = _variance(rng)
+    return np.sqrt(variance) * rng.standard_normal(samples), variance, 0.0
+
+
+def _laplace(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    variance = _variance(rng)
+    return rng.laplace(0.0, np.sqrt(variance / 2), samples), variance, 0.0
+
+
+def _student(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    variance, freedom = _variance(rng), rng.uniform(2.6, 8.0)
+    scale = np.sqrt(variance * (freedom - 2) / freedom)
+    return scale * rng.standard_t(freedom, samples), variance, 0.0
+
+
+def _uniform(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    variance = _variance(rng)
+    return np.sqrt(3 * variance) * rng.uniform(-1, 1, samples), variance, 0.0
+
+
+def _gamma(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    variance, shape = _variance(rng, high=4.0), rng.uniform(1.2, 3.5)
+    return rng.gamma(shape, np.sqrt(variance / shape), samples), variance, float(np.sqrt(variance * shape))
+
+
+def _poisson(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    mean = _variance(rng, high=4.0)
+    return rng.poisson(mean, samples).astype(float), mean, mean
+
+
+def _dithered_poisson(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    noise, variance, mean = _poisson(samples, rng)
+    return noise + rng.uniform(-0.5, 0.5, samples), variance + 1 / 12, mean
+
+
+def _outliers(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    share, size, variance = rng.uniform(0.01, 0.1), rng.uniform(4.0, 15.0), _variance(rng, 0.03, 0.6)
+    outlier = rng.choice([-size, size], samples) * (rng.uniform(size=samples) < share)
+    noise = np.sqrt(variance) * rng.standard_normal(samples) + outlier
+    return noise, float(variance + share * size**2), 0.0
+
+
+FAMILIES: dict[str, tuple[float, _Draw]] = {
+    "gaussian": (0.20, _gaussian),
+    "laplace": (0.10, _laplace),
+    "student-t": (0.10, _student),
+    "uniform": (0.10, _uniform),
+    "gamma": (0.14, _gamma),
+    "poisson": (0.14, _poisson),
+    "poisson-dithered": (0.10, _dithered_poisson),
+    "salt-and-pepper": (0.12, _outliers),
+}
+"""Weight of each family, and how the noise (N,) [deg], R [deg^2] and the mean [deg] of one are drawn."""

@@ -1,0 +1,104 @@
+"""Training records of RAM (twins): commands, the members along them, and other twins that are the truth."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import DivergedError
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.reduced import simulate_batch
+from twin.signals.excitation import SIGNALS, command
+
+Array32 = NDArray[np.float32]
+
+SAMPLE_TIME = 0.02
+"""Between two samples of a training record [s]; coarser sampling thins it."""
+STROKE_LIMIT_MM = 4.0
+_WIDTHS_MM = (1.0, 8.0)
+_WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
+_MOVING = 0.35  # share of twins whose sheath is bent on during the record
+
+# What one seed is used for: the streams of these never meet, nor those of the benchmark's records.
+_MEMBERS, _COMMANDS, _TWINS = range(100, 103)
+
+
+class TwinRecords(NamedTuple):
+    """C commands, M members and K twins along each, sampled at `SAMPLE_TIME`.
+
+    Attributes:
+        pull_mm: (C, N) command [mm].
+        members_deg: (C, M, N) angle of the members [deg].
+        truth_deg: (C, K, N) angle of the twins that are estimated [deg].
+    """
+
+    pull_mm: Array32
+    members_deg: Array32
+    truth_deg: Array32
+
+
+def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int) -> list[Preset]:
+    """Return the twins that a prediction is made of: draws from the ranges."""
+    return [ranges.draw(preset, np.random.default_rng([seed, _MEMBERS, number])) for number in range(count)]
+
+
+def simulate_records(
+    preset: Preset,
+    ranges: Ranges,
+    members: list[Preset],
+    *,
+    commands: int,
+    twins: int,
+    seconds: float,
+    seed: int,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> TwinRecords:
+    """Simulate training records by the reduced twin.
+
+    Args:
+        preset: what does not vary.
+        ranges: what does; a fourth of the twins is drawn from wider ones.
+        members: twins that a prediction is made of.
+        commands: C, one kind of signal after the other, on strokes anywhere within 4 mm.
+        twins: K along each command, a third of them with a sheath that is bent on meanwhile.
+        seconds: length of a record.
+        seed: of commands and twins.
+        on_progress: told how many of how many commands are done.
+
+    Raises:
+        FloatingPointError: a simulation did not converge.
+    """
+    kinds, wide = list(SIGNALS), ranges.wider(_WIDER)
+    pulls, bends = [], []
+    for number in range(commands):
+        rng = np.random.default_rng([seed, _COMMANDS, number])
+        pull = command(kinds[number % len(kinds)], _stroke(rng), seconds, SAMPLE_TIME, rng)
+        presets = list(members)
+        sheath_bends: list[NDArray[np.float64] | None] = [None] * len(members)
+        for place in range(twins):
+            rng = np.random.default_rng([seed, _TWINS, number, place])
+            drawn, other = ((wide if place % 4 == 0 else ranges).draw(preset, rng) for _ in range(2))
+            moves = rng.uniform() < _MOVING
+            presets.append(drawn)
+            sheath_bends.append(
+                np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if moves else None
+            )
+        # One command at a time: a whole record holds a hundred times what is kept of it.
+        episodes = simulate_batch(presets, [pull] * len(presets), SAMPLE_TIME, sheath_bends=sheath_bends)
+        if any(episode is None for episode in episodes):
+            raise DivergedError(f"a twin along training command {number} found no equilibrium")
+        pulls.append(pull)
+        bends.append([episode.bend_deg.astype(np.float32) for episode in episodes if episode is not None])
+        if on_progress:
+            on_progress(number + 1, commands)
+    bend = np.array(bends)
+    return TwinRecords(np.array(pulls, np.float32) * 1e3, bend[:, : len(members)], bend[:, len(members) :])
+
+
+def _stroke(rng: np.random.Generator) -> tuple[float, float]:
+    """Return a stroke [m] of any width and place within the limit."""
+    width = float(np.exp(rng.uniform(*np.log(_WIDTHS_MM))))
+    middle = rng.uniform(-1, 1) * (STROKE_LIMIT_MM - width / 2)
+    return (middle - width / 2) * 1e-3, (middle + width / 2) * 1e-3

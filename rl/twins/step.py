@@ -1,0 +1,346 @@
+"""One sample of RAM (twins) as a module of torch: trained, exported and deployed as it stands here.
+
+The active model (eqs. 4-9) predicts by M twins that follow the command. The state is X = [c, d, b]:
+
+    theta = mean of the members + c . a + d,      y = theta + b + noise,
+
+where a are the anomalies of the members along r fixed directions, c their coefficients (Evensen 2003), d what
+no member does, which decays with the way of the tendon, and b the mean of the noise, which nobody tells. c, d
+and b have a joint covariance P and a Kalman filter that is told R, as the paper's active model.
+
+RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own direction P h. Of the gains it is the
+*sum* that is bounded,
+
+    K_AM + (1 - K_AM) K_RAM = sigmoid(logit K_AM + 5 tanh u)    in [0, 1],
+
+so that K_RAM may be negative: it takes back what the active model believed of an outlier. Two more actions
+set the R by which P shrinks and the growth of d. A policy that does nothing (u = 0) changes nothing.
+
+A recogniser counts residuals in units of sqrt(R) in a running histogram. The logarithm of the likelihood of a
+law of the noise is linear in such counts; J learned laws, each with its mean, are weighed by it (Bayes). What
+they say of b is taken as one more measurement, at the output alone, so that the filter itself stays linear.
+"""
+
+import math
+from typing import NamedTuple
+
+import torch
+
+LAWS = 32  # J
+BINS = 56
+LARGEST_RESIDUAL = 3.9  # of the histogram's scale asinh(4 r): 6 sqrt(R)
+ACTIONS = 3  # on the total gain, on R for the covariance, on the growth of d
+STATISTICS = 4
+SCALARS = 16  # that the policy sees beside the weights of the laws
+REACH = (5.0, 4.0, 3.0)  # of the actions, in logarithms
+MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
+GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, times what the policy says
+MEMBERS_PER_MM = 1.5e-4  # growth of the variance of the coefficients: what keeps them awake for hours
+FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
+FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
+HISTORY = 1000.0  # samples after which the histogram forgets
+RECENT = 30.0  # samples of the running statistics
+WIDTH_OF_95 = 1.96
+LEAST_VARIANCE = 1e-8  # [deg^2]
+UNHEARD = 1e6  # times R: variance of what a recogniser that is not heard says
+
+Tensor = torch.Tensor
+
+
+class FilterState(NamedTuple):
+    """State of B filters.
+
+    Attributes:
+        mean: (B, r + 2) of c, d [deg] and b [deg].
+        covariance: (B, r + 2, r + 2).
+        counts: (B, BINS) histogram of residuals.
+        samples: (B,) measured so far.
+        statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
+            its normalised square, and the last one.
+    """
+
+    mean: Tensor
+    covariance: Tensor
+    counts: Tensor
+    samples: Tensor
+    statistics: Tensor
+
+
+class Output(NamedTuple):
+    """Result of one sample.
+
+    Attributes:
+        bend_deg: (B,) estimate [deg].
+        half_width_deg: (B,) half of its 95 % interval [deg].
+        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
+        bias_variance: (B,) how sure that is, in units of R.
+        action: (B, ACTIONS) before they are bounded.
+        deviation_deg: (B,) standard deviation of the estimate as the filter has it [deg].
+        seen: (B, LAWS + SCALARS) what the interval is made of.
+    """
+
+    bend_deg: Tensor
+    half_width_deg: Tensor
+    bias: Tensor
+    bias_variance: Tensor
+    action: Tensor
+    deviation_deg: Tensor
+    seen: Tensor
+
+
+class TwinsStep(torch.nn.Module):
+    """Active model on twins, recogniser of the noise, policy and interval; see the module."""
+
+    def __init__(self, directions: Tensor, hidden: int = 64):
+        """Start untrained, with a policy that does nothing.
+
+        Args:
+            directions: (M, r) orthonormal directions among the members.
+            hidden: units of each layer of the policy.
+        """
+        super().__init__()
+        members, rank = directions.shape
+        # Parts of the state are picked by constant vectors: the exported graph needs no slices then.
+        units = torch.eye(rank + 2)
+        self.unit = torch.nn.Buffer(units)
+        self.of_error = torch.nn.Buffer(units[rank])
+        self.of_bias = torch.nn.Buffer(units[rank + 1])
+        self.of_members = torch.nn.Buffer(units[:rank].sum(dim=0))
+        scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 2)], dim=1)
+        self.directions = torch.nn.Buffer(scaled)
+        self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
+        self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
+        self.reach = torch.nn.Buffer(torch.tensor(REACH))
+        self.centres = torch.nn.Buffer(torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS))
+        self.likelihood = torch.nn.Parameter(torch.randn(3, BINS, LAWS) * 0.02)
+        self.laws = _network(1, 16, 3 * LAWS, layers=1)
+        self.policy = _network(LAWS + SCALARS, hidden, ACTIONS)
+        self.interval = _network(LAWS + SCALARS, 16, 1, layers=1)
+        with torch.no_grad():
+            _last(self.laws).bias[LAWS : 2 * LAWS] = torch.linspace(-0.3, 2.2, LAWS)
+            _last(self.policy).weight.mul_(0.1)
+            for layer in (_last(self.policy), _last(self.interval)):
+                layer.bias.zero_()
+            _last(self.interval).weight.zero_()
+
+    def start(self, variance: Tensor) -> FilterState:
+        """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
+        batch, size = len(variance), len(self.unit)
+        return FilterState(
+            torch.zeros(batch, size),
+            self.first_covariance(variance),
+            torch.zeros(batch, BINS),
+            torch.zeros(batch),
+            torch.zeros(batch, STATISTICS),
+        )
+
+    def first_covariance(self, variance: Tensor) -> Tensor:
+        """Return P (B, r + 2, r + 2) before anything is measured."""
+        told = (FIRST_BIAS * variance)[:, None]
+        first: Tensor = self.of_members + FIRST_ERROR_DEG2 * self.of_error + told * self.of_bias
+        return first[:, :, None] * self.unit
+
+    def forward(
+        self,
+        members_deg: Tensor,
+        way_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        parts: Tensor,
+        state: FilterState,
+    ) -> tuple[Output, FilterState]:
+        """Return the estimates and the states one sample later.
+
+        Args:
+            members_deg: (B, M) angle of the members now [deg].
+            way_mm: (B,) that the tendon has gone since the last sample [mm].
+            measurement_deg: (B,) NaN where there is none [deg].
+            variance: (B,) R, as told [deg^2].
+            sample_time: (B,) T [s].
+            parts: (2,) 1 or 0: whether the policy acts, and whether the recogniser is heard.
+            state: after the sample before.
+        """
+        acts, hears = parts.split(1)
+        root = torch.sqrt(variance)
+        middle = members_deg.mean(dim=1)
+        angle = (members_deg - middle[:, None]) @ self.directions + self.of_error  # of theta on the state
+        seen_as = angle + self.of_bias  # h: of the measurement
+
+        # Prediction: d decays with the way.
+        forgotten = 1 - torch.exp(-way_mm / MEMORY_MM)
+        keep = 1 - forgotten[:, None] * self.of_error
+        mean = state.mean * keep
+        covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
+        predicted = middle + (seen_as * mean).sum(dim=1)
+        is_seen = ~torch.isnan(measurement_deg)
+        seen = is_seen.to(predicted.dtype)
+        innovation = torch.where(is_seen, measurement_deg, predicted) - predicted
+
+        features = self._features(
+            state,
+            mean.detach(),
+            covariance.detach(),
+            seen_as,
+            innovation.detach(),
+            way_mm,
+            variance,
+            sample_time,
+        )
+        said = self.policy(features) * acts
+        on_gain, on_noise, on_growth = (torch.tanh(said) * self.reach).split(1, dim=1)
+
+        grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None]
+        grows = (
+            grown * torch.exp(on_growth) * self.of_error + MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+        )
+        covariance = covariance + grows[:, :, None] * self.unit
+        towards = _times(covariance, seen_as)
+        doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        gain = torch.sigmoid(torch.log(doubt / variance) + on_gain[:, 0])
+        mean = mean + towards * (gain * innovation / doubt)[:, None]
+        told = variance * torch.exp(on_noise[:, 0])
+        shrink = seen / (doubt + told)
+        covariance = torch.baddbmm(
+            covariance, towards[:, :, None], (towards * shrink[:, None])[:, None, :], alpha=-1
+        )
+
+        residual = (predicted + innovation - middle - (seen_as * mean).sum(dim=1)) / root
+        relative = (doubt / variance).detach()
+        counted = seen[:, None] * self.bins(residual.detach(), relative)
+        after = FilterState(
+            mean,
+            covariance,
+            state.counts * (1 - seen / HISTORY)[:, None] + counted,
+            state.samples + seen,
+            _recent(state, seen, (innovation / root).detach(), relative),
+        )
+
+        _, bias, bias_variance = self.recognise(after.counts, torch.log(variance))
+        trust = _times(covariance, angle)  # covariance of the state with the angle
+        with_bias, of_bias = trust @ self.of_bias, (covariance @ self.of_bias) @ self.of_bias
+        heard = with_bias / (of_bias + (bias_variance + UNHEARD * (1 - hears)) * variance)
+        bend = middle + (angle * mean).sum(dim=1) + heard * (bias * root - mean @ self.of_bias)
+        left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
+        deviation = torch.sqrt(left)
+        half_width = deviation * self.widen(features)
+        return Output(bend, half_width, bias, bias_variance, said, deviation, features), after
+
+    def widen(self, seen: Tensor) -> Tensor:
+        """Return (...) how many standard deviations half of a 95 % interval has."""
+        return WIDTH_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
+
+    def bins(self, residual: Tensor, doubt: Tensor) -> Tensor:
+        """Return (..., BINS) what residuals in units of sqrt(R) count in the histogram.
+
+        A residual is shared by the two nearest bins; one of a prediction that is in doubt counts less.
+        """
+        place = torch.asinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
+        between = 2 * LARGEST_RESIDUAL / (BINS - 1)
+        share = (1 - (place[..., None] - self.centres).abs() / between).clamp(min=0)
+        return share / (1 + doubt)[..., None]
+
+    def recognise(self, counts: Tensor, log_variance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return the weights of the laws (..., LAWS), and mean and variance of b in units of sqrt(R) and R.
+
+        Args:
+            counts: (..., BINS) histogram.
+            log_variance: (...) logarithm of R.
+        """
+        level = (log_variance / 2)[..., None]
+        of_shape, of_level, of_square = self.likelihood
+        likelihood = counts @ of_shape + level * (counts @ of_level) + level * level * (counts @ of_square)
+        prior, bias, width = self.laws(log_variance[..., None] / 3).split(LAWS, dim=-1)
+        weights = torch.softmax(likelihood + prior, dim=-1)
+        mean = (weights * bias).sum(dim=-1)
+        within = torch.exp(2 * width.clamp(-3, 1)) * 0.1
+        variance = (weights * ((bias - mean[..., None]) ** 2 + within)).sum(dim=-1)
+        return weights, mean, variance + 1e-4
+
+    def _features(
+        self,
+        state: FilterState,
+        mean: Tensor,
+        covariance: Tensor,
+        seen_as: Tensor,
+        innovation: Tensor,
+        way_mm: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+    ) -> Tensor:
+        """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone."""
+        root = torch.sqrt(variance)
+        weights, bias, bias_variance = self.recognise(state.counts, torch.log(variance))
+        doubt = (seen_as * _times(covariance, seen_as)).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        average, product, square, _ = state.statistics.split(1, dim=1)
+        coefficients = mean * self.of_members
+        angles = [
+            innovation / root,
+            innovation / torch.sqrt(doubt + variance),
+            mean @ self.of_error / root,
+            way_mm,
+        ]
+        positive = [
+            doubt / variance,
+            (covariance @ self.of_error) @ self.of_error + 1e-3,
+            square[:, 0] + 1,
+            state.samples + 1,
+            variance,
+            10 * sample_time,
+        ]
+        return torch.cat(
+            [
+                weights,
+                bias[:, None],
+                torch.log(bias_variance)[:, None] / 3,
+                _log_scale(torch.stack(angles, dim=1) * self.angle_units),
+                torch.log(torch.stack(positive, dim=1)) * self.log_units,
+                torch.tanh(innovation / root / 2)[:, None],
+                (coefficients * coefficients).sum(dim=1, keepdim=True) / self.of_members.sum(),
+                average,
+                product,
+            ],
+            dim=1,
+        )
+
+
+def _times(covariance: Tensor, vector: Tensor) -> Tensor:
+    """Return the products (B, n) of matrices (B, n, n) with vectors (B, n)."""
+    return torch.bmm(covariance, vector[:, :, None])[:, :, 0]
+
+
+def _log_scale(values: Tensor) -> Tensor:
+    """Return values on a symmetric logarithmic scale."""
+    return torch.sign(values) * torch.log1p(values.abs())
+
+
+def _recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
+    """Return the running statistics with one more innovation, in units of sqrt(R)."""
+    average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
+    now = _log_scale(innovation)
+    weight = seen / (state.samples + 1).clamp(max=RECENT)
+    return torch.stack(
+        [
+            average + (now - average) * weight,
+            product + (now * _log_scale(last) - product) * weight,
+            square + (innovation * innovation / (doubt + 1) - square) * weight,
+            last + (innovation - last) * seen,
+        ],
+        dim=1,
+    )
+
+
+def _network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
+    """Return a network of equal layers with hyperbolic tangents."""
+    parts: list[torch.nn.Module] = []
+    for _ in range(layers):
+        parts += [torch.nn.Linear(inputs, hidden), torch.nn.Tanh()]
+        inputs = hidden
+    return torch.nn.Sequential(*parts, torch.nn.Linear(hidden, outputs))
+
+
+def _last(network: torch.nn.Sequential) -> torch.nn.Linear:
+    """Return the last layer of a network."""
+    layer = network[-1]
+    assert isinstance(layer, torch.nn.Linear)
+    return layer

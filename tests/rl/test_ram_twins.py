@@ -1,0 +1,189 @@
+"""Training of RAM (twins) end to end at small size: what it learns from, what it writes, what it refuses."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+from small_twins import TINY, generator, shorter, small_records, small_source, small_step, twins
+
+import scripts.train
+from rl.ram_twins import train_ram_twins
+from rl.twins.graph import StepGraph, export_step
+from rl.twins.learning import learn_interval, learn_noise, validation_loss
+from rl.twins.noises import FAMILIES, draw_noises
+from rl.twins.records import SAMPLE_TIME, draw_members
+from rl.twins.sequences import principal_directions, split_records
+from twin.estimation.learned.ram_twins import INPUTS, STATE, load
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.reduced import simulate
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ram_twins")
+    told = []
+    path = train_ram_twins(*twins(), TINY, folder, lambda *of: told.append(of))
+    return path, told
+
+
+def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
+    """From a state of zeros on, for any number of filters, where a measurement is missing too."""
+    step = small_step(loud=2.0)
+    export_step(step, TINY.members, {"agent": "ram-twins"}, tmp_path / "policy.onnx")
+    file, graph = read_trained_file(tmp_path / "policy.onnx"), StepGraph(step)
+    for count in (1, 4):
+        drawn = small_source().draw(count, 20, generator(count))
+        state = [torch.zeros_like(of) for of in step.start(drawn.variance)]
+        deployed = [of.numpy() for of in state]
+        for k in range(20):
+            measurement = drawn.measurement_deg[k].clone()
+            if k % 5 == 2:
+                measurement[0] = torch.nan
+            values = (
+                drawn.members_deg[k],
+                drawn.way_mm[k],
+                measurement,
+                drawn.variance,
+                drawn.sample_time,
+                torch.ones(2),
+            )
+            with torch.no_grad():
+                *wanted, mean, covariance, counts, samples, statistics = graph(*values, *state)
+            state = [mean, covariance, counts, samples, statistics]
+            named = dict(zip(INPUTS, (of.numpy() for of in values), strict=True))
+            *found_now, a, b, c, d, e = file.run(**named, **dict(zip(STATE, deployed, strict=True)))
+            deployed = [a, b, c, d, e]
+            np.testing.assert_allclose(found_now, torch.stack(wanted), rtol=2e-3, atol=2e-3)
+
+
+def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
+    preset, ranges = twins()
+    records, members = small_records(), draw_members(preset, ranges, TINY.members, TINY.seed)
+    for number in (0, 5):
+        record = simulate(members[number], records.pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
+        np.testing.assert_allclose(record.bend_deg, records.members_deg[2, number], atol=2e-3)
+    assert np.abs(records.pull_mm).max() <= 4
+    assert (np.ptp(records.truth_deg, axis=1) > 0).any(axis=1).all()
+
+
+def test_directions_are_those_in_which_members_differ_most():
+    members = small_records().members_deg
+    every = principal_directions(members, TINY.members).numpy()
+    np.testing.assert_allclose(every.T @ every, np.eye(TINY.members), atol=1e-5)
+    anomaly = members - members.mean(axis=1, keepdims=True)
+    spread = np.einsum("cmn,mr->crn", anomaly[:, :, ::25], every)
+    assert (np.diff((spread**2).sum(axis=(0, 2))) <= 1e-2).all()
+
+
+def test_held_out_commands_are_not_learned_from():
+    records = small_records()
+    learned, held_out = split_records(records, 2)
+    assert len(learned.pull_mm) == 4
+    np.testing.assert_array_equal(held_out.truth_deg, records.truth_deg[-2:])
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_a_noise_has_the_moments_that_it_tells(family):
+    """Student's t has no fourth moment at few degrees of freedom: its median tells its scale instead."""
+    noise = draw_noises([family], 20, 40_000, generator(2))
+    error = 6 * np.sqrt(noise.variance / 40_000)
+    assert (np.abs(noise.noise_deg.mean(axis=1) - noise.mean_deg) < error).all()
+    if family != "student-t":
+        np.testing.assert_allclose(noise.noise_deg.var(axis=1), noise.variance, rtol=0.1)
+    assert noise.gaussian.all() == (family == "gaussian")
+
+
+def test_an_unknown_family_is_refused():
+    with pytest.raises(ValueError, match="choose from gaussian, laplace"):
+        draw_noises(["gausian"], 1, 10, generator())
+
+
+def test_the_recogniser_learns_a_mean_that_no_filter_sees():
+    """On gamma noise alone b / sqrt(R) is 1.1 to 1.9: after some steps the recogniser says so."""
+    step, source = small_step(), small_source(["gamma"])
+    settings = shorter(recogniser_updates=150, recogniser_sequences=256, recogniser_rate=1e-2)
+    learn_noise(step, source, settings)
+    drawn = source.draw(64, 150, generator(9), stride=5)
+    counts = torch.full((64, 56), 1.0)
+    _, mean, _ = step.recognise(counts, torch.log(drawn.variance))
+    wanted = (drawn.bias_deg / torch.sqrt(drawn.variance)).mean()
+    assert abs(float(mean.mean() - wanted)) < 0.3
+
+
+def test_the_interval_holds_the_truth_as_often_as_it_says():
+    step, source = small_step(), small_source(["gaussian", "laplace"])
+    learn_interval(step, source, shorter(interval_updates=300, interval_sequences=512))
+    from rl.twins.learning import ALL, filter_sequences
+
+    drawn = source.draw(256, 40, generator(11))
+    with torch.no_grad():
+        held = [
+            (output.bend_deg - truth).abs() <= output.half_width_deg
+            for (output, _), truth in zip(filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True)
+        ]
+    assert 0.92 < float(torch.stack(held).float().mean()) < 0.98
+
+
+def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
+    path, told = trained
+    description = read_trained_file(path).description
+    assert description["training"]["seed"] == TINY.seed
+    assert description["preset"]["name"] == "ureteroscope"
+    assert [done for done, _, _ in told] == sorted(done for done, _, _ in told)
+    assert told[-1][:2] == (1000, 1000)
+    assert np.isfinite(told[-1][2])
+    before = path.stat().st_mtime_ns
+    train_ram_twins(*twins(), TINY, path.parent)
+    assert path.stat().st_mtime_ns == before
+    with pytest.raises(ValueError, match="another configuration"):
+        train_ram_twins(*twins(), shorter(seed=2), path.parent)
+
+
+def test_the_same_seed_trains_the_same_step(trained, tmp_path):
+    """File by file the same numbers, so that a published figure can be repeated."""
+    again = train_ram_twins(*twins(), TINY, tmp_path / "again")
+    drawn = small_source().draw(3, 25, generator(4))
+    pull = np.cumsum(drawn.way_mm.numpy(), axis=0).T.astype(float)
+    estimates = [
+        load(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0) for path in (trained[0], again)
+    ]
+    np.testing.assert_allclose(*estimates, atol=1e-4)
+
+
+def test_validation_is_on_the_same_sequences_each_time():
+    step = small_step()
+    losses = {validation_loss(step, small_source(), TINY) for _ in range(2)}
+    assert len(losses) == 1
+
+
+def test_what_it_cannot_learn_from_is_refused(tmp_path):
+    preset, ranges = twins()
+    two = dataclasses.replace(preset, bending_planes=2)
+    with pytest.raises(ValueError, match="two bending planes"):
+        train_ram_twins(two, ranges, TINY, tmp_path / "two")
+    assert not (tmp_path / "two").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["data", "--protocol", "twins"], "give no data"),
+        (["--agent", "lstm", "--protocol", "twins"], "valid with --protocol twins: ram"),
+        (["--agent", "ram-twins"], "is trained with --protocol twins"),
+        (["--agent", "ram"], "needs folders of MCAP files"),
+        (["data"], "needs --model"),
+        (["--protocol", "twins", "--preset", "nobody"], "unknown preset"),
+    ],
+)
+def test_a_training_of_the_wrong_kind_is_refused_in_one_line(words, message, tmp_path, capsys):
+    assert scripts.train.main([*words, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err.strip()
+    assert message in said
+    assert "\n" not in said
+
+
+def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():
+    """The first width, before anything is learned of it, is that of a normal law."""
+    assert float(small_step().widen(torch.zeros(1, 48))) == pytest.approx(stats.norm.ppf(0.975), abs=1e-3)

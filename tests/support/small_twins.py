@@ -1,0 +1,65 @@
+"""A step of RAM (twins) and sequences of a size that a test can train."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import torch
+
+from rl.twins.records import TwinRecords, draw_members, simulate_records
+from rl.twins.sequences import SequenceSource, principal_directions
+from rl.twins.settings import TwinsTraining
+from rl.twins.step import TwinsStep
+from twin.preset import load_preset, load_ranges
+
+TINY = TwinsTraining(
+    members=6,
+    rank=4,
+    commands=6,
+    twins=2,
+    seconds=20.0,
+    sequences=16,
+    episode=40,
+    window=20,
+    recogniser_sequences=64,
+    recogniser_updates=10,
+    updates=8,
+    interval_sequences=64,
+    interval_updates=10,
+    seed=1,
+)
+
+
+@functools.cache
+def twins():
+    """Preset and ranges that the tests draw from."""
+    return load_preset("ureteroscope"), load_ranges("ureteroscope")
+
+
+@functools.cache
+def small_records() -> TwinRecords:
+    """Records of a few commands by the reduced twin."""
+    preset, ranges = twins()
+    members = draw_members(preset, ranges, TINY.members, TINY.seed)
+    return simulate_records(preset, ranges, members, commands=6, twins=2, seconds=20.0, seed=1)
+
+
+def small_source(noises=TINY.noises) -> SequenceSource:
+    return SequenceSource(small_records(), tuple(noises))
+
+
+def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
+    """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
+    torch.manual_seed(seed)
+    step = TwinsStep(principal_directions(small_records().members_deg, rank))
+    with torch.no_grad():
+        step.policy[-1].weight.normal_(0, loud)
+    return step.eval()
+
+
+def shorter(**changes) -> TwinsTraining:
+    return dataclasses.replace(TINY, **changes)
+
+
+def generator(seed=0) -> np.random.Generator:
+    return np.random.default_rng(seed)
