@@ -1,6 +1,7 @@
 """Training of RAM (twins): simulated twins of a preset, then three lessons, into one run folder."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,16 +12,19 @@ from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
 from rl.run import write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
+from rl.twins.checkpoint import CHECKPOINT_FILE, Keeper
 from rl.twins.graph import export_step
-from rl.twins.learning import learn_gain, learn_interval, learn_noise, validation_loss
+from rl.twins.learning import learn_gain, learn_interval, learn_noise, validation_loss, windows_of
 from rl.twins.records import draw_members, simulate_records
 from rl.twins.sequences import SequenceSource, principal_directions, split_records
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
+from twin import __version__
 from twin.errors import InputError
 from twin.estimation.learned.following import members_to_dict
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.files.run_folder import open_run
+from twin.files.state_file import state_key
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced.parameters import refuse_gravity
@@ -37,6 +41,8 @@ def train_ram_twins(
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Train into a folder (`policy.onnx`, `config.yaml`, `progress.csv`); a finished run stays.
+
+    A training that was stopped simulates its twins again and goes on from its checkpoint.
 
     Args:
         preset: the endoscope.
@@ -62,7 +68,7 @@ def train_ram_twins(
         "ranges": ranges.to_dict(),
     }
     path = folder / TRAINING.file
-    with open_run(folder, configuration, (path.name,)), no_folder_of_compiled_code():
+    with open_run(folder, configuration, (path.name, CHECKPOINT_FILE)), no_folder_of_compiled_code():
         if not path.is_file():
             torch.set_num_threads(1)
             torch.manual_seed(settings.seed)
@@ -98,29 +104,32 @@ def _train(
     learned, held_out = split_records(records, max(settings.commands // 12, 1))
     source, unseen = (SequenceSource(part, settings.noises) for part in (learned, held_out))
     step = TwinsStep(principal_directions(learned.members_deg, settings.rank))
-    curve: list[tuple[int, float]] = []
-    best: dict[str, torch.Tensor] = {}
     each = settings.sequences * settings.window
-    every = max(settings.updates // VALIDATIONS, 1)
+    windows = windows_of(settings)
+    every = max(settings.updates // (VALIDATIONS * windows), 1) * windows
+    key = state_key(__version__, torch.__version__, configuration)
+    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
 
     def validate(update: int, loss: float) -> None:
         if update % every == 0 or update == settings.updates:
-            error = -float(torch.exp(torch.tensor(validation_loss(step, unseen, settings))))
-            if error > max((reward for _, reward in curve), default=-float("inf")):
-                best.update({name: of.clone() for name, of in step.state_dict().items()})
-            curve.append((update * each, error))
+            error = -math.exp(validation_loss(step, unseen, settings))
+            if error > max((reward for _, reward in keeper.curve), default=-math.inf):
+                keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
+            keeper.curve.append((update * each, error))
+            write_curve(path.parent, keeper.curve)
             shown.error = error
         shown.of(2)(update, settings.updates)
 
-    learn_noise(step, source, settings, lambda update, loss: shown.of(1)(update, settings.recogniser_updates))
-    learn_gain(step, source, settings, validate)
-    step.load_state_dict(best)
-    learn_interval(
-        step, source, settings, lambda update, loss: shown.of(3)(update, settings.interval_updates)
-    )
-    write_curve(path.parent, curve)
+    if not keeper.is_there():
+        show = shown.of(1)
+        learn_noise(step, source, settings, lambda update, _: show(update, settings.recogniser_updates))
+    learn_gain(step, source, settings, validate, keeper)
+    step.load_state_dict(keeper.best, strict=False)
+    show = shown.of(3)
+    learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
     description = {"agent": TRAINING.agent, "members": members_to_dict(members), **configuration}
     export_step(step, settings.members, description, path)  # the last: where the file is, the run is finished
+    keeper.remove()
 
 
 class _Shown:

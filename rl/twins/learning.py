@@ -14,6 +14,7 @@ import numpy as np
 import torch
 
 from rl.supervised import GRADIENT_LIMIT
+from rl.twins.checkpoint import Keeper
 from rl.twins.sequences import Sequences, SequenceSource
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import FilterState, Output, TwinsStep
@@ -76,10 +77,11 @@ def learn_gain(
     source: SequenceSource,
     settings: TwinsTraining,
     on_update: OnUpdate | None = None,
+    keeper: Keeper | None = None,
 ) -> None:
-    """Train filter, recogniser and policy by back-propagation through the filter."""
+    """Train recogniser and policy by back-propagation through the filter; a checkpoint is taken up."""
     episode = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
-    windows = max(episode // settings.window, 1)
+    windows = windows_of(settings)
     held: list[tuple[Sequences, FilterState]] = []
 
     def loss(update: int) -> torch.Tensor:
@@ -99,7 +101,12 @@ def learn_gain(
     # Counts are large numbers: what they are multiplied by learns in smaller steps.
     rest = [values for name, values in step.named_parameters() if name != "likelihood"]
     groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.likelihood], "share": 0.2}]
-    _descend(groups, loss, settings.updates, settings.learning_rate, on_update)
+    _descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
+
+
+def windows_of(settings: TwinsTraining) -> int:
+    """Return the windows after which sequences begin anew."""
+    return max(settings.episode // settings.window, 1)
 
 
 def _window_loss(
@@ -166,6 +173,7 @@ def _descend(
     updates: int,
     rate: float,
     on_update: OnUpdate | None,
+    keeper: Keeper | None = None,
 ) -> None:
     """Take gradient steps by Adam; the learning rate falls to zero along a cosine.
 
@@ -174,7 +182,8 @@ def _descend(
     """
     optimiser = torch.optim.Adam(groups, lr=rate, betas=(0.9, 0.99))
     parameters = [values for group in optimiser.param_groups for values in group["params"]]
-    for update in range(updates):
+    begin = keeper.restore(optimiser) if keeper else 0
+    for update in range(begin, updates):
         for group in optimiser.param_groups:
             group["lr"] = rate * group.get("share", 1.0) * (1 + math.cos(math.pi * update / updates)) / 2
         value = loss(update)
@@ -186,3 +195,5 @@ def _descend(
         optimiser.step()
         if on_update:
             on_update(update + 1, value.item())
+        if keeper:
+            keeper.keep(update + 1, optimiser)

@@ -1,10 +1,15 @@
 """Training of RAM (twins) end to end at small size: what it learns from, what it writes, what it refuses."""
 
 import dataclasses
+import re
+import subprocess
+import sys
 
 import numpy as np
+import onnx
 import pytest
 import torch
+from repository import REPOSITORY
 from scipy import stats
 from small_twins import TINY, generator, shorter, small_records, small_source, small_step, twins
 
@@ -15,6 +20,7 @@ from rl.twins.learning import learn_interval, learn_noise, validation_loss
 from rl.twins.noises import FAMILIES, draw_noises
 from rl.twins.records import SAMPLE_TIME, draw_members
 from rl.twins.sequences import principal_directions, split_records
+from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import INPUTS, STATE, load
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
@@ -187,3 +193,59 @@ def test_a_training_of_the_wrong_kind_is_refused_in_one_line(words, message, tmp
 def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():
     """The first width, before anything is learned of it, is that of a normal law."""
     assert float(small_step().widen(torch.zeros(1, 48))) == pytest.approx(stats.norm.ppf(0.975), abs=1e-3)
+
+
+def test_the_document_runs_the_file_in_plain_onnx_runtime(trained, tmp_path):
+    """And comes to what the estimator says of the same samples."""
+    (code,) = re.findall(r"```python\n(.*?)```", (REPOSITORY / "docs/ram_twins.md").read_text(), re.DOTALL)
+    (tmp_path / "runs/ram_twins").mkdir(parents=True)
+    (tmp_path / "runs/ram_twins/policy.onnx").write_bytes(trained[0].read_bytes())
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr[-1000:]
+    estimator = load(trained[0]).with_sensor(Sensor(1.0))
+    pull, measurement = np.array([0.0, 0.1, 0.2, 0.3]), np.array([0.0, 2.9, np.nan, 5.8])
+    bend, half_width = estimator.estimate_with_interval(pull, measurement, 0.0)
+    said = [
+        f"{angle:.2f} deg, 95 % within {half:.2f} deg"
+        for angle, half in zip(bend[0, 1:], half_width[0, 1:], strict=True)
+    ]
+    assert done.stdout.splitlines() == said
+
+
+class Stopped(Exception):
+    """The user's Ctrl-C."""
+
+
+def test_a_training_that_was_stopped_goes_on_to_the_same_numbers(tmp_path):
+    """Stopped after its first checkpoint; the whole one is never stopped."""
+    settings = shorter(updates=12, episode=40, window=20)
+    weights = {}
+    for name in ("whole", "stopped"):
+        folder = tmp_path / name
+
+        def stop(done, total, error, folder=folder):
+            if folder.name == "stopped" and (folder / "checkpoint.state").exists():
+                raise Stopped
+
+        if name == "stopped":
+            with pytest.raises(Stopped):
+                train_ram_twins(*twins(), settings, folder, stop)
+            assert (folder / "checkpoint.state").exists()
+            assert not (folder / "policy.onnx").exists()
+        path = train_ram_twins(*twins(), settings, folder)
+        assert not (folder / "checkpoint.state").exists()
+        graph = onnx.load(path).graph
+        weights[name] = {part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer}
+        weights[name]["curve"] = (folder / "progress.csv").read_text()
+    assert weights["whole"].keys() == weights["stopped"].keys()
+    for name, values in weights["whole"].items():
+        np.testing.assert_array_equal(values, weights["stopped"][name], err_msg=name)
+
+
+def test_a_foreign_checkpoint_is_left_alone(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "checkpoint.state").write_text("mine")
+    with pytest.raises(ValueError, match=r"checkpoint\.state"):
+        train_ram_twins(*twins(), TINY, folder)
+    assert (folder / "checkpoint.state").read_text() == "mine"
