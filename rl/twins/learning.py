@@ -15,7 +15,7 @@ import torch
 
 from rl.supervised import GRADIENT_LIMIT
 from rl.twins.checkpoint import Keeper
-from rl.twins.sequences import Sequences, SequenceSource
+from rl.twins.sequences import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import FilterState, Output, TwinsStep
 from twin.errors import DivergedError
@@ -46,11 +46,11 @@ def learn_noise(
 ) -> None:
     """Train the recogniser on residuals of the filter without a policy."""
     rng = np.random.default_rng([settings.seed, _RECOGNISER])
-    samples = min(500, (source.records.pull_mm.shape[1] - 1) // 5)
+    samples = (source.records.pull_mm.shape[1] - 1) // STRIDES[0]
     chosen = np.unique(np.geomspace(3, samples, 40).astype(int)) - 1
     histograms, levels, biases = [], [], []
     for _ in range(math.ceil(settings.recogniser_sequences / 1024)):
-        drawn = source.draw(min(1024, settings.recogniser_sequences), samples, rng, stride=5)
+        drawn = source.draw(min(1024, settings.recogniser_sequences), samples, rng, STRIDES[0])
         seen = []
         with torch.no_grad():
             for sample, (_, state) in enumerate(filter_sequences(step, drawn, NOTHING)):
@@ -64,11 +64,12 @@ def learn_noise(
     def loss(update: int) -> torch.Tensor:
         rows = torch.as_tensor(rng.integers(len(level), size=128))
         here = level[rows].expand(len(counts), -1)
-        _, mean, variance = step.recognise(counts[:, rows], here)
+        _, mean, variance = step.recogniser(counts[:, rows], here)
         square = (bias[rows] - mean) ** 2
-        return (0.5 * (square / variance + torch.log(variance)) + square).mean()
+        value: torch.Tensor = (0.5 * (square / variance + torch.log(variance)) + square).mean()
+        return value
 
-    groups: list[dict[str, Any]] = [{"params": [step.likelihood, *step.laws.parameters()]}]
+    groups: list[dict[str, Any]] = [{"params": [*step.recogniser.parameters()]}]
     _descend(groups, loss, settings.recogniser_updates, settings.recogniser_rate, on_update)
 
 
@@ -80,8 +81,8 @@ def learn_gain(
     keeper: Keeper | None = None,
 ) -> None:
     """Train recogniser and policy by back-propagation through the filter; a checkpoint is taken up."""
-    episode = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
     windows = windows_of(settings)
+    episode = windows * settings.window
     held: list[tuple[Sequences, FilterState]] = []
 
     def loss(update: int) -> torch.Tensor:
@@ -99,8 +100,8 @@ def learn_gain(
         return value
 
     # Counts are large numbers: what they are multiplied by learns in smaller steps.
-    rest = [values for name, values in step.named_parameters() if name != "likelihood"]
-    groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.likelihood], "share": 0.2}]
+    rest = [values for name, values in step.named_parameters() if name != "recogniser.likelihood"]
+    groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.recogniser.likelihood], "share": 0.2}]
     _descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
 
 
@@ -134,10 +135,9 @@ def learn_interval(
 ) -> None:
     """Train the width of the interval on errors of the finished filter; nothing else changes."""
     rng = np.random.default_rng([settings.seed, _INTERVAL])
-    samples = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
     seen, errors = [], []
     for _ in range(max(settings.interval_sequences // 256, 1)):
-        drawn = source.draw(min(256, settings.interval_sequences), samples, rng)
+        drawn = source.draw(min(256, settings.interval_sequences), settings.episode, rng)
         with torch.no_grad():
             for place, (output, _) in enumerate(filter_sequences(step, drawn, ALL)):
                 if place % 5 == 0:  # neighbours tell little more
@@ -155,16 +155,20 @@ def learn_interval(
 
 
 def validation_loss(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> float:
-    """Return the mean logarithm of the mean square error of held-out sequences."""
+    """Return the mean logarithm of the mean square error of held-out sequences, at both ends of T."""
     rng = np.random.default_rng([settings.seed, _VALIDATION])
-    samples = min(settings.episode, (source.records.pull_mm.shape[1] - 1) // 5)
-    drawn = source.draw(256, samples, rng, stride=5)
-    with torch.no_grad():
-        squares = [
-            (output.bend_deg - truth) ** 2
-            for (output, _), truth in zip(filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True)
-        ]
-    return float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean())
+    losses = []
+    for stride in (STRIDES[0], STRIDES[-1]):
+        drawn = source.draw(160, settings.episode, rng, stride)
+        with torch.no_grad():
+            squares = [
+                (output.bend_deg - truth) ** 2
+                for (output, _), truth in zip(
+                    filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True
+                )
+            ]
+        losses.append(float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()))
+    return float(np.mean(losses))
 
 
 def _descend(

@@ -19,6 +19,7 @@ SAMPLE_TIME = 0.02
 STROKE_LIMIT_MM = 4.0
 _WIDTHS_MM = (1.0, 8.0)
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
+_SPARE = 1  # twins beyond those that are asked for
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 
 # What one seed is used for: the streams of these never meet, nor those of the benchmark's records.
@@ -77,7 +78,8 @@ def simulate_records(
         pull = command(kinds[number % len(kinds)], _stroke(rng), seconds, SAMPLE_TIME, rng)
         presets = list(members)
         sheath_bends: list[NDArray[np.float64] | None] = [None] * len(members)
-        for place in range(twins):
+        # Drawn from wider ranges, a twin may find no equilibrium: the first that do are taken.
+        for place in range(twins + _SPARE):
             rng = np.random.default_rng([seed, _TWINS, number, place])
             drawn, other = ((wide if place % 4 == 0 else ranges).draw(preset, rng) for _ in range(2))
             moves = rng.uniform() < _MOVING
@@ -87,10 +89,11 @@ def simulate_records(
             )
         # One command at a time: a whole record holds a hundred times what is kept of it.
         episodes = simulate_batch(presets, [pull] * len(presets), SAMPLE_TIME, sheath_bends=sheath_bends)
-        if any(episode is None for episode in episodes):
-            raise DivergedError(f"a twin along training command {number} found no equilibrium")
+        angles = [episode.bend_deg.astype(np.float32) for episode in episodes if episode is not None]
+        if any(episode is None for episode in episodes[: len(members)]) or len(angles) < len(members) + twins:
+            raise DivergedError(f"twins along training command {number} found no equilibrium")
         pulls.append(pull)
-        bends.append([episode.bend_deg.astype(np.float32) for episode in episodes if episode is not None])
+        bends.append(angles[: len(members) + twins])
         if on_progress:
             on_progress(number + 1, commands)
     bend = np.array(bends)

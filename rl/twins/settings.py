@@ -2,7 +2,12 @@
 
 import dataclasses
 
-from rl.twins.noises import FAMILIES
+from rl.twins.noises import FAMILIES, check_families
+from rl.twins.records import SAMPLE_TIME
+from rl.twins.sequences import STRIDES
+from twin.errors import InputError
+from twin.files.bounds import check_between
+from twin.files.trained_schema import MOST_MEMBERS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,3 +55,18 @@ class TwinsTraining:
     bias_weight: float = 0.05
     noises: tuple[str, ...] = tuple(FAMILIES)
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse a training that cannot run.
+
+        Raises:
+            ValueError: records are shorter than an episode, or a file could not hold the members.
+        """
+        check_families(self.noises)
+        check_between("members", self.members, 2, MOST_MEMBERS)
+        check_between("rank", self.rank, 1, self.members)
+        if not self.window <= self.episode <= int(self.seconds / (SAMPLE_TIME * STRIDES[0])) - 1:
+            raise InputError(
+                f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "
+                f"a record of {self.seconds:g} s"
+            )

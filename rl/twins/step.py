@@ -16,9 +16,8 @@ RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own directi
 so that K_RAM may be negative: it takes back what the active model believed of an outlier. Two more actions
 set the R by which P shrinks and the growth of d. A policy that does nothing (u = 0) changes nothing.
 
-A recogniser counts residuals in units of sqrt(R) in a running histogram. The logarithm of the likelihood of a
-law of the noise is linear in such counts; J learned laws, each with its mean, are weighed by it (Bayes). What
-they say of b is taken as one more measurement, at the output alone, so that the filter itself stays linear.
+What the recogniser (`rl/twins/recogniser.py`) says of b is taken as one more measurement, at the output
+alone, so that the filter itself stays linear.
 """
 
 import math
@@ -26,9 +25,8 @@ from typing import NamedTuple
 
 import torch
 
-LAWS = 32  # J
-BINS = 56
-LARGEST_RESIDUAL = 3.9  # of the histogram's scale asinh(4 r): 6 sqrt(R)
+from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser, last_layer, network
+
 ACTIONS = 3  # on the total gain, on R for the covariance, on the growth of d
 STATISTICS = 4
 SCALARS = 16  # that the policy sees beside the weights of the laws
@@ -38,7 +36,7 @@ GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, ti
 MEMBERS_PER_MM = 1.5e-4  # growth of the variance of the coefficients: what keeps them awake for hours
 FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
-HISTORY = 1000.0  # samples after which the histogram forgets
+BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
 RECENT = 30.0  # samples of the running statistics
 WIDTH_OF_95 = 1.96
 LEAST_VARIANCE = 1e-8  # [deg^2]
@@ -111,17 +109,14 @@ class TwinsStep(torch.nn.Module):
         self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
         self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
-        self.centres = torch.nn.Buffer(torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS))
-        self.likelihood = torch.nn.Parameter(torch.randn(3, BINS, LAWS) * 0.02)
-        self.laws = _network(1, 16, 3 * LAWS, layers=1)
-        self.policy = _network(LAWS + SCALARS, hidden, ACTIONS)
-        self.interval = _network(LAWS + SCALARS, 16, 1, layers=1)
+        self.recogniser = Recogniser()
+        self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
+        self.interval = network(LAWS + SCALARS, 16, 1, layers=1)
         with torch.no_grad():
-            _last(self.laws).bias[LAWS : 2 * LAWS] = torch.linspace(-0.3, 2.2, LAWS)
-            _last(self.policy).weight.mul_(0.1)
-            for layer in (_last(self.policy), _last(self.interval)):
+            last_layer(self.policy).weight.mul_(0.1)
+            for layer in (last_layer(self.policy), last_layer(self.interval)):
                 layer.bias.zero_()
-            _last(self.interval).weight.zero_()
+            last_layer(self.interval).weight.zero_()
 
     def start(self, variance: Tensor) -> FilterState:
         """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
@@ -192,7 +187,9 @@ class TwinsStep(torch.nn.Module):
 
         grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None]
         grows = (
-            grown * torch.exp(on_growth) * self.of_error + MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+            grown * torch.exp(on_growth) * self.of_error
+            + MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+            + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         )
         covariance = covariance + grows[:, :, None] * self.unit
         towards = _times(covariance, seen_as)
@@ -207,7 +204,7 @@ class TwinsStep(torch.nn.Module):
 
         residual = (predicted + innovation - middle - (seen_as * mean).sum(dim=1)) / root
         relative = (doubt / variance).detach()
-        counted = seen[:, None] * self.bins(residual.detach(), relative)
+        counted = seen[:, None] * self.recogniser.bins(residual.detach(), relative)
         after = FilterState(
             mean,
             covariance,
@@ -216,7 +213,7 @@ class TwinsStep(torch.nn.Module):
             _recent(state, seen, (innovation / root).detach(), relative),
         )
 
-        _, bias, bias_variance = self.recognise(after.counts, torch.log(variance))
+        _, bias, bias_variance = self.recogniser(after.counts, torch.log(variance))
         trust = _times(covariance, angle)  # covariance of the state with the angle
         with_bias, of_bias = trust @ self.of_bias, (covariance @ self.of_bias) @ self.of_bias
         heard = with_bias / (of_bias + (bias_variance + UNHEARD * (1 - hears)) * variance)
@@ -229,33 +226,6 @@ class TwinsStep(torch.nn.Module):
     def widen(self, seen: Tensor) -> Tensor:
         """Return (...) how many standard deviations half of a 95 % interval has."""
         return WIDTH_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
-
-    def bins(self, residual: Tensor, doubt: Tensor) -> Tensor:
-        """Return (..., BINS) what residuals in units of sqrt(R) count in the histogram.
-
-        A residual is shared by the two nearest bins; one of a prediction that is in doubt counts less.
-        """
-        place = torch.asinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
-        between = 2 * LARGEST_RESIDUAL / (BINS - 1)
-        share = (1 - (place[..., None] - self.centres).abs() / between).clamp(min=0)
-        return share / (1 + doubt)[..., None]
-
-    def recognise(self, counts: Tensor, log_variance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the weights of the laws (..., LAWS), and mean and variance of b in units of sqrt(R) and R.
-
-        Args:
-            counts: (..., BINS) histogram.
-            log_variance: (...) logarithm of R.
-        """
-        level = (log_variance / 2)[..., None]
-        of_shape, of_level, of_square = self.likelihood
-        likelihood = counts @ of_shape + level * (counts @ of_level) + level * level * (counts @ of_square)
-        prior, bias, width = self.laws(log_variance[..., None] / 3).split(LAWS, dim=-1)
-        weights = torch.softmax(likelihood + prior, dim=-1)
-        mean = (weights * bias).sum(dim=-1)
-        within = torch.exp(2 * width.clamp(-3, 1)) * 0.1
-        variance = (weights * ((bias - mean[..., None]) ** 2 + within)).sum(dim=-1)
-        return weights, mean, variance + 1e-4
 
     def _features(
         self,
@@ -270,7 +240,7 @@ class TwinsStep(torch.nn.Module):
     ) -> Tensor:
         """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone."""
         root = torch.sqrt(variance)
-        weights, bias, bias_variance = self.recognise(state.counts, torch.log(variance))
+        weights, bias, bias_variance = self.recogniser(state.counts, torch.log(variance))
         doubt = (seen_as * _times(covariance, seen_as)).sum(dim=1).clamp(min=LEAST_VARIANCE)
         average, product, square, _ = state.statistics.split(1, dim=1)
         coefficients = mean * self.of_members
@@ -284,7 +254,7 @@ class TwinsStep(torch.nn.Module):
             doubt / variance,
             (covariance @ self.of_error) @ self.of_error + 1e-3,
             square[:, 0] + 1,
-            state.samples + 1,
+            state.samples.clamp(max=HISTORY) + 1,
             variance,
             10 * sample_time,
         ]
@@ -328,19 +298,3 @@ def _recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor)
         ],
         dim=1,
     )
-
-
-def _network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
-    """Return a network of equal layers with hyperbolic tangents."""
-    parts: list[torch.nn.Module] = []
-    for _ in range(layers):
-        parts += [torch.nn.Linear(inputs, hidden), torch.nn.Tanh()]
-        inputs = hidden
-    return torch.nn.Sequential(*parts, torch.nn.Linear(hidden, outputs))
-
-
-def _last(network: torch.nn.Sequential) -> torch.nn.Linear:
-    """Return the last layer of a network."""
-    layer = network[-1]
-    assert isinstance(layer, torch.nn.Linear)
-    return layer

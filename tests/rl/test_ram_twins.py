@@ -113,7 +113,7 @@ def test_the_recogniser_learns_a_mean_that_no_filter_sees():
     learn_noise(step, source, settings)
     drawn = source.draw(64, 150, generator(9), stride=5)
     counts = torch.full((64, 56), 1.0)
-    _, mean, _ = step.recognise(counts, torch.log(drawn.variance))
+    _, mean, _ = step.recogniser(counts, torch.log(drawn.variance))
     wanted = (drawn.bias_deg / torch.sqrt(drawn.variance)).mean()
     assert abs(float(mean.mean() - wanted)) < 0.3
 

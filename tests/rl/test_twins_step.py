@@ -9,7 +9,8 @@ from small_twins import generator, small_source, small_step
 
 from rl.twins import step as law
 from rl.twins.learning import ALL, NOTHING, filter_sequences
-from rl.twins.step import LAWS, TwinsStep
+from rl.twins.recogniser import BINS, LAWS
+from rl.twins.step import TwinsStep
 
 
 def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
@@ -28,6 +29,7 @@ def kalman_filter(members, way, measurement, variance, sample_time, directions):
         process = np.zeros((rank + 2, rank + 2))
         process[range(rank), range(rank)] = law.MEMBERS_PER_MM * gone
         process[rank, rank] = law.GROWTH_DEG2_PER_MM * gone + law.GROWTH_DEG2_PER_S * sample_time
+        process[rank + 1, rank + 1] = law.BIAS_PER_S * sample_time * variance
         mean, covariance = transition @ mean, transition @ covariance @ transition.T + process
         seen_as = np.concatenate([(now - now.mean()) / np.sqrt(count - 1) @ directions, [1, 1]])
         predictions.append(now.mean() + seen_as @ mean)
@@ -116,16 +118,16 @@ def test_without_a_measurement_nothing_is_learned_of_the_noise():
 def test_weights_of_the_laws_are_the_posterior_of_counted_residuals():
     """Laws that are histograms: the weights are those of Bayes' rule on the bins of every residual."""
     step, rng = small_step(), generator(5)
-    chance = rng.dirichlet(np.ones(law.BINS), size=LAWS)
+    chance = rng.dirichlet(np.ones(BINS), size=LAWS)
     with torch.no_grad():
-        step.likelihood.zero_()
-        step.likelihood[0] = torch.as_tensor(np.log(chance).T)
-        step.laws[-1].weight.zero_()
-        step.laws[-1].bias[:LAWS] = 0
-    bins = rng.choice(law.BINS, size=40, p=chance[7])
-    counts = np.bincount(bins, minlength=law.BINS)
+        step.recogniser.likelihood.zero_()
+        step.recogniser.likelihood[0] = torch.as_tensor(np.log(chance).T)
+        step.recogniser.laws[-1].weight.zero_()
+        step.recogniser.laws[-1].bias[:LAWS] = 0
+    bins = rng.choice(BINS, size=40, p=chance[7])
+    counts = np.bincount(bins, minlength=BINS)
     with torch.no_grad():
-        weights, *_ = step.recognise(torch.as_tensor(counts[None], dtype=torch.float32), torch.zeros(1))
+        weights, *_ = step.recogniser(torch.as_tensor(counts[None], dtype=torch.float32), torch.zeros(1))
     likelihood = np.prod(chance[:, bins], axis=1)
     np.testing.assert_allclose(weights[0], likelihood / likelihood.sum(), atol=1e-3)
     assert weights[0].argmax() == 7
@@ -133,7 +135,7 @@ def test_weights_of_the_laws_are_the_posterior_of_counted_residuals():
 
 @given(residual=st.floats(-50, 50))
 def test_a_residual_counts_once(residual):
-    counted = small_step().bins(torch.tensor([residual]), torch.zeros(1))
+    counted = small_step().recogniser.bins(torch.tensor([residual]), torch.zeros(1))
     assert counted.sum() == pytest.approx(1, abs=1e-5)
     assert (counted > 0).sum() <= 2
 
@@ -143,14 +145,14 @@ def test_a_recogniser_that_is_sure_removes_the_mean_of_the_noise():
     step, sequences = small_step(), drawn(3, 150, 8, ("gaussian",))
     bias = 2.0 * torch.sqrt(sequences.variance)
     with torch.no_grad():
-        step.laws[-1].weight.zero_()
-        step.laws[-1].bias.zero_()
-        step.laws[-1].bias[LAWS : 2 * LAWS] = 2.0
-        step.laws[-1].bias[2 * LAWS :] = -10.0
+        step.recogniser.laws[-1].weight.zero_()
+        step.recogniser.laws[-1].bias.zero_()
+        step.recogniser.laws[-1].bias[LAWS : 2 * LAWS] = 2.0
+        step.recogniser.laws[-1].bias[2 * LAWS :] = -10.0
         shifted = sequences._replace(measurement_deg=sequences.measurement_deg + bias)
         *_, (output, _) = filter_sequences(step, shifted, torch.tensor([0.0, 1.0]))
         known: TwinsStep = small_step()
         known.load_state_dict(step.state_dict())
-        known.laws[-1].bias[LAWS : 2 * LAWS] = 0.0
+        known.recogniser.laws[-1].bias[LAWS : 2 * LAWS] = 0.0
         *_, (clean, _) = filter_sequences(known, sequences, torch.tensor([0.0, 1.0]))
     np.testing.assert_allclose(output.bend_deg, clean.bend_deg, atol=0.02)

@@ -38,6 +38,9 @@ METHODS = [
     "RAM",
     "Constant gain",
     "RAM (oracle)",
+    "RAM (twins)",
+    "RAM (twins), recogniser alone",
+    "RAM (twins), filter alone",
     "Ensemble",
     "Ensemble (limit)",
 ]
@@ -97,6 +100,9 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, 
     assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 90 * len(times)
     for row in rows:
         assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
+        states = "twins" in row["method"]
+        assert (row["coverage95"] is not None) == (row["nees"] is not None) == states
+        assert not states or 0 <= row["coverage95"] <= 1
 
 
 def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
@@ -166,6 +172,23 @@ def test_a_second_run_takes_what_is_there_and_says_the_same(few, few_words):
         assert second["rmse_deg"] == pytest.approx(first["rmse_deg"], rel=1e-6)
 
 
+def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_words, tmp_path):
+    """One that was trained on twins serves every sample time; it needs no model in the suite `paper`."""
+    out, policy = tmp_path / "out", str(folder / "ram-twins/policy.onnx")
+    words = [*few_words[: few_words.index("--methods")], "--methods", "RAM (twins)", "--policy", policy]
+    assert main([*words, "--out", str(out), "--sample-time", "0.1", "0.02"]) == 0
+    rows = json.loads((out / "evaluation.json").read_text())["rows"]
+    assert {row["method"] for row in rows} == {"RAM (twins)"}
+    assert {row["sample_time_s"] for row in rows} == {0.1, 0.02}
+    assert not list(out.glob("**/*.onnx"))
+    paper = tmp_path / "paper"
+    assert main([few_words[0], "--policy", policy, "--seeds", "2", "--out", str(paper)]) == 0
+    alone = json.loads((paper / "evaluation.json").read_text())
+    methods = {row["method"] for row in alone["rows"]}
+    assert "RAM (twins)" in methods
+    assert not methods & {"AM", "C-H", "RAM"}  # nobody has told a model
+
+
 def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     from scripts.import_log import main as import_log
 
@@ -181,7 +204,8 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     assert import_log(argv) == 0
     run = [str(tmp_path / "measured"), "--train", str(folder / "train"), "--out", str(tmp_path / "out")]
     # The records of training are the same: its models, filters and networks are taken, not made again.
-    shutil.copytree(folder / "T_0.1", tmp_path / "out" / "T_0.1")
+    for made in ("T_0.1", "ram-twins"):
+        shutil.copytree(folder / made, tmp_path / "out" / made)
     assert main([*run, *SMALL.split(), "--sample-time", "0.1"]) == 0
     rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]
     assert {(row["twin"], *row["stroke_mm"]) for row in rows} == {("measured", 0.0, 2.0)}
@@ -203,7 +227,7 @@ def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        ("--policy p.onnx", "give no --policy"),
+        ("--policy p.onnx", "no trained file p.onnx"),
         ("--sample-time 0.03", "--sample-time 0.03 s: must be a multiple of 0.02 s"),
         ("--members 3", "--members 3: an ensemble needs at least 8"),
         ("--episodes 0", "--episodes 0"),

@@ -7,6 +7,9 @@ from pydantic import BaseModel, ConfigDict, Field
 LARGEST_HIDDEN = 1024
 """Units of a recurrent layer at most."""
 
+MOST_MEMBERS = 512
+"""Twins inside of an estimator at most."""
+
 Variance = Annotated[float, Field(ge=0, le=1e9)]
 
 
@@ -42,7 +45,8 @@ class MembersFile(BaseModel):
 
     preset: Annotated[dict[str, float | int | str], Field(max_length=200)]
     drawn: Annotated[
-        dict[str, Annotated[list[float | int], Field(max_length=512)]], Field(min_length=1, max_length=200)
+        dict[str, Annotated[list[float | int], Field(min_length=2, max_length=MOST_MEMBERS)]],
+        Field(min_length=1, max_length=200),
     ]
 
 
