@@ -20,14 +20,12 @@ from rl.twins.sequences import SequenceSource, principal_directions, split_recor
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin import __version__
-from twin.errors import InputError
-from twin.estimation.learned.following import members_to_dict
+from twin.estimation.learned.following import check_members, members_to_dict
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.files.run_folder import open_run
 from twin.files.state_file import state_key
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.parameters import refuse_gravity
 
 VALIDATIONS = 12  # over the lesson of the gain
 _COSTS = (0.35, 0.15, 0.45, 0.05)  # share of simulation and of the three lessons in the time of a training
@@ -59,9 +57,7 @@ def train_ram_twins(
         ValueError: the preset has a second bending plane or gravity, or the folder holds another run.
         FloatingPointError: a simulation or the training diverged.
     """
-    if preset.bending_planes != 1:
-        raise InputError(f"{preset.name!r} has two bending planes: RAM (twins) estimates the angle of one")
-    refuse_gravity(preset)
+    check_members([preset])
     configuration = {
         "training": dataclasses.asdict(settings) | {"noises": list(settings.noises)},
         "preset": preset.to_dict(),

@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from rl.trainers import Material
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
+_OF_RECORDS = {
+    *STRICT,
+    *("sample_time", "learning_rate", "horizon", "discount", "minibatch", "clip", "environments"),
+    *("reward_scale", "initial_error_deg"),
+}
 
 
 def agents_in_words(default: str = "") -> str:
@@ -112,6 +117,10 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
 
     if args.data or args.model:
         raise ValueError("--protocol twins simulates what it is trained on: give no data and no --model")
+    for field in dataclasses.fields(Train):
+        if field.name in _OF_RECORDS and getattr(args, field.name) != field.default:
+            flag = f"--{field.name.replace('_', '-')}"
+            raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     twins = load_preset(args.preset), load_ranges(args.preset)
     return Material(twins=twins), f"simulated twins of {twins[0].name}"
 

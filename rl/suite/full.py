@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rl.suite.preparation import ensembles_along, learn, train_all, training_records
+from rl.suite.preparation import agents_of, ensembles_along, learn, train_all, training_records
 from rl.suite.settings import FullSuite, NewProgress
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
+from twin.estimation.learned.following import check_members
+from twin.estimation.registry import trainings
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
@@ -67,6 +69,9 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
     preset, ranges = load_preset(suite.preset), load_ranges(suite.preset)
     if suite.member_physics == "reduced" and any(spec.ensembles for spec in suite.specs):
         refuse_gravity(preset)
+    on_twins = {agent for agent, training in trainings().items() if training.on_twins}
+    if on_twins & (set(agents_of(suite)) - set(suite.trained)):
+        check_members([preset])  # a mistake is told now, not after the training of others
     for path, T in ((path, T) for path in suite.data for T in (SAMPLE_TIME, *suite.sample_times)):
         evaluation_records([path], T)  # a mistake is told now, not after the training
     if suite.train:
@@ -155,6 +160,7 @@ def _write(
         "train": str(suite.train or folder / "train"),
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
         "told": {spec.name: spec.told for spec in suite.specs},
+        "policies": {agent: str(path) for agent, path in suite.trained.items()},
     }
     contents = {"protocol": protocol, "rows": to_rows(scores), "bounds": limits, "intervals": sets}
     out = folder / "evaluation.json"

@@ -114,6 +114,11 @@ def given_files(
                 raise InputError(
                     f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
                 )
+        if training.same_filter and model is None:
+            raise InputError(
+                f"{path} runs beside the model that it was trained with; the full suite identifies its "
+                f"own, and trains {agent} itself"
+            )
         if training.same_filter and model is not None:
             beside = estimator.active_model
             here = ActiveModel(model, sample_times[0], measurement_variance=beside.measurement_variance)

@@ -181,6 +181,8 @@ def test_what_it_cannot_learn_from_is_refused(tmp_path):
         (["--agent", "ram"], "needs folders of MCAP files"),
         (["data"], "needs --model"),
         (["--protocol", "twins", "--preset", "nobody"], "unknown preset"),
+        (["--protocol", "twins", "--noise", "laplace"], "--noise is of a training on records"),
+        (["--protocol", "twins", "--sample-time", "0.02"], "--sample-time is of a training on records"),
     ],
 )
 def test_a_training_of_the_wrong_kind_is_refused_in_one_line(words, message, tmp_path, capsys):

@@ -100,7 +100,7 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, 
     assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 90 * len(times)
     for row in rows:
         assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
-        states = "twins" in row["method"]
+        states = row["method"] == "RAM (twins)"
         assert (row["coverage95"] is not None) == (row["nees"] is not None) == states
         assert not states or 0 <= row["coverage95"] <= 1
 

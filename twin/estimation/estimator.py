@@ -33,6 +33,11 @@ class Sensor:
 class Estimator(abc.ABC, Generic[State]):
     """Parameters of an estimator, frozen; what moves is in its state."""
 
+    @property
+    def states_interval(self) -> bool:
+        """True if it states a 95 % interval with every estimate."""
+        return False
+
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
         return self
@@ -78,7 +83,7 @@ class Estimator(abc.ABC, Generic[State]):
         return None
 
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
-        """Filter whole records; see `estimate_with_interval`, whose first result this is."""
+        """Filter whole records, as `estimate_with_interval` does; a faster form may stand in its place."""
         return self.estimate_with_interval(pull_mm, measurement_deg, initial_bend_deg)[0]
 
     def estimate_with_interval(

@@ -52,7 +52,10 @@ class Filtering:
     def with_interval(self, case: Case) -> tuple[Array, Array | None]:
         """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""
         filter_ = self.estimator.with_sensor(case.sensor)
-        return filter_.estimate_with_interval(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
+        of_case = case.pull_mm, case.measurement_deg, case.initial_bend_deg
+        if filter_.states_interval:
+            return filter_.estimate_with_interval(*of_case)
+        return filter_.estimate(*of_case), None
 
 
 def as_method(name: str, estimator: Estimator[Any]) -> Method:

@@ -16,11 +16,12 @@ from twin.preset.preset import Preset, parameter_limits
 WIDE = 2.0
 """Ratio of the ends of a range from which on it is drawn log-uniformly: 1 to 2 as often as 2 to 4."""
 
-_FIXED = (
+NEVER_DRAWN = (
     *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
     "time_step",
     "control_period",
 )
+"""Parameters that are chosen and not drawn: numbers of parts, and times of the solver."""
 
 
 class RangesFile(BaseModel):
@@ -55,7 +56,7 @@ class Ranges:
         floats = tuple((name, float(low), float(high)) for name, low, high in self.limits)
         object.__setattr__(self, "limits", floats)
         for name, low, high in self.limits:
-            if name in _FIXED:
+            if name in NEVER_DRAWN:
                 raise InputError(f"range of {name}: it is not drawn; choose it in the preset")
             least, most = parameter_limits(name)
             if not least <= low < high <= most:
@@ -74,7 +75,8 @@ class Ranges:
     def wider(self, factor: float) -> "Ranges":
         """Return ranges about the same middles, wider by a factor, within what each parameter may be.
 
-        A range that is drawn log-uniformly is widened in logarithms, so that it stays positive.
+        A range that is drawn log-uniformly is widened in logarithms, so that it stays positive. One whose
+        ends come to be more than a factor of `WIDE` apart is drawn log-uniformly from then on.
         """
         limits = []
         for name, low, high in self.limits:

@@ -10,12 +10,14 @@ from twin.errors import InputError
 from twin.files.shown import shown
 from twin.preset.file import preset_of
 from twin.preset.preset import Preset
+from twin.preset.randomization import NEVER_DRAWN
+from twin.reduced.parameters import refuse_gravity
 from twin.reduced.state import ReducedState
 from twin.reduced.twins import ReducedTwins
 from twin.signals.excitation import approach
 
 Array = NDArray[np.float64]
-MOST_MEMBERS = 512
+LEAST_PERIOD_S = 1e-3  # control period of members: a shorter one would hold every sample up
 
 
 class Following(NamedTuple):
@@ -74,7 +76,9 @@ class Members:
             mine = np.flatnonzero(following.command == number)
             for pull in np.unique(pull_mm[mine]):
                 self._twins.restore_state(state)
-                bends.append(np.degrees(self._twins.step(pull * 1e-3)))
+                bend = np.degrees(self._twins.step(pull * 1e-3))
+                # A member that found no equilibrium says nothing: the step is refused, not believed.
+                bends.append(np.where(self._twins.converged, bend, np.nan))
                 command[mine[pull_mm[mine] == pull]] = len(states)
                 states.append(self._twins.save_state())
         return Following(tuple(states), command, np.array(bends))
@@ -98,7 +102,7 @@ def members_from_dict(values: Any) -> tuple[Preset, ...]:
     """
     # Here, so that a table of methods needs none of it.
     from twin.files.schema import validated
-    from twin.files.trained_schema import MembersFile
+    from twin.files.trained_schema import MOST_MEMBERS, MembersFile
 
     if not isinstance(values, Mapping):
         raise InputError(f"members = {shown(values)}: must be their preset and what differs")
@@ -106,8 +110,30 @@ def members_from_dict(values: Any) -> tuple[Preset, ...]:
     counts = {len(drawn) for drawn in file.drawn.values()}
     if len(counts) != 1 or not 2 <= min(counts) <= MOST_MEMBERS:
         raise InputError(f"members: must be from 2 to {MOST_MEMBERS}, each with a value of all that differs")
+    if fixed := [name for name in file.drawn if name in NEVER_DRAWN]:
+        raise InputError(f"members: {', '.join(fixed)} must be the same for all")
     shared = preset_of("members", file.preset)
-    return tuple(
+    presets = tuple(
         shared.replace(**{name: drawn[number] for name, drawn in file.drawn.items()})
         for number in range(counts.pop())
     )
+    check_members(presets)
+    return presets
+
+
+def check_members(presets: Sequence[Preset]) -> None:
+    """Refuse members that reduced twins cannot be, or that would take hours for a sample.
+
+    Raises:
+        ValueError: they have two bending planes or gravity, or a control period below 1 ms.
+    """
+    for preset in presets:
+        if preset.bending_planes != 1:
+            raise InputError(
+                f"{preset.name!r} has two bending planes: RAM (twins) estimates the angle of one"
+            )
+        refuse_gravity(preset)
+        if preset.control_period < LEAST_PERIOD_S:
+            raise InputError(
+                f"control_period = {preset.control_period:g} s: must be at least {LEAST_PERIOD_S:g} s"
+            )

@@ -32,8 +32,10 @@ AGENT = "ram-twins"
 SAMPLE_TIME = 0.1  # the paper's [s]
 UNKNOWN_DEG = 180.0  # half of the interval before anything is measured [deg]
 OF_ERROR = -2  # place of d in the state: the last but one
+AXES = [1, 2, 1, 0, 1]
+"""Axes of each array of the state of one filter: the covariance is square."""
 BATCH = 2  # filters that a graph is tried on when it is read
-LARGEST_STATE = 1024
+LARGEST_STATE = 256
 
 INPUTS = ("members_deg", "way_mm", "measurement_deg", "variance", "sample_time", "parts")
 """Inputs of the graph beside its state."""
@@ -102,8 +104,9 @@ class RamTwins(Estimator[TwinsState]):
         moved = (following.of_filters() - trusted.following.of_filters()).mean(axis=1)
         off = bend_deg - (trusted.bend_deg + moved)
         mean, covariance, *noise = (of.copy() for of in trusted.memory)
-        mean[:, OF_ERROR] += off
-        covariance[:, OF_ERROR, OF_ERROR] += off**2
+        begun = covariance.any(axis=(1, 2))  # a state of zeros is one that has seen nothing: it stays so
+        mean[:, OF_ERROR] += off * begun
+        covariance[:, OF_ERROR, OF_ERROR] += off**2 * begun
         return TwinsState(following, (mean, covariance, *noise), bend_deg.copy(), trusted.half_width_deg)
 
     def step(
@@ -126,9 +129,14 @@ class RamTwins(Estimator[TwinsState]):
         """Return the (B,) estimate [deg]."""
         return state.bend_deg
 
-    def half_width_deg(self, state: TwinsState) -> Array:
-        """Return half of the (B,) 95 % intervals about the estimates [deg]."""
-        return state.half_width_deg
+    @property
+    def states_interval(self) -> bool:
+        """True if it runs whole: without one of its parts, nobody has trained an interval."""
+        return self.parts == ALL_PARTS
+
+    def half_width_deg(self, state: TwinsState) -> Array | None:
+        """Return half of the (B,) 95 % intervals about the estimates [deg]; None without a part."""
+        return state.half_width_deg if self.states_interval else None
 
     @functools.cached_property
     def _members(self) -> Members:
@@ -155,6 +163,8 @@ def state_shapes(file: TrainedFile) -> tuple[tuple[int, ...], ...]:
     shapes = tuple(found[name][1:] for name in STATE)
     sizes = [size for shape in shapes for size in shape]
     if not all(isinstance(size, int) and 0 < size <= LARGEST_STATE for size in sizes):
+        raise InputError(f"the shapes of its state are {shown(shapes)}")
+    if [len(shape) for shape in shapes] != AXES or shapes[1] != shapes[0] * 2:
         raise InputError(f"the shapes of its state are {shown(shapes)}")
     return shapes
 
