@@ -14,8 +14,9 @@ from twin.hysteresis import HysteresisModel
 def load_estimator(path: str | Path) -> Estimator[Any]:
     """Read a trained estimator of any kind: a policy, a network, a learned gain.
 
-    The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); tell
-    it the noise of your sensor by `with_sensor`.
+    The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); one
+    that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. Tell it the
+    noise of your sensor by `with_sensor`.
 
     Args:
         path: the file that training wrote, such as `policy.onnx` or `lstm.onnx`.

@@ -116,7 +116,7 @@ def score_table(scores: Sequence[Score], fmt: str = "plain") -> str:
 
 def table_title(table: PaperTable) -> str:
     """Return the heading of a table: its number in the paper, and the noise."""
-    return f"Table {table.number}: {table.noise.capitalize()} noise that training never saw"
+    return f"Table {table.number}: {table.noise.capitalize()} noise that strict training never saw"
 
 
 def _table_of(noise: str) -> PaperTable:

@@ -1,4 +1,4 @@
-"""Measurement noise in degrees: the RAM paper's Gaussian and Poisson, and others that training never sees.
+"""Measurement noise in degrees: the RAM paper's Gaussian and Poisson, and others that it never trains on.
 
 A kind of noise has one level. A filter is told the variance, a set-membership filter the largest magnitude;
 Fisher's information is there for a Cramer-Rao bound.
