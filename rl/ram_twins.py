@@ -20,12 +20,12 @@ from rl.twins.sequences import SequenceSource, principal_directions, split_recor
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin import __version__
-from twin.estimation.learned.following import check_members, members_to_dict
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.files.run_folder import open_run
 from twin.files.state_file import state_key
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
+from twin.reduced.following import check_members, members_to_dict
 
 VALIDATIONS = 12  # over the lesson of the gain
 _COSTS = (0.35, 0.15, 0.45, 0.05)  # share of simulation and of the three lessons in the time of a training

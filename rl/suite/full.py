@@ -16,7 +16,6 @@ from rl.suite.preparation import agents_of, ensembles_along, learn, train_all, t
 from rl.suite.settings import FullSuite, NewProgress
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.following import check_members
 from twin.estimation.registry import trainings
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
@@ -30,6 +29,7 @@ from twin.files.atomic import write_whole
 from twin.files.ours import MADE_BY
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
+from twin.reduced.following import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.intervals import containment

@@ -9,7 +9,7 @@ The initial estimate is not used: where an endoscope stands is known better from
 import dataclasses
 import functools
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,14 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.following import Following, Members, members_from_dict
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.scale import LEAST_VARIANCE
 from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
 from twin.estimation.registry import MethodSpec, Style, Training, register_method
 from twin.files.shown import shown
-from twin.preset.preset import Preset
-from twin.preset.sample_time import check_sample_time
+
+if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
+    from twin.preset.preset import Preset
+    from twin.reduced.following import Following, Members
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -55,7 +56,7 @@ class TwinsState(NamedTuple):
         half_width_deg: (B,) half of its 95 % interval [deg].
     """
 
-    following: Following
+    following: "Following"
     memory: tuple[Array32, ...]
     bend_deg: Array
     half_width_deg: Array
@@ -74,7 +75,7 @@ class RamTwins(Estimator[TwinsState]):
     """
 
     network: TrainedFile
-    presets: tuple[Preset, ...]
+    presets: "tuple[Preset, ...]"
     sample_time: float = SAMPLE_TIME
     measurement_variance: ArrayLike = 0.1
     parts: tuple[float, float] = ALL_PARTS
@@ -89,6 +90,8 @@ class RamTwins(Estimator[TwinsState]):
         Raises:
             ValueError: it is no multiple of the members' control period.
         """
+        from twin.preset.sample_time import check_sample_time
+
         check_sample_time(self.presets[0], sample_time)
         return dataclasses.replace(self, sample_time=sample_time)
 
@@ -139,7 +142,9 @@ class RamTwins(Estimator[TwinsState]):
         return state.half_width_deg if self.states_interval else None
 
     @functools.cached_property
-    def _members(self) -> Members:
+    def _members(self) -> "Members":
+        from twin.reduced.following import Members
+
         return Members(self.presets, self.sample_time)
 
     @functools.cached_property
@@ -176,6 +181,8 @@ def load(path: Path) -> RamTwins:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
+    from twin.reduced.following import members_from_dict
+
     file = read_trained_file(path, AGENT)
     try:
         presets = members_from_dict(file.description.get("members"))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from twin.estimation.learned.following import Members, members_from_dict, members_to_dict
 from twin.preset import load_preset, load_ranges
 from twin.reduced import simulate
+from twin.reduced.following import Members, members_from_dict, members_to_dict
 
 T = 0.1
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
