@@ -171,7 +171,7 @@ class ReducedTwins:
 
     def save_state(self) -> ReducedState:
         """Return the complete state, friction memory included."""
-        return ReducedState(*(values.copy() for values in self.state))
+        return ReducedState._make(values.copy() for values in self.state)
 
     def restore_state(self, state: ReducedState) -> None:
         """Restore a saved state of endoscopes of the same layout; the run continues bit for bit.
