@@ -5,7 +5,6 @@ and the number of samples. The environment is brought back by the actions that i
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import set_random_seed
 
+from rl.adam_state import adam_state, begin_moments, fits, set_tensors
 from rl.environment import BatchEnvironment
 from twin.errors import DivergedError
 from twin.estimation.learned.policy import Agent
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 Curve = list[tuple[int, float]]
 """Samples done and the mean reward per sample [deg^2] of the episodes that ended there."""
 
-CHECKPOINT_FILE = "checkpoint.state"
 CHECKPOINT = "training checkpoint"
 """Kind of its state."""
 
@@ -82,7 +81,8 @@ def save_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
         "curve": np.array(curve, dtype=np.float64).reshape(-1, 2),
         "actions": actions.reshape(-1, environment.num_envs, environment.agent.action_size),
     }
-    write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in _tensors(ppo).items()})
+    learned = adam_state(ppo.policy, ppo.policy.optimizer)
+    write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in learned.items()})
 
 
 def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment) -> Curve:
@@ -98,10 +98,9 @@ def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
     if saved is None:
         return []
     damaged = damaged_state(path)
-    _begin_moments(ppo)
-    expected = _tensors(ppo)
-    lacking = {"counters", "curve", "actions", *expected} - set(saved)
-    if lacking or any(saved[name].shape != tuple(tensor.shape) for name, tensor in expected.items()):
+    begin_moments(ppo.policy, ppo.policy.optimizer)
+    expected = adam_state(ppo.policy, ppo.policy.optimizer)
+    if {"counters", "curve", "actions"} - set(saved) or not fits(saved, expected):
         raise damaged
     counters, curve, actions = (saved[name] for name in ("counters", "curve", "actions"))
     each = (environment.num_envs, environment.agent.action_size)
@@ -110,9 +109,7 @@ def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
     samples = environment.task.pull_mm.shape[1] - 1  # of a round: a whole one would have begun another
     if (counters < [0, 0, 1]).any() or (counters > 2**52).any() or len(actions) >= samples:
         raise damaged
-    with torch.no_grad():
-        for name, tensor in expected.items():
-            tensor.copy_(torch.as_tensor(saved[name]))
+    set_tensors(expected, saved)
     ppo.num_timesteps, ppo._n_updates, rounds = (int(count) for count in counters)
     ppo._last_obs = environment.replay(rounds, actions)
     ppo._last_episode_starts = np.full(environment.num_envs, not len(actions))
@@ -125,28 +122,8 @@ def check_finite(ppo: PPO) -> None:
     Raises:
         FloatingPointError: so they are.
     """
-    if not all(torch.isfinite(tensor).all() for tensor in _tensors(ppo).values()):
+    learned = adam_state(ppo.policy, ppo.policy.optimizer)
+    if not all(torch.isfinite(tensor).all() for tensor in learned.values()):
         raise DivergedError(
             f"the training has diverged after {ppo.num_timesteps} samples: lower `learning_rate`"
         )
-
-
-def _begin_moments(ppo: PPO) -> None:
-    """Give Adam the moments that it makes only at its first step."""
-    optimiser = ppo.policy.optimizer
-    for parameter in ppo.policy.parameters():
-        optimiser.state[parameter] = {
-            "step": torch.tensor(0.0),
-            "exp_avg": torch.zeros_like(parameter),
-            "exp_avg_sq": torch.zeros_like(parameter),
-        }
-
-
-def _tensors(ppo: PPO) -> dict[str, torch.Tensor]:
-    """Return the weights and the moments of Adam by name; they share memory with the training."""
-    tensors: dict[str, Any] = {}
-    for name, parameter in ppo.policy.named_parameters():
-        tensors[f"weight {name}"] = parameter.detach()
-        for moment, values in ppo.policy.optimizer.state.get(parameter, {}).items():
-            tensors[f"{moment} {name}"] = values.detach()
-    return tensors

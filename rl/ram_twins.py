@@ -12,16 +12,16 @@ from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
 from rl.run import write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
-from rl.twins.checkpoint import CHECKPOINT_FILE, Keeper
+from rl.twins.checkpoint import Keeper
 from rl.twins.graph import export_step
-from rl.twins.learning import learn_gain, learn_interval, learn_noise, validation_loss, windows_of
+from rl.twins.learning import learn_gain, learn_interval, learn_noise, validation_loss
 from rl.twins.records import draw_members, simulate_records
 from rl.twins.sequences import SequenceSource, principal_directions, split_records
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin import __version__
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
-from twin.files.run_folder import open_run
+from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -101,7 +101,7 @@ def _train(
     source, unseen = (SequenceSource(part, settings.noises) for part in (learned, held_out))
     step = TwinsStep(principal_directions(learned.members_deg, settings.rank))
     each = settings.sequences * settings.window
-    windows = windows_of(settings)
+    windows = settings.windows
     every = max(settings.updates // (VALIDATIONS * windows), 1) * windows
     key = state_key(__version__, torch.__version__, configuration)
     keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)

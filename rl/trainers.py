@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
 from twin.estimation.registry import MethodSpec, find_training
 
 if TYPE_CHECKING:
     from rl.options import TrainingOptions
-    from twin.estimation.active_model import ActiveModel
+    from twin.estimation.knowledge import Knowledge
     from twin.preset.preset import Preset
     from twin.preset.randomization import Ranges
 
@@ -26,7 +27,7 @@ Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 """`(pull_mm (N,), bend_deg (N,))` of the training set."""
 OnProgress = Callable[[int, int, float], None]
 """Told how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
-Train = Callable[[Records, "ActiveModel", "TrainingOptions", Path, OnProgress | None], Path]
+Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | None], Path]
 TrainOnTwins = Callable[["Preset", "Ranges", "TrainingOptions", Path, OnProgress | None], Path]
 
 
@@ -41,8 +42,14 @@ class Material:
     """
 
     records: Records = ()
-    active_model: "ActiveModel | None" = None
+    active_model: ActiveModel | None = None
     twins: "tuple[Preset, Ranges] | None" = None
+
+
+def material_of(knowledge: "Knowledge") -> Material:
+    """Return what a method may be trained on, of what a comparison knows."""
+    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
+    return Material(knowledge.records, active_model, knowledge.twins)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,7 +13,6 @@ from stable_baselines3.common.logger import Logger
 
 from rl.checkpoint import (
     CHECKPOINT,
-    CHECKPOINT_FILE,
     Curve,
     ReplayedEnvironment,
     check_finite,
@@ -33,7 +32,7 @@ from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
-from twin.files.run_folder import open_run
+from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import remove_state, state_key
 
 Array = NDArray[np.float64]

@@ -100,7 +100,7 @@ def _full(args: Evaluate) -> Summary:
             "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
         )
     from rl.suite.full import run_full_suite
-    from rl.suite.paper import given_files
+    from rl.suite.given import given_files
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
     from twin.evaluation.recorded import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
@@ -140,7 +140,8 @@ def _paper(args: Evaluate) -> Summary:
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
     from rl.options import LIMITS
-    from rl.suite.paper import PaperSuite, given_files, run_paper_suite
+    from rl.suite.given import given_files
+    from rl.suite.paper import PaperSuite, run_paper_suite
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements, common_variance

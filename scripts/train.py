@@ -18,11 +18,8 @@ if TYPE_CHECKING:
     from rl.trainers import Material
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
-_OF_RECORDS = {
-    *STRICT,
-    *("sample_time", "learning_rate", "horizon", "discount", "minibatch", "clip", "environments"),
-    *("reward_scale", "initial_error_deg"),
-}
+_OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
+_OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 
 
 def agents_in_words(default: str = "") -> str:
@@ -83,8 +80,7 @@ def train(args: Train) -> Summary:
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
     agent = _agent(args)
-    names = [field.name for field in dataclasses.fields(TrainingOptions)]
-    options = TrainingOptions(**{name: getattr(args, name) for name in names} | {"agent": agent})
+    options = TrainingOptions(**{name: getattr(args, name) for name in _OPTIONS} | {"agent": agent})
 
     from rl.trainers import find_trainer
 

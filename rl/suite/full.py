@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rl.suite.preparation import agents_of, ensembles_along, learn, train_all, training_records
+from rl.suite.preparation import agents_to_train, ensembles_along, learn, train_all, training_records
 from rl.suite.settings import FullSuite, NewProgress
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import trainings
+from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
@@ -69,8 +69,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
     preset, ranges = load_preset(suite.preset), load_ranges(suite.preset)
     if suite.member_physics == "reduced" and any(spec.ensembles for spec in suite.specs):
         refuse_gravity(preset)
-    on_twins = {agent for agent, training in trainings().items() if training.on_twins}
-    if on_twins & (set(agents_of(suite)) - set(suite.trained)):
+    if any(find_training(agent).on_twins for agent in agents_to_train(suite)):
         check_members([preset])  # a mistake is told now, not after the training of others
     for path, T in ((path, T) for path in suite.data for T in (SAMPLE_TIME, *suite.sample_times)):
         evaluation_records([path], T)  # a mistake is told now, not after the training

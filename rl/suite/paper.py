@@ -4,13 +4,11 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from rl.options import TrainingOptions
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import MethodSpec, find_training, method_specs, needed_fits
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, build_method
@@ -84,50 +82,6 @@ class PaperResult:
     estimates: list[Path]
 
 
-def given_files(
-    paths: Sequence[Path], model: ColemanHodgdon | None, sample_times: Sequence[float]
-) -> dict[str, Path]:
-    """Return trained files by agent, and refuse one that was trained for something else.
-
-    Args:
-        paths: of the files.
-        model: that an estimator runs beside, unless it brings its own.
-        sample_times: T at which it is to run [s].
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: two are of one agent, one is of another sample time, or was trained beside another filter.
-    """
-    files: dict[str, Path] = {}
-    for path in paths:
-        agent = read_trained_file(path).agent
-        training = find_training(agent)
-        if agent in files:
-            raise InputError(f"{path}: a second policy of the agent {agent!r}")
-        estimator: Any = training.load(path)
-        for sample_time in sample_times:
-            if training.on_twins:
-                estimator.at(sample_time)  # it is told T, which its twins must be able to follow
-                continue
-            trained_at = float(estimator.sample_time)
-            if abs(trained_at - sample_time) > 1e-9:
-                raise InputError(
-                    f"the {agent} policy was trained at T = {trained_at:g} s, not at {sample_time:g} s"
-                )
-        if training.same_filter and model is None:
-            raise InputError(
-                f"{path} runs beside the model that it was trained with; the full suite identifies its "
-                f"own, and trains {agent} itself"
-            )
-        if training.same_filter and model is not None:
-            beside = estimator.active_model
-            here = ActiveModel(model, sample_times[0], measurement_variance=beside.measurement_variance)
-            if beside != here:
-                raise InputError(f"{path} was trained beside another model or filter than the one given")
-        files[agent] = path
-    return files
-
-
 def run_paper_suite(
     suite: PaperSuite, progress: OnProgress, training_progress: Callable[[str, str], OnTraining]
 ) -> PaperResult:
@@ -193,11 +147,10 @@ def _train_missing(
     suite: PaperSuite, knowledge: Knowledge, training_progress: Callable[[str, str], OnTraining]
 ) -> Knowledge:
     """Train the learned methods whose files are not given, beside the results."""
-    from rl.trainers import Material, find_trainer  # what is given needs no torch
+    from rl.trainers import find_trainer, material_of  # what is given needs no torch
 
     trained = dict(knowledge.trained)
-    active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    material = Material(knowledge.records, active_model)
+    material = material_of(knowledge)
     for agent in _trained_on_records(suite):
         if agent not in trained:
             trainer = find_trainer(agent)

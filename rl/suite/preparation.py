@@ -8,14 +8,12 @@ from typing import Any
 
 from rl.options import TrainingOptions
 from rl.suite.settings import PAPER_SAMPLE_TIME, TRAINING_STROKE_MM, FullSuite, NewProgress, OnProgress
-from rl.trainers import Material, Trainer, find_trainer
+from rl.trainers import Trainer, find_trainer, material_of
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
-from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_training, needed_fits, trainings
 from twin.evaluation.reading import read_episodes, true_records, whole_pieces
-from twin.hysteresis import ColemanHodgdon
 from twin.preset import Preset, Ranges
 from twin.suite.fitting import identify_models, load_fits, save_fits
 from twin.suite.limit import make_ensembles
@@ -76,13 +74,17 @@ def agents_of(suite: FullSuite) -> list[str]:
     return list(dict.fromkeys(spec.agent for spec in suite.specs if spec.agent is not None))
 
 
+def agents_to_train(suite: FullSuite) -> list[str]:
+    """Those of them whose files are not given."""
+    return [agent for agent in agents_of(suite) if agent not in suite.trained]
+
+
 def train_all(
     suite: FullSuite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress
 ) -> None:
     """Train every learned method that is not given, at every sample time, on as many samples at each."""
     # PPO takes longest: what begins last would leave the other workers idle.
-    wanted = [agent for agent in agents_of(suite) if agent not in suite.trained]
-    agents = sorted(wanted, key=lambda agent: not find_trainer(agent).counts_samples)
+    agents = sorted(agents_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
     jobs = [
         executor.submit(train_one, agent, knowledge, suite.episodes, suite.seed)
         for agent in agents
@@ -98,14 +100,6 @@ def train_one(agent: str, knowledge: Knowledge, episodes: int, seed: int) -> Non
     count = episodes_at(trainer, episodes, knowledge.sample_time)
     options = TrainingOptions(agent=agent, episodes=count, seed=seed)
     trainer.run(material_of(knowledge), options, knowledge.trained[agent].parent)
-
-
-def material_of(knowledge: Knowledge) -> Material:
-    """Return what a method may be trained on, of what is known."""
-    active_model = None
-    if ColemanHodgdon.name in knowledge.models:
-        active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    return Material(knowledge.records, active_model, knowledge.twins)
 
 
 def episodes_at(trainer: Trainer, episodes: int, sample_time: float) -> int:

@@ -7,13 +7,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from rl.adam_state import adam_state, begin_moments, fits, set_tensors
 from rl.twins.step import TwinsStep
 from twin.files.state_file import damaged_state, read_state, remove_state, write_state
 
 Array = NDArray[np.float64]
 CHECKPOINT = "training of twins"
-CHECKPOINT_FILE = "checkpoint.state"
-_MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
 @dataclasses.dataclass
@@ -52,13 +51,10 @@ class Keeper:
             "update": np.array([update], dtype=float),
             "curve": np.array(self.curve, dtype=float).reshape(-1, 2),
         }
-        for name, values in self.step.named_parameters():
-            arrays[f"weight {name}"] = _numbers(values)
-            arrays[f"best {name}"] = _numbers(self.best.get(name, values))
-            for moment in _MOMENTS:
-                known = optimiser.state.get(values, {}).get(moment, torch.zeros_like(values))
-                arrays[f"{moment} {name}"] = _numbers(known)
-        write_state(self.path, CHECKPOINT, self.key, arrays)
+        tensors = adam_state(self.step, optimiser) | self._best()
+        write_state(
+            self.path, CHECKPOINT, self.key, arrays | {name: of.numpy() for name, of in tensors.items()}
+        )
 
     def restore(self, optimiser: torch.optim.Optimizer) -> int:
         """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none.
@@ -66,35 +62,29 @@ class Keeper:
         Raises:
             ValueError: the file is foreign or damaged.
         """
+        begin_moments(self.step, optimiser)
         saved = read_state(self.path, CHECKPOINT, self.key)
         if saved is None:
             return 0
+        self.best = {name: of.detach().clone() for name, of in self.step.named_parameters()}
+        expected = adam_state(self.step, optimiser) | self._best()
         damaged = damaged_state(self.path)
-        parameters = dict(self.step.named_parameters())
-        kinds = ("weight", "best", *_MOMENTS)
-        shapes = {f"{kind} {name}": tuple(of.shape) for name, of in parameters.items() for kind in kinds}
-        shapes |= {"update": (1,)}
-        if any(name not in saved or saved[name].shape != shape for name, shape in shapes.items()):
+        if {"update", "curve"} - set(saved) or not fits(saved, expected):
             raise damaged
-        update, curve = float(saved["update"][0]), saved.get("curve", np.empty(0))
-        if not (0 < update < 2**31 and update.is_integer()) or curve.shape[1:] != (2,):
+        update, curve = saved["update"], saved["curve"]
+        if update.shape != (1,) or curve.shape[1:] != (2,):
             raise damaged
-        with torch.no_grad():
-            for name, values in parameters.items():
-                values.copy_(torch.as_tensor(saved[f"weight {name}"]))
-                self.best[name] = torch.as_tensor(saved[f"best {name}"], dtype=values.dtype)
-                if any(values is of for group in optimiser.param_groups for of in group["params"]):
-                    optimiser.state[values] = {"step": torch.tensor(update)} | {
-                        moment: torch.as_tensor(saved[f"{moment} {name}"], dtype=values.dtype)
-                        for moment in _MOMENTS
-                    }
+        if not (0 < update[0] < 2**31 and float(update[0]).is_integer()):
+            raise damaged
+        set_tensors(expected, saved)
         self.curve[:] = [(int(samples), float(reward)) for samples, reward in curve]
-        return int(update)
+        return int(update[0])
+
+    def _best(self) -> dict[str, torch.Tensor]:
+        """Return the best weights by the names that a checkpoint has for them."""
+        known = {name: of.detach() for name, of in self.step.named_parameters()} | self.best
+        return {f"best {name}": of for name, of in known.items()}
 
     def remove(self) -> None:
         """Remove the checkpoint, if there is one."""
         remove_state(self.path, CHECKPOINT)
-
-
-def _numbers(values: torch.Tensor) -> Array:
-    return values.detach().numpy().astype(float)

@@ -81,7 +81,7 @@ def learn_gain(
     keeper: Keeper | None = None,
 ) -> None:
     """Train recogniser and policy by back-propagation through the filter; a checkpoint is taken up."""
-    windows = windows_of(settings)
+    windows = settings.windows
     episode = windows * settings.window
     held: list[tuple[Sequences, FilterState]] = []
 
@@ -103,11 +103,6 @@ def learn_gain(
     rest = [values for name, values in step.named_parameters() if name != "recogniser.likelihood"]
     groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.recogniser.likelihood], "share": 0.2}]
     _descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
-
-
-def windows_of(settings: TwinsTraining) -> int:
-    """Return the windows after which sequences begin anew."""
-    return max(settings.episode // settings.window, 1)
 
 
 def _window_loss(

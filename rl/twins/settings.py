@@ -70,3 +70,8 @@ class TwinsTraining:
                 f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "
                 f"a record of {self.seconds:g} s"
             )
+
+    @property
+    def windows(self) -> int:
+        """Windows after which sequences begin anew."""
+        return self.episode // self.window

@@ -78,9 +78,13 @@ class Estimator(abc.ABC, Generic[State]):
     def bend_deg(self, state: State) -> Array:
         """Return the (B,) estimate that a state holds [deg]."""
 
-    def half_width_deg(self, state: State) -> Array | None:
-        """Return half of the (B,) 95 % intervals about the estimates [deg]; None where it states none."""
-        return None
+    def half_width_deg(self, state: State) -> Array:
+        """Return half of the (B,) 95 % intervals about the estimates [deg], where it states them.
+
+        Raises:
+            NotImplementedError: it states none.
+        """
+        raise NotImplementedError
 
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
         """Filter whole records, as `estimate_with_interval` does; a faster form may stand in its place."""
@@ -101,16 +105,18 @@ class Estimator(abc.ABC, Generic[State]):
             (B, N) estimated angle and half of its 95 % interval [deg]; None for that where it states none.
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
-        estimate, half_width = np.empty_like(measurement), np.empty_like(measurement)
         state = self.start(pull[0], initial)
-        estimate[0], stated = initial, self.half_width_deg(state)
-        half_width[0] = 0.0 if stated is None else stated
+        estimate = np.empty_like(measurement)
+        estimate[0] = initial
+        half_width = np.empty_like(measurement) if self.states_interval else None
+        if half_width is not None:
+            half_width[0] = self.half_width_deg(state)
         for k in range(1, len(measurement)):
             state = self.step(state, pull[k], pull[k - 1], measurement[k])
             estimate[k] = self.bend_deg(state)
-            if stated is not None:
+            if half_width is not None:
                 half_width[k] = self.half_width_deg(state)
-        return estimate.T, None if stated is None else half_width.T
+        return estimate.T, None if half_width is None else half_width.T
 
 
 def time_first(

@@ -15,6 +15,7 @@ from twin.files.lock import claim
 
 CONFIGURATION_FILE = "config.yaml"
 CURVE_FILE = "progress.csv"
+CHECKPOINT_FILE = "checkpoint.state"
 _MOST_BYTES = 2**20
 
 

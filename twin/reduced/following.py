@@ -108,7 +108,7 @@ def members_from_dict(values: Any) -> tuple[Preset, ...]:
         raise InputError(f"members = {shown(values)}: must be their preset and what differs")
     file = validated(MembersFile, values)
     counts = {len(drawn) for drawn in file.drawn.values()}
-    if len(counts) != 1 or not 2 <= min(counts) <= MOST_MEMBERS:
+    if len(counts) != 1:
         raise InputError(f"members: must be from 2 to {MOST_MEMBERS}, each with a value of all that differs")
     if fixed := [name for name in file.drawn if name in NEVER_DRAWN]:
         raise InputError(f"members: {', '.join(fixed)} must be the same for all")

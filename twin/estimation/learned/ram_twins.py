@@ -137,9 +137,9 @@ class RamTwins(Estimator[TwinsState]):
         """True if it runs whole: without one of its parts, nobody has trained an interval."""
         return self.parts == ALL_PARTS
 
-    def half_width_deg(self, state: TwinsState) -> Array | None:
-        """Return half of the (B,) 95 % intervals about the estimates [deg]; None without a part."""
-        return state.half_width_deg if self.states_interval else None
+    def half_width_deg(self, state: TwinsState) -> Array:
+        """Return half of the (B,) 95 % intervals about the estimates [deg]."""
+        return state.half_width_deg
 
     @functools.cached_property
     def _members(self) -> "Members":
