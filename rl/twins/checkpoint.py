@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from rl.adam_state import adam_state, begin_moments, fits, set_tensors
-from rl.twins.step import TwinsStep
+from rl.twins.filter_step import FilterStep
 from twin.files.state_file import damaged_state, read_state, remove_state, write_state
 
 Array = NDArray[np.float64]
@@ -26,14 +26,16 @@ class Keeper:
         step: that learns.
         best: weights that were best on held-out twins so far, by name.
         curve: samples so far, and minus the typical square error then [deg^2].
+        tables: arrays that the lesson keeps beside, by name; they are filled in their place.
     """
 
     path: Path
     key: str
     every: int
-    step: TwinsStep
+    step: FilterStep
     best: dict[str, torch.Tensor] = dataclasses.field(default_factory=dict)
     curve: list[tuple[int, float]] = dataclasses.field(default_factory=list)
+    tables: dict[str, Array] = dataclasses.field(default_factory=dict)
 
     def is_there(self) -> bool:
         """Return whether there is a checkpoint of this run.
@@ -51,10 +53,8 @@ class Keeper:
             "update": np.array([update], dtype=float),
             "curve": np.array(self.curve, dtype=float).reshape(-1, 2),
         }
-        tensors = adam_state(self.step, optimiser) | self._best()
-        write_state(
-            self.path, CHECKPOINT, self.key, arrays | {name: of.numpy() for name, of in tensors.items()}
-        )
+        arrays |= {name: of.numpy() for name, of in self._tensors(optimiser).items()}
+        write_state(self.path, CHECKPOINT, self.key, arrays)
 
     def restore(self, optimiser: torch.optim.Optimizer) -> int:
         """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none.
@@ -67,7 +67,7 @@ class Keeper:
         if saved is None:
             return 0
         self.best = {name: of.detach().clone() for name, of in self.step.named_parameters()}
-        expected = adam_state(self.step, optimiser) | self._best()
+        expected = self._tensors(optimiser)
         damaged = damaged_state(self.path)
         if {"update", "curve"} - set(saved) or not fits(saved, expected):
             raise damaged
@@ -80,10 +80,11 @@ class Keeper:
         self.curve[:] = [(int(samples), float(reward)) for samples, reward in curve]
         return int(update[0])
 
-    def _best(self) -> dict[str, torch.Tensor]:
-        """Return the best weights by the names that a checkpoint has for them."""
-        known = {name: of.detach() for name, of in self.step.named_parameters()} | self.best
-        return {f"best {name}": of for name, of in known.items()}
+    def _tensors(self, optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
+        """Return all that a checkpoint keeps as it is, by name; they share memory with the lesson."""
+        best = {name: of.detach() for name, of in self.step.named_parameters()} | self.best
+        tables = {f"table {name}": torch.from_numpy(values) for name, values in self.tables.items()}
+        return adam_state(self.step, optimiser) | {f"best {name}": of for name, of in best.items()} | tables
 
     def remove(self) -> None:
         """Remove the checkpoint, if there is one."""

@@ -1,4 +1,4 @@
-"""The graph of RAM (twins) as it is deployed: the trained step with its state as named arrays."""
+"""The graphs that are deployed: a trained step with its state as named arrays."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,14 +7,19 @@ from typing import Any
 import torch
 
 from rl.export import export_module
+from rl.twins.filter_step import FilterStep
+from rl.twins.memory_step import MemoryState, MemoryStep
 from rl.twins.step import FilterState, TwinsStep
-from twin.estimation.learned.ram_twins import INPUTS, OUTPUTS, STATE
+from twin.estimation.learned import ram_memory, ram_twins
+from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
 
 _BATCH = 3  # of the example that the export traces; any number may come
 
+Tensor = torch.Tensor
 
-class StepGraph(torch.nn.Module):
-    """The step with plain arrays in and out; a state that is all zero stands for the first one."""
+
+class TwinsGraph(torch.nn.Module):
+    """`TwinsStep` with plain arrays in and out; a state that is all zero stands for the first one."""
 
     def __init__(self, step: TwinsStep):
         super().__init__()
@@ -22,18 +27,18 @@ class StepGraph(torch.nn.Module):
 
     def forward(
         self,
-        members_deg: torch.Tensor,
-        way_mm: torch.Tensor,
-        measurement_deg: torch.Tensor,
-        variance: torch.Tensor,
-        sample_time: torch.Tensor,
-        parts: torch.Tensor,
-        mean: torch.Tensor,
-        covariance: torch.Tensor,
-        counts: torch.Tensor,
-        samples: torch.Tensor,
-        statistics: torch.Tensor,
-    ) -> tuple[torch.Tensor, ...]:
+        members_deg: Tensor,
+        way_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        parts: Tensor,
+        mean: Tensor,
+        covariance: Tensor,
+        counts: Tensor,
+        samples: Tensor,
+        statistics: Tensor,
+    ) -> tuple[Tensor, ...]:
         """Return estimate, half of its interval, and the arrays of the state after the sample."""
         step = self.step
         begins = 1 - torch.sign((covariance @ step.of_error) @ step.of_error)
@@ -43,19 +48,61 @@ class StepGraph(torch.nn.Module):
         return (output.bend_deg, output.half_width_deg, *after)
 
 
-def export_step(step: TwinsStep, members: int, description: Mapping[str, Any], path: Path) -> None:
-    """Write a trained step as ONNX, whole or not at all.
+class MemoryGraph(torch.nn.Module):
+    """`MemoryStep` with plain arrays in and out; a state that is all zero stands for the first one."""
 
-    Args:
-        step: trained.
-        members: M.
-        description: plain values that travel with it.
-        path: the file.
-    """
+    def __init__(self, step: MemoryStep):
+        super().__init__()
+        self.step = step
+
+    def forward(
+        self,
+        keep: Tensor,
+        drive_deg: Tensor,
+        increment_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        parts: Tensor,
+        mean: Tensor,
+        covariance: Tensor,
+        hidden: Tensor,
+        innovation: Tensor,
+        samples: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Return estimate, half of its interval, and the arrays of the state after the sample."""
+        step = self.step
+        begins = 1 - torch.sign(covariance.abs().sum(dim=1, keepdim=True))
+        state = MemoryState(mean, covariance + begins * step.first, hidden, innovation, samples)
+        given = keep, drive_deg, increment_mm, measurement_deg, variance, sample_time
+        output, after = step(*given, parts, state)
+        return (output.bend_deg, output.half_width_deg, *after)
+
+
+def export_twins(step: TwinsStep, members: int, description: Mapping[str, Any], path: Path) -> None:
+    """Write a trained step of RAM (twins) on M members as ONNX, whole or not at all."""
+    predicted_by = {"members_deg": torch.zeros(_BATCH, members), "way_mm": torch.ones(_BATCH)}
+    _export(TwinsGraph(step), step, predicted_by, list(ram_twins.STATE), description, path)
+
+
+def export_memory(step: MemoryStep, description: Mapping[str, Any], path: Path) -> None:
+    """Write a trained step of RAM (memory) as ONNX, whole or not at all."""
+    predicted_by = {name: torch.ones(_BATCH) for name in ram_memory.PREDICTED_BY}
+    _export(MemoryGraph(step), step, predicted_by, list(ram_memory.STATE), description, path)
+
+
+def _export(
+    graph: torch.nn.Module,
+    step: FilterStep,
+    predicted_by: Mapping[str, Tensor],
+    state: list[str],
+    description: Mapping[str, Any],
+    path: Path,
+) -> None:
     # Tensors of their own: the export takes one that is given twice for one input.
-    each = [torch.ones(_BATCH) for _ in INPUTS[1:-1]]
-    inputs = dict(zip(INPUTS, (torch.zeros(_BATCH, members), *each, torch.ones(2)), strict=True))
-    inputs |= dict(zip(STATE, step.start(torch.ones(_BATCH)), strict=True))
-    outputs = [*OUTPUTS, *(f"{name}_after" for name in STATE)]
+    inputs = {**predicted_by} | {name: torch.ones(_BATCH) for name in OF_SAMPLE}
+    inputs["parts"] = torch.tensor(ALL_PARTS)
+    inputs |= {name: of.clone() for name, of in zip(state, step.start(torch.ones(_BATCH)), strict=True)}
+    outputs = [*OUTPUTS, *(f"{name}_after" for name in state)]
     free = {name: [0] for name in inputs if name != "parts"}
-    export_module(StepGraph(step), inputs, outputs, free, description, path)
+    export_module(graph, inputs, outputs, free, description, path)

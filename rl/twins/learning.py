@@ -14,30 +14,31 @@ import numpy as np
 import torch
 
 from rl.supervised import GRADIENT_LIMIT
+from rl.twins.balance import TypicalErrors
 from rl.twins.checkpoint import Keeper
+from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
 from rl.twins.sequences import STRIDES, Sequences, SequenceSource
-from rl.twins.settings import TwinsTraining
-from rl.twins.step import FilterState, Output, TwinsStep
+from rl.twins.settings import SimulatedTraining, TwinsTraining
+from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
 
 OnUpdate = Callable[[int, float], None]
 """Told how many updates of a lesson are done, and its latest loss."""
 SMALLEST_ERROR_DEG2 = 1e-3  # added to mean square errors: their logarithm stays finite
 COVERAGE = 0.95
-NOTHING, HEARD, ALL = (torch.tensor(parts) for parts in ([0.0, 0.0], [0.0, 1.0], [1.0, 1.0]))
-"""Parts that take part: the filter alone; the recogniser too; the policy too."""
 
 # What one seed is used for beside the records: the streams of these never meet.
 _RECOGNISER, _GAIN, _INTERVAL, _VALIDATION = range(200, 204)
 
 
 def filter_sequences(
-    step: TwinsStep, drawn: Sequences, parts: torch.Tensor, state: FilterState | None = None
-) -> Iterator[tuple[Output, FilterState]]:
+    step: FilterStep, drawn: Sequences, parts: torch.Tensor, state: Any = None
+) -> Iterator[tuple[Output, Any]]:
     """Yield outputs and states sample by sample, from a state or from the start."""
     state = step.start(drawn.variance) if state is None else state
-    for members, way, measurement in zip(drawn.members_deg, drawn.way_mm, drawn.measurement_deg, strict=True):
-        output, state = step(members, way, measurement, drawn.variance, drawn.sample_time, parts, state)
+    told = drawn.variance, drawn.sample_time, parts
+    for *inputs, measurement in zip(*drawn.inputs, drawn.measurement_deg, strict=True):
+        output, state = step(*inputs, measurement, *told, state)
         yield output, state
 
 
@@ -74,16 +75,19 @@ def learn_noise(
 
 
 def learn_gain(
-    step: TwinsStep,
+    step: FilterStep,
     source: SequenceSource,
-    settings: TwinsTraining,
+    settings: SimulatedTraining,
     on_update: OnUpdate | None = None,
     keeper: Keeper | None = None,
 ) -> None:
-    """Train recogniser and policy by back-propagation through the filter; a checkpoint is taken up."""
+    """Train all by back-propagation through the filter; a checkpoint is taken up."""
+    typical = TypicalErrors(settings)
+    if keeper:
+        keeper.tables |= {"typical": typical.means, "met": typical.met}
     windows = settings.windows
     episode = windows * settings.window
-    held: list[tuple[Sequences, FilterState]] = []
+    held: list[tuple[Sequences, Any]] = []
 
     def loss(update: int) -> torch.Tensor:
         place = update % windows
@@ -93,40 +97,47 @@ def learn_gain(
             held[:] = [(whole, step.start(whole.variance))]
         whole, state = held[0]
         if place:  # the state is handed on to the next window, its history is not
-            state = FilterState(*(of.detach() for of in state))
+            state = state._make(of.detach() for of in state)
         window = whole.between(place * settings.window, (place + 1) * settings.window)
-        value, state = _window_loss(step, window, state, settings)
+        value, state = _window_loss(step, window, state, settings, typical, place)
         held[:] = [(whole, state)]
         return value
 
-    # Counts are large numbers: what they are multiplied by learns in smaller steps.
-    rest = [values for name, values in step.named_parameters() if name != "recogniser.likelihood"]
-    groups: list[dict[str, Any]] = [{"params": rest}, {"params": [step.recogniser.likelihood], "share": 0.2}]
+    parameters = dict(step.named_parameters())
+    groups: list[dict[str, Any]] = [
+        {"params": [of for name, of in parameters.items() if name not in step.slow]},
+        {"params": [of for name, of in parameters.items() if name in step.slow], "share": 0.2},
+    ]
     _descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
 
 
 def _window_loss(
-    step: TwinsStep, window: Sequences, state: FilterState, settings: TwinsTraining
-) -> tuple[torch.Tensor, FilterState]:
+    step: FilterStep,
+    window: Sequences,
+    state: Any,
+    settings: SimulatedTraining,
+    typical: TypicalErrors,
+    place: int,
+) -> tuple[torch.Tensor, Any]:
     """Return the loss of one window, and the state behind it."""
     squares, likelihoods, departures = [], [], []
     of_bias = window.bias_deg / torch.sqrt(window.variance)
     for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
         squares.append((output.bend_deg - window.truth_deg[sample]) ** 2)
         bounded = torch.tanh(output.action[:, :2]) ** 2
-        departures.append(window.gaussian * bounded.sum(dim=1))
+        departures.append(window.linear * bounded.sum(dim=1))
         if sample % 5 == 4:  # what is known of the noise hardly changes from sample to sample
             off = of_bias - output.bias
             likelihoods.append(off**2 / output.bias_variance + torch.log(output.bias_variance))
         state = after
-    error = torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()
+    error = typical.loss(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2, window, place)
     recognised = 0.5 * torch.stack(likelihoods).mean() if likelihoods else error.new_zeros(())
     departed = torch.stack(departures).mean()
     return error + settings.bias_weight * recognised + settings.linear_penalty * departed, state
 
 
 def learn_interval(
-    step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
+    step: FilterStep, source: SequenceSource, settings: SimulatedTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Train the width of the interval on errors of the finished filter; nothing else changes."""
     rng = np.random.default_rng([settings.seed, _INTERVAL])
@@ -149,7 +160,7 @@ def learn_interval(
     _descend([{"params": list(step.interval.parameters())}], loss, settings.interval_updates, 1e-2, on_update)
 
 
-def validation_loss(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> float:
+def validation_loss(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> float:
     """Return the mean logarithm of the mean square error of held-out sequences, at both ends of T."""
     rng = np.random.default_rng([settings.seed, _VALIDATION])
     losses = []

@@ -14,6 +14,8 @@ from twin.errors import InputError
 
 Array = NDArray[np.float64]
 
+LINEAR = ("gaussian", "uniform")
+"""Families without tails and skew: what a policy could gain there is little, what it can spoil is much."""
 VARIANCES = (0.05, 8.0)
 """Least and greatest R of a noise [deg^2]."""
 
@@ -25,13 +27,15 @@ class NoiseBatch(NamedTuple):
         noise_deg: (B, N) [deg].
         variance: (B,) R, which the filter is told [deg^2].
         mean_deg: (B,) mean of the noise, which it is not told [deg].
-        gaussian: (B,) whether the noise is Gaussian, so that the linear update is the best there is.
+        family: (B,) place of its family among the given ones.
+        linear: (B,) whether the linear update is the best there is for it, or near it.
     """
 
     noise_deg: Array
     variance: Array
     mean_deg: Array
-    gaussian: NDArray[np.bool_]
+    family: NDArray[np.intp]
+    linear: NDArray[np.bool_]
 
 
 def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.random.Generator) -> NoiseBatch:
@@ -54,7 +58,8 @@ def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.rando
     for row, number in enumerate(chosen):
         draw = FAMILIES[families[number]][1]
         noise[row], variance[row], mean[row] = draw(samples, rng)
-    return NoiseBatch(noise, variance, mean, np.array([families[k] == "gaussian" for k in chosen]))
+    linear = np.array([families[number] in LINEAR for number in chosen])
+    return NoiseBatch(noise, variance, mean, chosen, linear)
 
 
 def check_families(families: Sequence[str]) -> None:

@@ -1,6 +1,7 @@
 """Sequences that RAM (twins) learns from: stretches of the training records under noise drawn anew."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,10 @@ from numpy.typing import NDArray
 from rl.supervised import tensor32
 from rl.twins.noises import draw_noises
 from rl.twins.records import SAMPLE_TIME, TwinRecords
+from twin.estimation.learned.surprise import affine_step
+from twin.hysteresis import HysteresisModel
+
+Places = NDArray[np.intp]
 
 STRIDES = (5, 2, 1)  # T of 0.1, 0.04 and 0.02 s
 SHARES = (0.7, 0.15, 0.15)
@@ -20,33 +25,60 @@ class Sequences(NamedTuple):
     """B sequences of N samples of one sample time, time first.
 
     Attributes:
-        members_deg: (N, B, M) angle of the members [deg].
-        way_mm: (N, B) that the tendon has gone since the sample before [mm].
+        inputs: what a step predicts by, each (N, B, ...); see `by_members` and `by_model`.
         measurement_deg: (N, B) [deg].
         truth_deg: (N, B) [deg].
         variance: (B,) R [deg^2].
         bias_deg: (B,) mean of the noise [deg].
-        gaussian: (B,) 1 where the noise is Gaussian, else 0.
+        family: (B,) place of its family among those that are met.
+        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
         sample_time: (B,) T [s].
+        stride: T in units of that of the records.
     """
 
-    members_deg: torch.Tensor
-    way_mm: torch.Tensor
+    inputs: tuple[torch.Tensor, ...]
     measurement_deg: torch.Tensor
     truth_deg: torch.Tensor
     variance: torch.Tensor
     bias_deg: torch.Tensor
-    gaussian: torch.Tensor
+    family: torch.Tensor
+    linear: torch.Tensor
     sample_time: torch.Tensor
+    stride: int
 
     def between(self, begin: int, end: int) -> "Sequences":
         """Return the samples from one to another."""
         return self._replace(
-            members_deg=self.members_deg[begin:end],
-            way_mm=self.way_mm[begin:end],
+            inputs=tuple(values[begin:end] for values in self.inputs),
             measurement_deg=self.measurement_deg[begin:end],
             truth_deg=self.truth_deg[begin:end],
         )
+
+
+Prediction = Callable[[TwinRecords, Places, Places], tuple[torch.Tensor, ...]]
+"""Inputs (N, B, ...) of a step for (B,) commands at (N + 1, B) samples, the first of which is the start."""
+
+
+def by_members(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+    """Return the angle of the members (N, B, M) [deg] and the way of the tendon (N, B) [mm]."""
+    followed = records.pull_mm[command, index]
+    members = records.members_deg[command, :, index[1:]]
+    return tensor32(members), tensor32(np.abs(np.diff(followed, axis=0)))
+
+
+def by_model(model: HysteresisModel) -> Prediction:
+    """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B).
+
+    Args:
+        model: of hysteresis, whose step is affine in the angle and which has no other memory.
+    """
+
+    def predict(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+        pull = records.pull_mm[command, index].astype(float)
+        keep, drive = affine_step(model, pull[1:], pull[:-1])
+        return tensor32(keep), tensor32(drive), tensor32(np.diff(pull, axis=0))
+
+    return predict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,10 +88,12 @@ class SequenceSource:
     Attributes:
         records: that stretches are taken from.
         noises: families of the noise.
+        predict: gives the inputs of the step.
     """
 
     records: TwinRecords
     noises: tuple[str, ...]
+    predict: Prediction = by_members
 
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
@@ -67,24 +101,23 @@ class SequenceSource:
         """Return sequences; their sample time is drawn, or `stride` times that of the records."""
         if stride is None:
             stride = int(rng.choice(STRIDES, p=SHARES))
-        pull, members, truth = self.records
-        last = pull.shape[1] - 1 - samples * stride
-        command = rng.integers(len(pull), size=count)
-        twin = rng.integers(truth.shape[1], size=count)
+        last = self.records.pull_mm.shape[1] - 1 - samples * stride
+        command = rng.integers(len(self.records.pull_mm), size=count)
+        twin = rng.integers(self.records.truth_deg.shape[1], size=count)
         start = np.where(rng.uniform(size=count) < FROM_THE_START, 0, rng.integers(last + 1, size=count))
         index = start + np.arange(samples + 1)[:, None] * stride  # (N + 1, B)
-        followed = pull[command, index]
-        angle = truth[command, twin, index[1:]]
+        angle = self.records.truth_deg[command, twin, index[1:]]
         noise = draw_noises(self.noises, count, samples, rng)
         return Sequences(
-            tensor32(members[command, :, index[1:]]),
-            tensor32(np.abs(np.diff(followed, axis=0))),
+            self.predict(self.records, command, index),
             tensor32(angle + noise.noise_deg.T),
             tensor32(angle),
             tensor32(noise.variance),
             tensor32(noise.mean_deg),
-            tensor32(noise.gaussian),
+            torch.as_tensor(noise.family),
+            tensor32(noise.linear),
             torch.full((count,), stride * SAMPLE_TIME),
+            stride,
         )
 
 

@@ -1,7 +1,9 @@
-"""Settings of the training of RAM (twins)."""
+"""Settings of the trainings on simulated twins."""
 
 import dataclasses
+from typing import Any, Self
 
+from rl.options import TrainingOptions, share_of
 from rl.twins.noises import FAMILIES, check_families
 from rl.twins.records import SAMPLE_TIME
 from rl.twins.sequences import STRIDES
@@ -11,45 +13,35 @@ from twin.files.trained_schema import MOST_MEMBERS
 
 
 @dataclasses.dataclass(frozen=True)
-class TwinsTraining:
-    """Settings of the training on simulated twins.
+class SimulatedTraining:
+    """Settings that every training on simulated twins has.
 
     Attributes:
-        members: M, twins that the prediction is made of.
-        rank: r, directions among them that are estimated.
-        commands: C, each followed by all members.
-        twins: K, others along each command, whose angle is estimated.
+        commands: C, along which twins are simulated.
+        twins: K along each command, whose angle is estimated.
         seconds: length of a record.
         sequences: with their own noise, that run side by side.
         episode: samples until all begin anew, on other records.
         window: samples that an error is traced back over.
-        recogniser_sequences: records that the recogniser learns from first.
-        recogniser_updates: gradient steps of that.
         updates: gradient steps through the filter, one per window.
         interval_sequences: that the width of the interval is learned from.
         interval_updates: gradient steps of that.
-        recogniser_rate: step of Adam for the recogniser at the start; it falls to zero along a cosine.
-        learning_rate: the same through the filter.
-        linear_penalty: weight of what the policy does under Gaussian noise, where doing nothing is best.
-        bias_weight: weight of the recogniser's own loss beside the error of the estimate.
+        learning_rate: of Adam through the filter at the start; it falls to zero along a cosine.
+        linear_penalty: weight of what the policy does where doing nothing is best.
+        bias_weight: weight of the loss of the mean of the noise beside the error of the estimate.
         noises: families of `rl.twins.noises` that are met.
         seed: of everything that is drawn.
     """
 
-    members: int = 32
-    rank: int = 16
     commands: int = 90
     twins: int = 8
     seconds: float = 40.0
     sequences: int = 96
     episode: int = 300
     window: int = 50
-    recogniser_sequences: int = 4096
-    recogniser_updates: int = 2500
     updates: int = 2400
     interval_sequences: int = 1536
     interval_updates: int = 1500
-    recogniser_rate: float = 3e-3
     learning_rate: float = 3e-3
     linear_penalty: float = 0.3
     bias_weight: float = 0.05
@@ -60,11 +52,9 @@ class TwinsTraining:
         """Refuse a training that cannot run.
 
         Raises:
-            ValueError: records are shorter than an episode, or a file could not hold the members.
+            ValueError: records are shorter than an episode.
         """
         check_families(self.noises)
-        check_between("members", self.members, 2, MOST_MEMBERS)
-        check_between("rank", self.rank, 1, self.members)
         if not self.window <= self.episode <= int(self.seconds / (SAMPLE_TIME * STRIDES[0])) - 1:
             raise InputError(
                 f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "
@@ -75,3 +65,48 @@ class TwinsTraining:
     def windows(self) -> int:
         """Windows after which sequences begin anew."""
         return self.episode // self.window
+
+    def scaled(self, options: TrainingOptions) -> Self:
+        """Return the settings of a training as long as options ask for, relative to the paper's episodes."""
+        least = {"commands": 6, "recogniser_sequences": 64, "interval_sequences": 64}
+        lengths = ("updates", "recogniser_updates", "interval_updates", *least)
+        scaled: dict[str, Any] = {
+            name: max(share_of(value, options), least.get(name, 1))
+            for name, value in dataclasses.asdict(self).items()
+            if name in lengths
+        }
+        return dataclasses.replace(self, **scaled, seed=options.seed)
+
+
+@dataclasses.dataclass(frozen=True)
+class MemoryTraining(SimulatedTraining):
+    """Settings of the training of RAM (memory)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TwinsTraining(SimulatedTraining):
+    """Settings of the training of RAM (twins).
+
+    Attributes:
+        members: M, twins that the prediction is made of.
+        rank: r, directions among them that are estimated.
+        recogniser_sequences: records that the recogniser learns from first.
+        recogniser_updates: gradient steps of that.
+        recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
+    """
+
+    members: int = 32
+    rank: int = 16
+    recogniser_sequences: int = 4096
+    recogniser_updates: int = 2500
+    recogniser_rate: float = 3e-3
+
+    def __post_init__(self) -> None:
+        """Refuse a training that cannot run.
+
+        Raises:
+            ValueError: records are shorter than an episode, or a file could not hold the members.
+        """
+        super().__post_init__()
+        check_between("members", self.members, 2, MOST_MEMBERS)
+        check_between("rank", self.rank, 1, self.members)

@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
 from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser, last_layer, network
 
 ACTIONS = 3  # on the total gain, on R for the covariance, on the growth of d
@@ -38,8 +39,6 @@ FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
 BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
 RECENT = 30.0  # samples of the running statistics
-WIDTH_OF_95 = 1.96
-LEAST_VARIANCE = 1e-8  # [deg^2]
 UNHEARD = 1e6  # times R: variance of what a recogniser that is not heard says
 
 Tensor = torch.Tensor
@@ -64,30 +63,10 @@ class FilterState(NamedTuple):
     statistics: Tensor
 
 
-class Output(NamedTuple):
-    """Result of one sample.
-
-    Attributes:
-        bend_deg: (B,) estimate [deg].
-        half_width_deg: (B,) half of its 95 % interval [deg].
-        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
-        bias_variance: (B,) how sure that is, in units of R.
-        action: (B, ACTIONS) before they are bounded.
-        deviation_deg: (B,) standard deviation of the estimate as the filter has it [deg].
-        seen: (B, LAWS + SCALARS) what the interval is made of.
-    """
-
-    bend_deg: Tensor
-    half_width_deg: Tensor
-    bias: Tensor
-    bias_variance: Tensor
-    action: Tensor
-    deviation_deg: Tensor
-    seen: Tensor
-
-
-class TwinsStep(torch.nn.Module):
+class TwinsStep(FilterStep):
     """Active model on twins, recogniser of the noise, policy and interval; see the module."""
+
+    slow = ("recogniser.likelihood",)  # counts are large numbers, and so is what they are multiplied by
 
     def __init__(self, directions: Tensor, hidden: int = 64):
         """Start untrained, with a policy that does nothing.
@@ -96,7 +75,7 @@ class TwinsStep(torch.nn.Module):
             directions: (M, r) orthonormal directions among the members.
             hidden: units of each layer of the policy.
         """
-        super().__init__()
+        super().__init__(LAWS + SCALARS)
         members, rank = directions.shape
         # Parts of the state are picked by constant vectors: the exported graph needs no slices then.
         units = torch.eye(rank + 2)
@@ -111,12 +90,9 @@ class TwinsStep(torch.nn.Module):
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.recogniser = Recogniser()
         self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
-        self.interval = network(LAWS + SCALARS, 16, 1, layers=1)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
-            for layer in (last_layer(self.policy), last_layer(self.interval)):
-                layer.bias.zero_()
-            last_layer(self.interval).weight.zero_()
+            last_layer(self.policy).bias.zero_()
 
     def start(self, variance: Tensor) -> FilterState:
         """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
@@ -223,10 +199,6 @@ class TwinsStep(torch.nn.Module):
         half_width = deviation * self.widen(features)
         return Output(bend, half_width, bias, bias_variance, said, deviation, features), after
 
-    def widen(self, seen: Tensor) -> Tensor:
-        """Return (...) how many standard deviations half of a 95 % interval has."""
-        return WIDTH_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
-
     def _features(
         self,
         state: FilterState,
@@ -263,7 +235,7 @@ class TwinsStep(torch.nn.Module):
                 weights,
                 bias[:, None],
                 torch.log(bias_variance)[:, None] / 3,
-                _log_scale(torch.stack(angles, dim=1) * self.angle_units),
+                log_scale(torch.stack(angles, dim=1) * self.angle_units),
                 torch.log(torch.stack(positive, dim=1)) * self.log_units,
                 torch.tanh(innovation / root / 2)[:, None],
                 (coefficients * coefficients).sum(dim=1, keepdim=True) / self.of_members.sum(),
@@ -279,20 +251,15 @@ def _times(covariance: Tensor, vector: Tensor) -> Tensor:
     return torch.bmm(covariance, vector[:, :, None])[:, :, 0]
 
 
-def _log_scale(values: Tensor) -> Tensor:
-    """Return values on a symmetric logarithmic scale."""
-    return torch.sign(values) * torch.log1p(values.abs())
-
-
 def _recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
     """Return the running statistics with one more innovation, in units of sqrt(R)."""
     average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
-    now = _log_scale(innovation)
+    now = log_scale(innovation)
     weight = seen / (state.samples + 1).clamp(max=RECENT)
     return torch.stack(
         [
             average + (now - average) * weight,
-            product + (now * _log_scale(last) - product) * weight,
+            product + (now * log_scale(last) - product) * weight,
             square + (innovation * innovation / (doubt + 1) - square) * weight,
             last + (innovation - last) * seen,
         ],

@@ -15,13 +15,14 @@ from small_twins import TINY, generator, shorter, small_records, small_source, s
 
 import scripts.train
 from rl.ram_twins import train_ram_twins
-from rl.twins.graph import StepGraph, export_step
+from rl.twins.graph import TwinsGraph, export_twins
 from rl.twins.learning import learn_interval, learn_noise, validation_loss
-from rl.twins.noises import FAMILIES, draw_noises
+from rl.twins.noises import FAMILIES, LINEAR, draw_noises
 from rl.twins.records import SAMPLE_TIME, draw_members
 from rl.twins.sequences import principal_directions, split_records
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import INPUTS, STATE, load
+from twin.estimation.learned.ram_twins import STATE, load
+from twin.estimation.learned.step_network import OF_SAMPLE
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
 
@@ -37,8 +38,9 @@ def trained(tmp_path_factory):
 def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
     """From a state of zeros on, for any number of filters, where a measurement is missing too."""
     step = small_step(loud=2.0)
-    export_step(step, TINY.members, {"agent": "ram-twins"}, tmp_path / "policy.onnx")
-    file, graph = read_trained_file(tmp_path / "policy.onnx"), StepGraph(step)
+    export_twins(step, TINY.members, {"agent": "ram-twins"}, tmp_path / "policy.onnx")
+    file, graph = read_trained_file(tmp_path / "policy.onnx"), TwinsGraph(step)
+    names = ("members_deg", "way_mm", *OF_SAMPLE)
     for count in (1, 4):
         drawn = small_source().draw(count, 20, generator(count))
         state = [torch.zeros_like(of) for of in step.start(drawn.variance)]
@@ -48,8 +50,7 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
             if k % 5 == 2:
                 measurement[0] = torch.nan
             values = (
-                drawn.members_deg[k],
-                drawn.way_mm[k],
+                *(of[k] for of in drawn.inputs),
                 measurement,
                 drawn.variance,
                 drawn.sample_time,
@@ -58,7 +59,7 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
             with torch.no_grad():
                 *wanted, mean, covariance, counts, samples, statistics = graph(*values, *state)
             state = [mean, covariance, counts, samples, statistics]
-            named = dict(zip(INPUTS, (of.numpy() for of in values), strict=True))
+            named = dict(zip(names, (of.numpy() for of in values), strict=True))
             *found_now, a, b, c, d, e = file.run(**named, **dict(zip(STATE, deployed, strict=True)))
             deployed = [a, b, c, d, e]
             np.testing.assert_allclose(found_now, torch.stack(wanted), rtol=2e-3, atol=2e-3)
@@ -98,7 +99,8 @@ def test_a_noise_has_the_moments_that_it_tells(family):
     assert (np.abs(noise.noise_deg.mean(axis=1) - noise.mean_deg) < error).all()
     if family != "student-t":
         np.testing.assert_allclose(noise.noise_deg.var(axis=1), noise.variance, rtol=0.1)
-    assert noise.gaussian.all() == (family == "gaussian")
+    assert noise.linear.all() == (family in LINEAR)
+    assert (noise.family == 0).all()
 
 
 def test_an_unknown_family_is_refused():
@@ -121,7 +123,8 @@ def test_the_recogniser_learns_a_mean_that_no_filter_sees():
 def test_the_interval_holds_the_truth_as_often_as_it_says():
     step, source = small_step(), small_source(["gaussian", "laplace"])
     learn_interval(step, source, shorter(interval_updates=300, interval_sequences=512))
-    from rl.twins.learning import ALL, filter_sequences
+    from rl.twins.filter_step import ALL
+    from rl.twins.learning import filter_sequences
 
     drawn = source.draw(256, 40, generator(11))
     with torch.no_grad():
@@ -151,7 +154,7 @@ def test_the_same_seed_trains_the_same_step(trained, tmp_path):
     """File by file the same numbers, so that a published figure can be repeated."""
     again = train_ram_twins(*twins(), TINY, tmp_path / "again")
     drawn = small_source().draw(3, 25, generator(4))
-    pull = np.cumsum(drawn.way_mm.numpy(), axis=0).T.astype(float)
+    pull = np.cumsum(drawn.inputs[1].numpy(), axis=0).T.astype(float)
     estimates = [
         load(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0) for path in (trained[0], again)
     ]

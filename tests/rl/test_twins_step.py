@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from small_twins import generator, small_source, small_step
 
 from rl.twins import step as law
-from rl.twins.learning import ALL, NOTHING, filter_sequences
+from rl.twins.filter_step import ALL, NOTHING
+from rl.twins.learning import filter_sequences
 from rl.twins.recogniser import BINS, LAWS
 from rl.twins.step import TwinsStep
 
@@ -52,8 +53,8 @@ def test_without_a_policy_it_is_the_kalman_filter():
     directions = step.directions.numpy().astype(float)[:, :-2] * np.sqrt(len(step.directions) - 1)
     for run in range(5):
         mean, covariance = kalman_filter(
-            sequences.members_deg[:, run].numpy().astype(float),
-            sequences.way_mm[:, run].numpy(),
+            sequences.inputs[0][:, run].numpy().astype(float),
+            sequences.inputs[1][:, run].numpy(),
             measurement[:, run].numpy(),
             float(sequences.variance[run]),
             float(sequences.sample_time[run]),
@@ -71,8 +72,8 @@ def test_whatever_the_policy_says_the_update_is_a_convex_step_and_variances_stay
     rank = len(step.unit) - 2
     with torch.no_grad():
         for k in range(12):
-            members, y = sequences.members_deg[k], sequences.measurement_deg[k]
-            given_to = (members, sequences.way_mm[k])
+            members, way = (of[k] for of in sequences.inputs)
+            y, given_to = sequences.measurement_deg[k], (members, way)
             rest = (sequences.variance, sequences.sample_time, ALL)
             _, unseen = step(*given_to, torch.full_like(y, torch.nan), *rest, state)
             _, state = step(*given_to, y, *rest, state)
@@ -101,8 +102,7 @@ def test_without_a_measurement_nothing_is_learned_of_the_noise():
     with torch.no_grad():
         *_, (_, state) = filter_sequences(step, sequences, ALL)
         output, after = step(
-            sequences.members_deg[-1],
-            sequences.way_mm[-1],
+            *(of[-1] for of in sequences.inputs),
             torch.full_like(sequences.measurement_deg[-1], torch.nan),
             sequences.variance,
             sequences.sample_time,

@@ -38,6 +38,7 @@ METHODS = [
     "RAM",
     "Constant gain",
     "RAM (oracle)",
+    "RAM (memory)",
     "RAM (twins)",
     "RAM (twins), recogniser alone",
     "RAM (twins), filter alone",
@@ -100,7 +101,7 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, 
     assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * 90 * len(times)
     for row in rows:
         assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
-        states = row["method"] == "RAM (twins)"
+        states = row["method"] in ("RAM (memory)", "RAM (twins)")
         assert (row["coverage95"] is not None) == (row["nees"] is not None) == states
         assert not states or 0 <= row["coverage95"] <= 1
 
@@ -204,7 +205,7 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     assert import_log(argv) == 0
     run = [str(tmp_path / "measured"), "--train", str(folder / "train"), "--out", str(tmp_path / "out")]
     # The records of training are the same: its models, filters and networks are taken, not made again.
-    for made in ("T_0.1", "ram-twins"):
+    for made in ("T_0.1", "ram-memory", "ram-twins"):
         shutil.copytree(folder / made, tmp_path / "out" / made)
     assert main([*run, *SMALL.split(), "--sample-time", "0.1"]) == 0
     rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]

@@ -6,10 +6,12 @@ import functools
 import numpy as np
 import torch
 
+from rl.twins.memory_step import MemoryStep
 from rl.twins.records import TwinRecords, draw_members, simulate_records
-from rl.twins.sequences import SequenceSource, principal_directions
-from rl.twins.settings import TwinsTraining
+from rl.twins.sequences import SequenceSource, by_model, principal_directions
+from rl.twins.settings import MemoryTraining, TwinsTraining
 from rl.twins.step import TwinsStep
+from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
 
 TINY = TwinsTraining(
@@ -63,3 +65,31 @@ def shorter(**changes) -> TwinsTraining:
 
 def generator(seed=0) -> np.random.Generator:
     return np.random.default_rng(seed)
+
+
+TINY_MEMORY = MemoryTraining(
+    commands=6,
+    twins=2,
+    seconds=20.0,
+    sequences=16,
+    episode=40,
+    window=20,
+    updates=8,
+    interval_sequences=64,
+    interval_updates=10,
+    seed=1,
+)
+MODEL = ColemanHodgdon(1.15, 22.3, 4.9)
+
+
+def small_memory_source(noises=TINY.noises) -> SequenceSource:
+    return SequenceSource(small_records(), tuple(noises), by_model(MODEL))
+
+
+def small_memory_step(seed=0, loud=0.0) -> MemoryStep:
+    """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
+    torch.manual_seed(seed)
+    step = MemoryStep()
+    with torch.no_grad():
+        step.output[-1].weight.normal_(0, loud)
+    return step.eval()

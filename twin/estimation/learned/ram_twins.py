@@ -18,8 +18,15 @@ from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.learned.scale import LEAST_VARIANCE
-from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
+from twin.estimation.learned.step_network import (
+    ALL_PARTS,
+    SAMPLE_TIME,
+    UNKNOWN_DEG,
+    Memory,
+    StepNetwork,
+    step_network,
+)
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import MethodSpec, Style, Training, register_method
 from twin.files.shown import shown
 
@@ -28,22 +35,11 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
     from twin.reduced.following import Following, Members
 
 Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 AGENT = "ram-twins"
-SAMPLE_TIME = 0.1  # the paper's [s]
-UNKNOWN_DEG = 180.0  # half of the interval before anything is measured [deg]
 OF_ERROR = -2  # place of d in the state: the last but one
-AXES = [1, 2, 1, 0, 1]
-"""Axes of each array of the state of one filter: the covariance is square."""
-BATCH = 2  # filters that a graph is tried on when it is read
-LARGEST_STATE = 256
-
-INPUTS = ("members_deg", "way_mm", "measurement_deg", "variance", "sample_time", "parts")
-"""Inputs of the graph beside its state."""
-STATE = ("mean", "covariance", "counts", "samples", "statistics")
-OUTPUTS = ("bend_deg", "half_width_deg")
-ALL_PARTS, RECOGNISER_ALONE, FILTER_ALONE = (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)
-"""Parts of the graph that act, 1 or 0: the policy, and the recogniser of the noise."""
+STATE = {"mean": 1, "covariance": 2, "counts": 1, "samples": 0, "statistics": 1}
+"""Axes of each array of the state of one filter."""
+RECOGNISER_ALONE, FILTER_ALONE = (0.0, 1.0), (0.0, 0.0)
 
 
 class TwinsState(NamedTuple):
@@ -57,7 +53,7 @@ class TwinsState(NamedTuple):
     """
 
     following: "Following"
-    memory: tuple[Array32, ...]
+    memory: Memory
     bend_deg: Array
     half_width_deg: Array
 
@@ -67,14 +63,14 @@ class RamTwins(Estimator[TwinsState]):
     """A trained step, the twins that it predicts by, and what it is told.
 
     Attributes:
-        network: the trained file.
+        network: graph of the trained file.
         presets: of the members.
         sample_time: T, a multiple of the members' control period [s].
         measurement_variance: R, one for all or (B,) [deg^2].
         parts: whether the policy acts and the recogniser is heard, each 1 or 0.
     """
 
-    network: TrainedFile
+    network: StepNetwork
     presets: "tuple[Preset, ...]"
     sample_time: float = SAMPLE_TIME
     measurement_variance: ArrayLike = 0.1
@@ -98,8 +94,8 @@ class RamTwins(Estimator[TwinsState]):
     def start(self, pull_mm: Array, bend_deg: Array) -> TwinsState:
         """Return the state at the first sample; the initial estimate is given back there and not used."""
         batch = len(pull_mm)
-        memory = tuple(np.zeros((batch, *shape), np.float32) for shape in self._shapes)
-        return TwinsState(self._members.start(pull_mm), memory, bend_deg.copy(), np.full(batch, UNKNOWN_DEG))
+        unknown = np.full(batch, UNKNOWN_DEG)
+        return TwinsState(self._members.start(pull_mm), self.network.start(batch), bend_deg.copy(), unknown)
 
     def resume(self, trusted: TwinsState, pull_mm: Array, bend_deg: Array) -> TwinsState:
         """Return the state of a stream that begins anew: d takes what it is off by, all else stays."""
@@ -117,16 +113,16 @@ class RamTwins(Estimator[TwinsState]):
     ) -> TwinsState:
         """Step the members along the command, and the graph with what they say."""
         following = self._members.step(state.following, pull_mm)
-        bend, half_width, *memory = self.network.run(
+        bend, half_width, memory = self.network.step(
+            state.memory,
+            measurement_deg,
+            self.measurement_variance,
+            self.sample_time,
+            self.parts,
             members_deg=following.of_filters(),
             way_mm=np.abs(pull_mm - previous_pull_mm),
-            measurement_deg=measurement_deg,
-            variance=self._variance(len(pull_mm)),
-            sample_time=np.full(len(pull_mm), self.sample_time),
-            parts=np.array(self.parts),
-            **dict(zip(STATE, state.memory, strict=True)),
         )
-        return TwinsState(following, tuple(memory), bend.astype(float), half_width.astype(float))
+        return TwinsState(following, memory, bend, half_width)
 
     def bend_deg(self, state: TwinsState) -> Array:
         """Return the (B,) estimate [deg]."""
@@ -147,32 +143,6 @@ class RamTwins(Estimator[TwinsState]):
 
         return Members(self.presets, self.sample_time)
 
-    @functools.cached_property
-    def _shapes(self) -> tuple[tuple[int, ...], ...]:
-        return state_shapes(self.network)
-
-    def _variance(self, batch: int) -> Array:
-        told = np.maximum(np.asarray(self.measurement_variance, dtype=float), LEAST_VARIANCE)
-        return np.broadcast_to(told, batch)
-
-
-def state_shapes(file: TrainedFile) -> tuple[tuple[int, ...], ...]:
-    """Return the shape of each array of the state of one filter, as the graph of a trained file has it.
-
-    Raises:
-        ValueError: the graph has other inputs.
-    """
-    found = {part.name: tuple(part.shape) for part in file.session.get_inputs()}
-    if set(found) != {*INPUTS, *STATE}:
-        raise InputError(f"its inputs are {shown(list(found))}, not {', '.join((*INPUTS, *STATE))}")
-    shapes = tuple(found[name][1:] for name in STATE)
-    sizes = [size for shape in shapes for size in shape]
-    if not all(isinstance(size, int) and 0 < size <= LARGEST_STATE for size in sizes):
-        raise InputError(f"the shapes of its state are {shown(shapes)}")
-    if [len(shape) for shape in shapes] != AXES or shapes[1] != shapes[0] * 2:
-        raise InputError(f"the shapes of its state are {shown(shapes)}")
-    return shapes
-
 
 def load(path: Path) -> RamTwins:
     """Read a trained step and its members.
@@ -186,15 +156,11 @@ def load(path: Path) -> RamTwins:
     file = read_trained_file(path, AGENT)
     try:
         presets = members_from_dict(file.description.get("members"))
-        memory = {name: (BATCH, *shape) for name, shape in zip(STATE, state_shapes(file), strict=True)}
-        inputs = dict.fromkeys(INPUTS, (BATCH,)) | {
-            "members_deg": (BATCH, len(presets)),
-            "parts": (len(ALL_PARTS),),
-        }
-        after = {f"{name}_after": shape for name, shape in memory.items()}
-        outputs = dict.fromkeys(OUTPUTS, (BATCH,)) | after
-        check_network(file, inputs | memory, outputs, positive=("variance", "sample_time"))
-        return RamTwins(file, presets)
+        predicted_by = {"members_deg": (len(presets),), "way_mm": ()}
+        network = step_network(file, predicted_by, STATE)
+        if network.state["covariance"] != network.state["mean"] * 2:
+            raise InputError(f"the shapes of its state are {shown(tuple(network.state.values()))}")
+        return RamTwins(network, presets)
     except ValueError as error:
         raise InputError(f"{path} is not a policy of the agent {AGENT!r}: {error}") from error
 

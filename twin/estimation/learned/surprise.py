@@ -33,6 +33,14 @@ def surprises(
     return measurement_deg[1:] - foretold.reshape(before.shape), path[:, -1]
 
 
+def affine_step(model: HysteresisModel, pull_mm: Array, previous_pull_mm: Array) -> tuple[Array, Array]:
+    """Return keep and drive [deg] of steps keep theta + drive, of a model whose angle is its whole state."""
+    rest = np.zeros_like(pull_mm)
+    keep = np.broadcast_to(model.slope(rest, pull_mm, previous_pull_mm), pull_mm.shape)
+    drive, _ = model.step(rest, model.start(rest), pull_mm, previous_pull_mm)
+    return keep, drive
+
+
 def affine_steps(model: HysteresisModel, pull_mm: Array) -> tuple[Array, Array]:
     """Return keep and drive, (records, N) each, of the steps keep theta + drive to each sample."""
     keep, drive = np.ones_like(pull_mm), np.zeros_like(pull_mm)

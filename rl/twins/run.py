@@ -1,0 +1,165 @@
+"""A training on simulated twins: records, lessons, validation and file, in one run folder."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from rl.compiled_code import no_folder_of_compiled_code
+from rl.run import write_curve
+from rl.trainers import OnProgress
+from rl.twins.checkpoint import Keeper
+from rl.twins.filter_step import FilterStep
+from rl.twins.learning import learn_gain, learn_interval, validation_loss
+from rl.twins.records import TwinRecords, simulate_records
+from rl.twins.sequences import Prediction, SequenceSource, split_records
+from rl.twins.settings import SimulatedTraining
+from twin import __version__
+from twin.estimation.registry import Training
+from twin.files.run_folder import CHECKPOINT_FILE, open_run
+from twin.files.state_file import state_key
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.reduced.following import check_members
+
+VALIDATIONS = 12  # over the lesson of the gain
+_COSTS = (0.25, 0.15, 0.55, 0.05)  # share of simulation and of the three lessons in the time of a training
+OnShare = Callable[[int, int], None]
+"""Told how much of a part is done, of how much."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Learner:
+    """Method that is trained on twins: all that differs from one to the next.
+
+    Attributes:
+        training: its agent and its file.
+        members: twins that are simulated along every command beside those that are estimated.
+        begin: returns the untrained step, and what it predicts by, for the records to learn from.
+        export: writes the trained step with a description to a path.
+        prepare: a lesson before that of the gain.
+    """
+
+    training: Training
+    members: list[Preset]
+    begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
+    export: Callable[[Any, dict[str, Any], Path], None]
+    prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
+
+
+def train_on_twins(
+    learner: Learner,
+    preset: Preset,
+    ranges: Ranges,
+    settings: SimulatedTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Train into a folder (the file, `config.yaml`, `progress.csv`); a finished run stays.
+
+    A training that was stopped simulates its twins again and goes on from its checkpoint.
+
+    Args:
+        learner: what is trained.
+        preset: the endoscope.
+        ranges: what varies from one to the next.
+        settings: size and length.
+        folder: where the run is kept.
+        on_progress: told thousandths done, their number, and minus the typical square error on twins that are
+            held out [deg^2].
+
+    Returns:
+        The trained file.
+
+    Raises:
+        ValueError: the preset has a second bending plane or gravity, or the folder holds another run.
+        FloatingPointError: a simulation or the training diverged.
+    """
+    check_members([preset])
+    configuration = {
+        "training": dataclasses.asdict(settings) | {"noises": list(settings.noises)},
+        "preset": preset.to_dict(),
+        "ranges": ranges.to_dict(),
+    }
+    path = folder / learner.training.file
+    with open_run(folder, configuration, (path.name, CHECKPOINT_FILE)), no_folder_of_compiled_code():
+        if not path.is_file():
+            torch.set_num_threads(1)
+            torch.manual_seed(settings.seed)
+            # Weights of unlikely laws are numbers so small that processors take a hundred cycles for each.
+            torch.set_flush_denormal(True)
+            try:
+                _train(learner, preset, ranges, settings, configuration, path, _Shown(on_progress))
+            finally:
+                torch.set_flush_denormal(False)
+    return path
+
+
+def _train(
+    learner: Learner,
+    preset: Preset,
+    ranges: Ranges,
+    settings: SimulatedTraining,
+    configuration: dict[str, Any],
+    path: Path,
+    shown: "_Shown",
+) -> None:
+    """Simulate, learn, and write the curve and the file."""
+    records = simulate_records(
+        preset,
+        ranges,
+        learner.members,
+        commands=settings.commands,
+        twins=settings.twins,
+        seconds=settings.seconds,
+        seed=settings.seed,
+        on_progress=shown.of(0),
+    )
+    learned, held_out = split_records(records, max(settings.commands // 12, 1))
+    step, predict = learner.begin(learned)
+    source, unseen = (SequenceSource(part, settings.noises, predict) for part in (learned, held_out))
+    each = settings.sequences * settings.window
+    every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
+    key = state_key(__version__, torch.__version__, configuration)
+    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
+
+    def validate(update: int, loss: float) -> None:
+        if update % every == 0 or update == settings.updates:
+            error = -math.exp(validation_loss(step, unseen, settings))
+            if error > max((reward for _, reward in keeper.curve), default=-math.inf):
+                keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
+            keeper.curve.append((update * each, error))
+            write_curve(path.parent, keeper.curve)
+            shown.error = error
+        shown.of(2)(update, settings.updates)
+
+    if learner.prepare and not keeper.is_there():
+        learner.prepare(step, source, shown.of(1))
+    learn_gain(step, source, settings, validate, keeper)
+    step.load_state_dict(keeper.best, strict=False)
+    show = shown.of(3)
+    learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
+    description = {"agent": learner.training.agent, **configuration}
+    learner.export(step, description, path)  # the last: where the file is, the run is finished
+    keeper.remove()
+
+
+class _Shown:
+    """Progress of the parts of a training as one."""
+
+    def __init__(self, on_progress: OnProgress | None):
+        self.on_progress = on_progress
+        self.error = float("nan")
+
+    def of(self, part: int) -> OnShare:
+        """Return what is told how much of a part is done."""
+
+        def show(done: int, total: int) -> None:
+            if self.on_progress:
+                share = sum(_COSTS[:part]) + _COSTS[part] * done / total
+                self.on_progress(round(1000 * share), 1000, self.error)
+
+        return show

@@ -1,0 +1,94 @@
+"""Training of RAM (memory) end to end at small size: what it writes, how it is deployed, what it refuses."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from small_twins import MODEL, TINY, TINY_MEMORY, generator, small_memory_source, small_memory_step, twins
+
+from rl.ram_memory import nominal_model, train_ram_memory
+from rl.ram_twins import train_ram_twins
+from rl.supervised import tensor32
+from rl.twins.filter_step import ALL
+from rl.twins.graph import export_memory
+from twin.estimation.estimator import Sensor
+from twin.estimation.learned.ram_memory import load
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.hysteresis import ColemanHodgdon, model_to_dict
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    return train_ram_memory(*twins(), TINY_MEMORY, tmp_path_factory.mktemp("ram_memory"))
+
+
+def exported(path, loud=1.0):
+    """A file of an untrained step whose policy says something."""
+    step = small_memory_step(loud=loud)
+    export_memory(step, {"agent": "ram-memory", "model": model_to_dict(MODEL)}, path)
+    return step
+
+
+def test_the_estimator_says_what_the_step_says(tmp_path):
+    """Along whole records, for any number of them, where measurements are missing too."""
+    step, source = exported(tmp_path / "policy.onnx"), small_memory_source()
+    for count in (1, 4):
+        command, index = np.arange(count), np.arange(0, 31 * 5, 5)[:, None]
+        pull = source.records.pull_mm[command, index].astype(float)
+        measurement = pull * 20 + generator(count).standard_normal(pull.shape)
+        measurement[8:10, 0] = np.nan
+        variance = np.linspace(0.3, 2.0, count)
+        inputs = source.predict(source.records, command, index)
+        state, wanted = step.start(tensor32(variance)), []
+        with torch.no_grad():
+            for *by, y in zip(*inputs, tensor32(measurement[1:]), strict=True):
+                output, state = step(*by, y, tensor32(variance), torch.full((count,), 0.1), ALL, state)
+                wanted.append(torch.stack([output.bend_deg, output.half_width_deg]))
+        estimator = load(tmp_path / "policy.onnx").with_sensor(Sensor(variance))
+        found = estimator.estimate_with_interval(pull.T, measurement.T, 0.0)
+        np.testing.assert_allclose(
+            np.array(found)[:, :, 1:], torch.stack(wanted).permute(1, 2, 0), rtol=2e-3, atol=5e-3
+        )
+
+
+def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
+    description = read_trained_file(trained).description
+    assert description["training"]["seed"] == TINY_MEMORY.seed
+    assert description["model"]["model"] == ColemanHodgdon.name
+    assert load(trained).model == nominal_model(twins()[0], TINY_MEMORY.seed)
+    before = trained.stat().st_mtime_ns
+    train_ram_memory(*twins(), TINY_MEMORY, trained.parent)
+    assert trained.stat().st_mtime_ns == before
+    with pytest.raises(ValueError, match="another configuration"):
+        train_ram_memory(*twins(), dataclasses.replace(TINY_MEMORY, seed=2), trained.parent)
+
+
+def test_the_nominal_model_is_the_one_of_the_paper():
+    """The preset is made to have the paper's a, b and c on that stroke, whatever the excitation."""
+    model = nominal_model(twins()[0], 5)
+    found = [model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm]
+    np.testing.assert_allclose(found[:2], [1.15, 22.3], rtol=0.06)
+    np.testing.assert_allclose(found[2], 4.94, rtol=0.2)  # it varies most with the excitation
+
+
+def test_a_stream_that_begins_anew_keeps_what_it_knows_of_the_noise(tmp_path):
+    exported(tmp_path / "policy.onnx")
+    estimator = load(tmp_path / "policy.onnx").with_sensor(Sensor(1.0))
+    state = estimator.start(np.zeros(2), np.zeros(2))
+    for k in range(20):
+        state = estimator.step(state, np.full(2, k + 1) * 0.1, np.full(2, k) * 0.1, np.full(2, 2.0 * k))
+    anew = estimator.resume(state, np.full(2, 2.0), state.bend_deg + np.array([0.0, 15.0]))
+    np.testing.assert_array_equal(anew.memory[2], state.memory[2])
+    np.testing.assert_allclose(anew.memory[0][:, 0] - state.memory[0][:, 0], [0, 15], atol=1e-4)
+    assert anew.memory[1][1, 0] - anew.memory[1][0, 0] == pytest.approx(225, rel=1e-3)
+
+
+def test_a_file_of_another_method_is_refused(trained, tmp_path):
+    other = train_ram_twins(*twins(), TINY, tmp_path / "twins")
+    with pytest.raises(ValueError, match="ram-memory"):
+        load(other)
+    description = {"agent": "ram-memory", "model": {"model": "nobody's"}}
+    export_memory(small_memory_step(), description, tmp_path / "a.onnx")
+    with pytest.raises(ValueError, match="holds the model"):
+        load(tmp_path / "a.onnx")
