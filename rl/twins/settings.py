@@ -36,10 +36,10 @@ class SimulatedTraining:
     commands: int = 90
     twins: int = 8
     seconds: float = 40.0
-    sequences: int = 96
+    sequences: int = 128
     episode: int = 300
     window: int = 50
-    updates: int = 2400
+    updates: int = 1800
     interval_sequences: int = 1536
     interval_updates: int = 1500
     learning_rate: float = 3e-3

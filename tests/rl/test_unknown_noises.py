@@ -1,0 +1,97 @@
+"""RAM (twins) under five kinds of noise that its training never saw, beside a tuned filter."""
+
+import numpy as np
+import pytest
+from small_twins import twins
+
+from rl.ram_twins import train_ram_twins
+from rl.twins.records import SAMPLE_TIME, draw_members, simulate_records
+from rl.twins.sequences import STRIDES
+from rl.twins.settings import TwinsTraining
+from twin.estimation.estimator import Sensor
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.learned.ram_twins import load
+from twin.estimation.registry import find_method, needed_fits
+from twin.hysteresis import ColemanHodgdon
+from twin.identification import identify
+
+T = SAMPLE_TIME * STRIDES[0]
+SEED = 1
+OTHER_SEED = 4321  # of twins and commands that no training saw
+
+
+def drifting(shape, rng):
+    return rng.standard_normal(shape) + np.cumsum(0.05 * rng.standard_normal(shape), axis=1), 1.0
+
+
+def correlated(shape, rng):
+    noise = rng.standard_normal(shape)
+    for k in range(1, shape[1]):
+        noise[:, k] = 0.9 * noise[:, k - 1] + np.sqrt(1 - 0.9**2) * noise[:, k]
+    return noise, 1.0
+
+
+def dropping_out(shape, rng):
+    noise = rng.standard_normal(shape)
+    for row in noise:
+        for start in rng.integers(0, shape[1], 12):
+            row[start : start + rng.integers(5, 25)] = np.nan
+    return noise, 1.0
+
+
+def one_sided_outliers(shape, rng):
+    outliers = 8 * (rng.uniform(size=shape) < 0.08)
+    return 0.4 * rng.standard_normal(shape) + outliers, 0.16 + 64 * 0.08 * 0.92
+
+
+def quantised(shape, rng):
+    return None, 1.0 / 12  # to whole degrees
+
+
+@pytest.fixture(scope="module")
+def records():
+    """Nominal and randomised twins along commands of every kind: pull [mm] and bend [deg], thinned to T."""
+    preset, ranges = twins()
+    drawn = draw_members(preset, ranges, 4, OTHER_SEED)
+    simulated = simulate_records(
+        preset, ranges, [preset, *drawn], commands=10, twins=1, seconds=60.0, seed=OTHER_SEED
+    )
+    pull = np.repeat(simulated.pull_mm, 5, axis=0)[:, :: STRIDES[0]].astype(float)
+    bend = simulated.members_deg.reshape(-1, simulated.pull_mm.shape[1])[:, :: STRIDES[0]].astype(float)
+    return pull, bend
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    """The tuned filter, on the paper's kind of training records of the preset."""
+    preset, ranges = twins()
+    simulated = simulate_records(preset, ranges, [preset], commands=5, twins=1, seconds=60.0, seed=SEED)
+    known = [
+        (pull[:: STRIDES[0]].astype(float), bend[0, :: STRIDES[0]].astype(float))
+        for pull, bend in zip(simulated.pull_mm, simulated.members_deg, strict=True)
+    ]
+    model, _ = identify(known, SEED)
+    spec = find_method("AM-tuned (Q, R)")
+    knowledge = Knowledge(sample_time=T, models={ColemanHodgdon.name: model}, records=known, seed=SEED)
+    fits = {fit.key: fit.find(knowledge) for fit in needed_fits([spec])}
+    return spec.build(Knowledge(T, knowledge.models, records=known, seed=SEED, fits=fits))
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ram_twins")
+    return load(train_ram_twins(*twins(), TwinsTraining(seed=SEED), folder))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", [drifting, correlated, dropping_out, one_sided_outliers, quantised])
+def test_it_is_not_worse_than_a_tuned_filter(family, trained, tuned, records):
+    pull, bend = records
+    noise, variance = family(bend.shape, np.random.default_rng(SEED))
+    measurement = np.round(bend) if noise is None else bend + noise
+    errors = [
+        filter_.with_sensor(Sensor(variance)).estimate(pull, measurement, bend[:, 0] + 20) - bend
+        for filter_ in (trained, tuned)
+    ]
+    learned, rival = (np.sqrt((error[:, 1:] ** 2).mean()) for error in errors)
+    assert learned <= rival, f"{learned:.2f} deg against {rival:.2f} deg"
