@@ -24,6 +24,7 @@ from twin.files.atomic import write_whole
 from twin.files.json_text import read_json
 
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
+PRESET = "ureteroscope"
 MARK = "demo.json"
 _PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
 MOST = 1_000_000
@@ -38,7 +39,8 @@ class Demo:
     out: Path = Path("out/demo")
     """Run folder; a demo of the same settings that was stopped in it goes on, another one's stays."""
     episodes: int = 2000
-    """Episodes of PPO, the paper's number; a network takes as large a share of its own steps."""
+    """Episodes of PPO, the paper's number; a network takes as large a share of its own steps, RAM (twins) a
+    tenth of that."""
     records: int = 5
     """Records of the training set, and as many of the test set: one of each kind of signal."""
     seconds: float = 60.0
@@ -62,14 +64,18 @@ def demo(args: Demo) -> Summary:
     folder = _claimed_folder(args.out, settings | {"endotwin": __version__})
     out = shlex.quote(str(folder))  # as it stands in the commands
     data, model, runs = f"{out}/data", f"{out}/coleman_hodgdon.json", f"{out}/runs"
-    generate = f"generate --preset ureteroscope --episodes {args.records} --seconds {args.seconds:g}"
+    generate = f"generate --preset {PRESET} --episodes {args.records} --seconds {args.seconds:g}"
     learn = (
         f"train {data}/train --model {model} --protocol strict --seed {args.seed} --episodes {args.episodes}"
     )
     training = [spec.training for spec in method_specs() if spec.training and spec.in_paper_suite]
     train = {made.agent: f"{learn} --agent {made.agent} --out {runs}/{made.agent}" for made in training}
     policies = [made.agent for made in training if made.file == POLICY_FILE]
-    given = " ".join(f"{runs}/{made.agent}/{made.file}" for made in training)
+    # A tenth of a whole training of twins: the demo is over in minutes.
+    share = max(args.episodes // 10, 1)
+    twins = f"train --protocol twins --preset {PRESET} --seed {args.seed} --episodes {share}"
+    ours = next(spec.training for spec in method_specs() if spec.leading and spec.training)
+    given = " ".join(f"{runs}/{made.agent}/{made.file}" for made in (*training, ours))
     stages: dict[str, list[str]] = {
         "training data": [f"{generate} --stroke 2 4 --seed {args.seed} --out {data}/train"],
         "test data": [f"{generate} --stroke -1 1 --seed {args.seed + 1} --out {data}/test"],
@@ -78,6 +84,7 @@ def demo(args: Demo) -> Summary:
         "training": [train[agent] for agent in policies],
         "networks, film": [
             *(command for agent, command in train.items() if agent not in policies),
+            f"{twins} --agent {ours.agent} --out {runs}/{ours.agent}",
             f"render {data}/test --speed 4 --size 960 540 --out {out}/bend.mp4",
         ],
         "evaluation": [

@@ -19,7 +19,7 @@ from twin.report.figures import (
     tracking_figure,
     training_figure,
 )
-from twin.report.findings import findings
+from twin.report.findings import all_findings, findings
 from twin.report.tables import paper_table, paper_tables
 
 
@@ -173,13 +173,31 @@ def test_findings_say_where_ram_loses():
         make_row("AM-tuned", 1.0, level=5.0),
         make_row("RAM", 0.1, level=5.0, oracle=True),
     ]
-    found = findings(rows)
+    found = findings(rows, "RAM")
     assert "the paper's comparisons (C-H, AM, LSTM) under 2 of 2 noises" in found.headline
     assert "every method tried under 1" in found.headline
     assert "best other method AM-tuned 0.900 deg (RAM -33" in found.lines[0]
     assert "best other method AM-tuned 1.000 deg (RAM +20" in found.lines[1]
-    assert "intervals overlap" in findings([make_row("RAM", 0.99), make_row("AM", 1.0)]).lines[0]
-    assert "do not compare" in findings([make_row("RAM", 0.6)]).headline
+    assert "intervals overlap" in findings([make_row("RAM", 0.99), make_row("AM", 1.0)], "RAM").lines[0]
+    assert "do not compare" in findings([make_row("RAM", 0.6)], "RAM").headline
+
+
+def test_findings_are_about_our_own_method_first_where_it_was_compared():
+    """Rows that run on parts of its file are no rivals, and what it knows beyond the others is said."""
+    rows = [
+        make_row("RAM", 0.6),
+        make_row("AM", 2.0),
+        make_row("RAM (twins)", 0.4),
+        make_row("RAM (twins), recogniser alone", 0.3),
+    ]
+    ours, of_paper = all_findings(rows)
+    assert "RAM (twins) has a lower RMSE than every method tried under 1 of 1 noise" in ours.headline
+    assert "best other method RAM 0.600 deg" in ours.lines[0]
+    assert "simulated twins" in ours.note
+    assert "best other method RAM (twins), recogniser alone" in of_paper.lines[0]
+    assert not of_paper.note
+    (alone,) = all_findings(rows[:2])
+    assert alone.headline.startswith("RAM has")
 
 
 def test_tracks_survive_the_disk(tmp_path):

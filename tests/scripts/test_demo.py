@@ -75,6 +75,12 @@ def test_ram_beats_direct_rl_in_experiment_1(real):
 
 
 @pytest.mark.slow
+def test_physics_inside_beat_the_papers_ram_under_every_noise(real):
+    for noise, level in PAPER_NOISES:
+        assert real.rmse[noise, level, "RAM (twins)"] < real.rmse[noise, level, "RAM"]
+
+
+@pytest.mark.slow
 def test_the_oracle_is_better_than_what_can_be_deployed(real):
     """It sees the truth: were it not better, the truth would not reach it, or would reach the others."""
     for noise, level in PAPER_NOISES:
@@ -83,7 +89,7 @@ def test_the_oracle_is_better_than_what_can_be_deployed(real):
 
 def test_every_method_of_the_paper_has_a_figure_under_every_noise(demo):
     for noise, level in PAPER_NOISES:
-        for method in ("C-H", "AM", "LSTM", "Direct RL", "RAM", "RAM (oracle)"):
+        for method in ("C-H", "AM", "LSTM", "Direct RL", "RAM", "RAM (oracle)", "RAM (twins)"):
             assert 0 < demo.rmse[noise, level, method] < 180
 
 

@@ -79,6 +79,7 @@ class MethodSpec:
         trained_as: agent whose trained file it runs on; that of `training`, if not given.
         in_paper_suite: whether the suite `paper` has it; the suite `full` has every method.
         proposed: whether it is the method that the paper proposes.
+        leading: whether it is this project's own: a report is about it where it was compared.
         oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
         is_limit: whether other methods are measured against it.
         paper_column: its column in the paper's Tables II and III, from the left, if it has one.
@@ -101,6 +102,7 @@ class MethodSpec:
     trained_as: str | None = None
     in_paper_suite: bool = False
     proposed: bool = False
+    leading: bool = False
     oracle: bool = False
     is_limit: bool = False
     paper_column: int | None = None

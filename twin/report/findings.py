@@ -1,13 +1,17 @@
-"""Findings of an evaluation in words: where the proposed method wins and where it does not."""
+"""Findings of an evaluation in words: where a method wins and where it does not."""
 
 import dataclasses
 from collections.abc import Sequence
 
-from twin.estimation.registry import method_specs, proposed_method
+from twin.estimation.registry import find_training, method_specs, proposed_method
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.report.tables import protocol_scores
 
+ON_TWINS = (
+    "It has learned on simulated twins, drawn from the ranges of the preset, under noise of every family; "
+    "the others on the training records, under one noise."
+)
 _NBSP = "\N{NO-BREAK SPACE}"
 
 
@@ -16,34 +20,47 @@ class Findings:
     """A headline and one line per noise.
 
     Attributes:
-        headline: wins of the proposed method, counted.
+        headline: wins of the method, counted.
         lines: best other method under each noise, and how far it is off.
+        note: what the method knows and its rivals do not; empty where that is nothing.
     """
 
     headline: str
     lines: list[str]
+    note: str = ""
 
 
-def findings(scores: Sequence[Score]) -> Findings:
-    """Compare the RMSE of the proposed method with that of every other method that could be deployed.
+def all_findings(scores: Sequence[Score]) -> list[Findings]:
+    """Return the findings of this project's own method, where it was compared, and of the paper's."""
+    compared = {score.method for score in scores}
+    leading = [spec.name for spec in method_specs() if spec.leading and spec.name in compared]
+    return [findings(scores, name) for name in (*leading, proposed_method().name)]
+
+
+def findings(scores: Sequence[Score], name: str) -> Findings:
+    """Compare the RMSE of a method with that of every other method that could be deployed.
 
     Args:
         scores: of an evaluation; oracles, and sample times other than the longest, are left out.
+        name: of the method; rows that run on a part of its own trained file are no rivals.
 
     Returns:
         Findings that count wins by the mean over noise seeds, and say where the 95 % intervals overlap.
     """
-    proposed = proposed_method().name
-    of_paper = [spec.name for spec in method_specs() if spec.paper_column is not None and not spec.proposed]
-    usable = [score for score in protocol_scores(scores) if not score.oracle]
+    specs = method_specs()
+    (agent,) = {spec.agent for spec in specs if spec.name == name}
+    note = ON_TWINS if agent is not None and find_training(agent).on_twins else ""
+    parts = {spec.name for spec in specs if spec.agent == agent and spec.name != name}
+    of_paper = [spec.name for spec in specs if spec.paper_column is not None and spec.name != name]
+    usable = [score for score in protocol_scores(scores) if not score.oracle and score.method not in parts]
     lines, beats_paper, beats_all, clearly, contested = [], 0, 0, 0, 0
     for noise in dict.fromkeys(score.condition for score in usable):
         group = {score.method: score for score in usable if score.condition == noise}
-        others = {method: score for method, score in group.items() if method != proposed}
-        if proposed not in group or not others:
+        others = {method: score for method, score in group.items() if method != name}
+        if name not in group or not others:
             continue
         contested += 1
-        ours = group[proposed]
+        ours = group[name]
         rival = min(others.values(), key=lambda score: score.rmse_deg)
         wins = ours.rmse_deg < rival.rmse_deg
         beats_all += wins
@@ -53,15 +70,15 @@ def findings(scores: Sequence[Score]) -> Findings:
         )
         lines.append(_line(ours, rival))
     if not contested:
-        return Findings(f"These results do not compare {proposed} with another method.", lines)
+        return Findings(f"These results do not compare {name} with another method.", lines, note)
     rivals = f"the paper's comparisons ({', '.join(of_paper)})"
     verdict = "every method tried" if beats_all == beats_paper else rivals
-    headline = f"{proposed} has a lower RMSE than {verdict} under {beats_paper} of {_noises(contested)}"
+    headline = f"{name} has a lower RMSE than {verdict} under {beats_paper} of {_noises(contested)}"
     if beats_all != beats_paper:
         headline += f", and than every method tried under {beats_all}"
     if beats_all > clearly:
         headline += f" ({clearly} of these beyond the 95{_NBSP}% intervals)"
-    return Findings(f"{headline}.", lines)
+    return Findings(f"{headline}.", lines, note)
 
 
 def _line(ours: Score, rival: Score) -> str:

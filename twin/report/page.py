@@ -32,7 +32,7 @@ from twin.recording import read_dataset
 from twin.rendering.video import read_frames
 from twin.report.facts import MOST_TEXT, agent_names, run_facts
 from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figure
-from twin.report.findings import findings
+from twin.report.findings import all_findings
 from twin.report.paper_figures import paper_figures
 from twin.report.tables import paper_table, table_title
 
@@ -196,7 +196,7 @@ def _evaluation(path: Path) -> dict[str, Any]:
         "hollow marks are the paper's, measured on another endoscope."
     )
     return {
-        "findings": findings(scores),
+        "findings": all_findings(scores),
         "tables": [(title, body) for title, body in tables if body],
         "rmse": _drawn(rmse_figure(scores), caption),
     }

@@ -180,6 +180,7 @@ RAM_TWINS = register_method(
         told="R",
         build=_build,
         training=TRAINING,
+        leading=True,
         beside_paper=True,
         style=Style("#a3195b", "solid", "*", 1.6),
     )
