@@ -123,13 +123,6 @@ def _outliers(samples: int, rng: np.random.Generator) -> tuple[Array, float, flo
     return noise, float(variance + share * size**2), 0.0
 
 
-def _two_bells(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
-    variance, apart = _variance(rng), rng.uniform(0.5, 0.95)  # share of the variance that is between them
-    side = rng.choice([-1.0, 1.0], samples)
-    noise = side * np.sqrt(apart) + np.sqrt(1 - apart) * rng.standard_normal(samples)
-    return np.sqrt(variance) * noise, variance, 0.0
-
-
 FAMILIES: dict[str, tuple[float, _Draw]] = {
     "gaussian": (0.20, _gaussian),
     "laplace": (0.10, _laplace),
@@ -139,6 +132,5 @@ FAMILIES: dict[str, tuple[float, _Draw]] = {
     "poisson": (0.14, _poisson),
     "poisson-dithered": (0.10, _dithered_poisson),
     "salt-and-pepper": (0.12, _outliers),
-    "two-bells": (0.06, _two_bells),
 }
 """Weight of each family, and how the noise (N,) [deg], R [deg^2] and the mean [deg] of one are drawn."""
