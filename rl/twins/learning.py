@@ -1,8 +1,8 @@
-"""The three lessons of RAM (twins): recognise the noise, set the gain, state how sure the estimate is.
+"""The lessons of a filter on simulated twins: recognise the noise, set the gain, say how sure it is.
 
-1. The recogniser learns by supervision from the residuals of the filter without a policy.
-2. Everything learns by back-propagation through the filter: an analytic policy gradient. The loss is the
-   logarithm of each sequence's mean square error, so that quiet sensors count as much as loud ones.
+1. The recogniser of RAM (twins) learns by supervision from the residuals of the filter without a policy.
+2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
+   as they do in the published figure (`rl/twins/balance.py`).
 3. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
