@@ -7,6 +7,8 @@ from twin.estimation.registry import find_training, proposed_method
 
 EPISODES = 2000
 """The paper's number of episodes."""
+TRAINING_STROKE_MM = (2.0, 4.0)
+"""The paper's stroke in training."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,19 +3,18 @@
 from pathlib import Path
 from typing import Any
 
-from rl.options import TrainingOptions
 from rl.trainers import OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
 from rl.twins.learning import learn_noise
 from rl.twins.records import TwinRecords, draw_members
-from rl.twins.run import Learner, OnShare, train_on_twins
+from rl.twins.run import Learner, OnShare, scaled_to_options, train_on_twins
 from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.following import check_members, members_to_dict
+from twin.reduced.following import members_to_dict
 
 
 def train_ram_twins(
@@ -26,7 +25,6 @@ def train_ram_twins(
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Train into a folder, as `train_on_twins` does; the file holds the members too."""
-    check_members([preset])
     members = draw_members(preset, ranges, settings.members, settings.seed)
 
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
@@ -42,14 +40,6 @@ def train_ram_twins(
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 
-def _train(
-    preset: Preset,
-    ranges: Ranges,
-    options: TrainingOptions,
-    folder: Path,
-    on_progress: OnProgress | None = None,
-) -> Path:
-    return train_ram_twins(preset, ranges, TwinsTraining().scaled(options), folder, on_progress)
-
-
-register_trainer(Trainer(RAM_TWINS, on_twins=_train, unit="thousandths"))
+register_trainer(
+    Trainer(RAM_TWINS, on_twins=scaled_to_options(train_ram_twins, TwinsTraining()), unit="thousandths")
+)

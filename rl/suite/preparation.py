@@ -6,8 +6,8 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any
 
-from rl.options import TrainingOptions
-from rl.suite.settings import PAPER_SAMPLE_TIME, TRAINING_STROKE_MM, FullSuite, NewProgress, OnProgress
+from rl.options import TRAINING_STROKE_MM, TrainingOptions
+from rl.suite.settings import PAPER_SAMPLE_TIME, FullSuite, NewProgress, OnProgress
 from rl.trainers import Trainer, find_trainer, material_of
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset

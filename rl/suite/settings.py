@@ -19,7 +19,6 @@ NewProgress = Callable[[str, str], OnProgress]
 
 SAMPLE_TIMES = (0.1, 0.02)
 PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
-TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's
 MOST_MEMBERS = 10_000
 """Largest number of twins in an ensemble."""
 

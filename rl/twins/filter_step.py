@@ -4,12 +4,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import torch
 
-from rl.twins.recogniser import last_layer, network
+from rl.twins.networks import last_layer, network
 
 WIDTH_OF_95 = 1.96
 LEAST_VARIANCE = 1e-8  # [deg^2]
-ALL, HEARD, NOTHING = (torch.tensor(parts) for parts in ([1.0, 1.0], [0.0, 1.0], [0.0, 0.0]))
-"""Parts that take part: all; what is said of the noise, without a policy; the filter alone."""
+ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
+"""Whether the policy acts, and whether what is said of the noise is heard."""
 
 Tensor = torch.Tensor
 

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import torch
 
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
-from rl.twins.recogniser import HISTORY, last_layer, network
+from rl.twins.networks import last_layer, network
+from rl.twins.recogniser import HISTORY
 
 HIDDEN = 48
 SEEN = 10  # numbers that the policy sees

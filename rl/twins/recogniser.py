@@ -7,6 +7,8 @@ is, which no filter that is told R alone can see.
 
 import torch
 
+from rl.twins.networks import last_layer, network
+
 Tensor = torch.Tensor
 
 LAWS = 32  # J
@@ -56,19 +58,3 @@ class Recogniser(torch.nn.Module):
         within = torch.exp(2 * width.clamp(-3, 1)) * 0.1
         variance = (weights * ((bias - mean[..., None]) ** 2 + within)).sum(dim=-1)
         return weights, mean, variance + 1e-4
-
-
-def network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
-    """Return a network of equal layers with hyperbolic tangents."""
-    parts: list[torch.nn.Module] = []
-    for _ in range(layers):
-        parts += [torch.nn.Linear(inputs, hidden), torch.nn.Tanh()]
-        inputs = hidden
-    return torch.nn.Sequential(*parts, torch.nn.Linear(hidden, outputs))
-
-
-def last_layer(layers: torch.nn.Sequential) -> torch.nn.Linear:
-    """Return the last layer of a network."""
-    layer = layers[-1]
-    assert isinstance(layer, torch.nn.Linear)
-    return layer

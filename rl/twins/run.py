@@ -4,13 +4,14 @@ import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
 from rl.compiled_code import no_folder_of_compiled_code
+from rl.options import TrainingOptions
 from rl.run import write_curve
-from rl.trainers import OnProgress
+from rl.trainers import OnProgress, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation_loss
@@ -27,6 +28,7 @@ from twin.reduced.following import check_members
 
 VALIDATIONS = 12  # over the lesson of the gain
 _COSTS = (0.25, 0.15, 0.55, 0.05)  # share of simulation and of the three lessons in the time of a training
+Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
 """Told how much of a part is done, of how much."""
 
@@ -145,6 +147,23 @@ def _train(
     description = {"agent": learner.training.agent, **configuration}
     learner.export(step, description, path)  # the last: where the file is, the run is finished
     keeper.remove()
+
+
+def scaled_to_options(
+    train: Callable[[Preset, Ranges, Settings, Path, OnProgress | None], Path], settings: Settings
+) -> TrainOnTwins:
+    """Return a training that takes options: by these settings, as long as the options ask for."""
+
+    def run(
+        preset: Preset,
+        ranges: Ranges,
+        options: TrainingOptions,
+        folder: Path,
+        on_progress: OnProgress | None = None,
+    ) -> Path:
+        return train(preset, ranges, settings.scaled(options), folder, on_progress)
+
+    return run
 
 
 class _Shown:

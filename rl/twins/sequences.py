@@ -1,4 +1,4 @@
-"""Sequences that RAM (twins) learns from: stretches of the training records under noise drawn anew."""
+"""Sequences that filters learn from: stretches of the training records under noise drawn anew."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from rl.supervised import tensor32
 from rl.twins.noises import draw_noises
 from rl.twins.records import SAMPLE_TIME, TwinRecords
 from twin.estimation.learned.surprise import affine_step
-from twin.hysteresis import HysteresisModel
+from twin.hysteresis import ColemanHodgdon
 
 Places = NDArray[np.intp]
 
@@ -66,16 +66,12 @@ def by_members(records: TwinRecords, command: Places, index: Places) -> tuple[to
     return tensor32(members), tensor32(np.abs(np.diff(followed, axis=0)))
 
 
-def by_model(model: HysteresisModel) -> Prediction:
-    """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B).
-
-    Args:
-        model: of hysteresis, whose step is affine in the angle and which has no other memory.
-    """
+def by_model(model: ColemanHodgdon) -> Prediction:
+    """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B)."""
 
     def predict(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
         pull = records.pull_mm[command, index].astype(float)
-        keep, drive = affine_step(model, pull[1:], pull[:-1])
+        keep, drive, _ = affine_step(model, model.start(pull[1:]), pull[1:], pull[:-1])
         return tensor32(keep), tensor32(drive), tensor32(np.diff(pull, axis=0))
 
     return predict

@@ -1,7 +1,7 @@
 """Settings of the trainings on simulated twins."""
 
 import dataclasses
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from rl.options import TrainingOptions, share_of
 from rl.twins.noises import FAMILIES, check_families
@@ -14,9 +14,10 @@ from twin.files.trained_schema import MOST_MEMBERS
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedTraining:
-    """Settings that every training on simulated twins has.
+    """Settings of a training on simulated twins: all that RAM (memory) has.
 
     Attributes:
+        lengths: settings that are scaled where a training is to be longer or shorter, and the least of each.
         commands: C, along which twins are simulated.
         twins: K along each command, whose angle is estimated.
         seconds: length of a record.
@@ -32,6 +33,13 @@ class SimulatedTraining:
         noises: families of `rl.twins.noises` that are met.
         seed: of everything that is drawn.
     """
+
+    lengths: ClassVar[dict[str, int]] = {
+        "commands": 6,
+        "updates": 1,
+        "interval_sequences": 64,
+        "interval_updates": 1,
+    }
 
     commands: int = 90
     twins: int = 8
@@ -68,19 +76,10 @@ class SimulatedTraining:
 
     def scaled(self, options: TrainingOptions) -> Self:
         """Return the settings of a training as long as options ask for, relative to the paper's episodes."""
-        least = {"commands": 6, "recogniser_sequences": 64, "interval_sequences": 64}
-        lengths = ("updates", "recogniser_updates", "interval_updates", *least)
         scaled: dict[str, Any] = {
-            name: max(share_of(value, options), least.get(name, 1))
-            for name, value in dataclasses.asdict(self).items()
-            if name in lengths
+            name: max(share_of(getattr(self, name), options), least) for name, least in self.lengths.items()
         }
         return dataclasses.replace(self, **scaled, seed=options.seed)
-
-
-@dataclasses.dataclass(frozen=True)
-class MemoryTraining(SimulatedTraining):
-    """Settings of the training of RAM (memory)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +93,11 @@ class TwinsTraining(SimulatedTraining):
         recogniser_updates: gradient steps of that.
         recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
     """
+
+    lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
+        "recogniser_sequences": 64,
+        "recogniser_updates": 1,
+    }
 
     members: int = 32
     rank: int = 16

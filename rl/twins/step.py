@@ -26,7 +26,8 @@ from typing import NamedTuple
 import torch
 
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
-from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser, last_layer, network
+from rl.twins.networks import last_layer, network
+from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser
 
 ACTIONS = 3  # on the total gain, on R for the covariance, on the growth of d
 STATISTICS = 4

@@ -9,7 +9,7 @@ import torch
 from rl.twins.memory_step import MemoryStep
 from rl.twins.records import TwinRecords, draw_members, simulate_records
 from rl.twins.sequences import SequenceSource, by_model, principal_directions
-from rl.twins.settings import MemoryTraining, TwinsTraining
+from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
@@ -67,17 +67,8 @@ def generator(seed=0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-TINY_MEMORY = MemoryTraining(
-    commands=6,
-    twins=2,
-    seconds=20.0,
-    sequences=16,
-    episode=40,
-    window=20,
-    updates=8,
-    interval_sequences=64,
-    interval_updates=10,
-    seed=1,
+TINY_MEMORY = SimulatedTraining(
+    **{field.name: getattr(TINY, field.name) for field in dataclasses.fields(SimulatedTraining)}
 )
 MODEL = ColemanHodgdon(1.15, 22.3, 4.9)
 

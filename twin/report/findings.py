@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
-from twin.estimation.registry import find_training, method_specs, proposed_method
+from twin.estimation.registry import find_method, find_training, method_specs, proposed_method
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.report.tables import protocol_scores
@@ -47,32 +47,31 @@ def findings(scores: Sequence[Score], name: str) -> Findings:
     Returns:
         Findings that count wins by the mean over noise seeds, and say where the 95 % intervals overlap.
     """
-    specs = method_specs()
-    (agent,) = {spec.agent for spec in specs if spec.name == name}
-    note = ON_TWINS if agent is not None and find_training(agent).on_twins else ""
-    parts = {spec.name for spec in specs if spec.agent == agent and spec.name != name}
-    of_paper = [spec.name for spec in specs if spec.paper_column is not None and spec.name != name]
+    agent, others = find_method(name).agent, [spec for spec in method_specs() if spec.name != name]
+    note = ON_TWINS if agent and find_training(agent).on_twins else ""
+    parts = {spec.name for spec in others if agent and spec.agent == agent}
+    of_paper = [spec.name for spec in others if spec.paper_column is not None]
     usable = [score for score in protocol_scores(scores) if not score.oracle and score.method not in parts]
     lines, beats_paper, beats_all, clearly, contested = [], 0, 0, 0, 0
     for noise in dict.fromkeys(score.condition for score in usable):
         group = {score.method: score for score in usable if score.condition == noise}
-        others = {method: score for method, score in group.items() if method != name}
-        if name not in group or not others:
+        rivals = {method: score for method, score in group.items() if method != name}
+        if name not in group or not rivals:
             continue
         contested += 1
         ours = group[name]
-        rival = min(others.values(), key=lambda score: score.rmse_deg)
+        rival = min(rivals.values(), key=lambda score: score.rmse_deg)
         wins = ours.rmse_deg < rival.rmse_deg
         beats_all += wins
         clearly += wins and not _overlap(ours, rival)
         beats_paper += all(
-            ours.rmse_deg < score.rmse_deg for method, score in others.items() if method in of_paper
+            ours.rmse_deg < score.rmse_deg for method, score in rivals.items() if method in of_paper
         )
         lines.append(_line(ours, rival))
     if not contested:
         return Findings(f"These results do not compare {name} with another method.", lines, note)
-    rivals = f"the paper's comparisons ({', '.join(of_paper)})"
-    verdict = "every method tried" if beats_all == beats_paper else rivals
+    compared = f"the paper's comparisons ({', '.join(of_paper)})"
+    verdict = "every method tried" if beats_all == beats_paper else compared
     headline = f"{name} has a lower RMSE than {verdict} under {beats_paper} of {_noises(contested)}"
     if beats_all != beats_paper:
         headline += f", and than every method tried under {beats_all}"

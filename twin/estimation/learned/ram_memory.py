@@ -94,7 +94,8 @@ class RamMemory(Estimator[RamMemoryState]):
         self, state: RamMemoryState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
     ) -> RamMemoryState:
         """Step the graph with what the model says of the command."""
-        keep, drive = affine_step(self.model, pull_mm, previous_pull_mm)
+        nothing = self.model.start(pull_mm)  # the angle is its whole state
+        keep, drive, _ = affine_step(self.model, nothing, pull_mm, previous_pull_mm)
         bend, half_width, memory = self.network.step(
             state.memory,
             measurement_deg,

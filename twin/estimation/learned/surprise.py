@@ -33,20 +33,19 @@ def surprises(
     return measurement_deg[1:] - foretold.reshape(before.shape), path[:, -1]
 
 
-def affine_step(model: HysteresisModel, pull_mm: Array, previous_pull_mm: Array) -> tuple[Array, Array]:
-    """Return keep and drive [deg] of steps keep theta + drive, of a model whose angle is its whole state."""
+def affine_step(
+    model: HysteresisModel, memory: Array, pull_mm: Array, previous_pull_mm: Array
+) -> tuple[Array, Array, Array]:
+    """Return keep and drive [deg] of a step keep theta + drive, and the memory of the model behind it."""
     rest = np.zeros_like(pull_mm)
-    keep = np.broadcast_to(model.slope(rest, pull_mm, previous_pull_mm), pull_mm.shape)
-    drive, _ = model.step(rest, model.start(rest), pull_mm, previous_pull_mm)
-    return keep, drive
+    drive, after = model.step(rest, memory, pull_mm, previous_pull_mm)
+    return model.slope(rest, pull_mm, previous_pull_mm), drive, after
 
 
 def affine_steps(model: HysteresisModel, pull_mm: Array) -> tuple[Array, Array]:
     """Return keep and drive, (records, N) each, of the steps keep theta + drive to each sample."""
     keep, drive = np.ones_like(pull_mm), np.zeros_like(pull_mm)
-    rest = np.zeros(len(pull_mm))
     memory = model.start(pull_mm[:, 0])
     for k in range(1, pull_mm.shape[1]):
-        keep[:, k] = model.slope(rest, pull_mm[:, k], pull_mm[:, k - 1])
-        drive[:, k], memory = model.step(rest, memory, pull_mm[:, k], pull_mm[:, k - 1])
+        keep[:, k], drive[:, k], memory = affine_step(model, memory, pull_mm[:, k], pull_mm[:, k - 1])
     return keep, drive
