@@ -9,7 +9,7 @@ from rl.twins.networks import last_layer, network
 WIDTH_OF_95 = 1.96
 LEAST_VARIANCE = 1e-8  # [deg^2]
 ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
-"""Whether the policy acts, and whether what is said of the noise is heard."""
+"""Parts of a step that act, 1 or 0: the policy, and what is said of the noise."""
 
 Tensor = torch.Tensor
 

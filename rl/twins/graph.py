@@ -38,12 +38,25 @@ class TwinsGraph(torch.nn.Module):
         counts: Tensor,
         samples: Tensor,
         statistics: Tensor,
+        weights: Tensor,
+        bias: Tensor,
+        bias_variance: Tensor,
     ) -> tuple[Tensor, ...]:
         """Return estimate, half of its interval, and the arrays of the state after the sample."""
         step = self.step
         begins = 1 - torch.sign((covariance @ step.of_error) @ step.of_error)
         covariance = covariance + begins[:, None, None] * step.first_covariance(variance)
-        state = FilterState(mean, covariance, counts, samples, statistics)
+        first_weights, first_bias, first_variance = step.first_noise(variance)
+        state = FilterState(
+            mean,
+            covariance,
+            counts,
+            samples,
+            statistics,
+            weights + begins[:, None] * first_weights,
+            bias + begins * first_bias,
+            bias_variance + begins * first_variance,
+        )
         output, after = step(members_deg, way_mm, measurement_deg, variance, sample_time, parts, state)
         return (output.bend_deg, output.half_width_deg, *after)
 

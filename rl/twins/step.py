@@ -55,6 +55,9 @@ class FilterState(NamedTuple):
         samples: (B,) measured so far.
         statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
             its normalised square, and the last one.
+        weights: (B, LAWS) of the laws of the noise, as recognised.
+        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
+        bias_variance: (B,) how sure that is, in units of R.
     """
 
     mean: Tensor
@@ -62,6 +65,9 @@ class FilterState(NamedTuple):
     counts: Tensor
     samples: Tensor
     statistics: Tensor
+    weights: Tensor
+    bias: Tensor
+    bias_variance: Tensor
 
 
 class TwinsStep(FilterStep):
@@ -86,6 +92,7 @@ class TwinsStep(FilterStep):
         self.of_members = torch.nn.Buffer(units[:rank].sum(dim=0))
         scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 2)], dim=1)
         self.directions = torch.nn.Buffer(scaled)
+        self.no_counts = torch.nn.Buffer(torch.zeros(BINS))
         self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
         self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
@@ -104,7 +111,16 @@ class TwinsStep(FilterStep):
             torch.zeros(batch, BINS),
             torch.zeros(batch),
             torch.zeros(batch, STATISTICS),
+            *self.first_noise(variance),
         )
+
+    def first_noise(self, variance: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return weights, bias and variance of it before anything is measured; see `FilterState`."""
+        # A product, as the exported graph has no operator that makes an array of the batch's size.
+        known: tuple[Tensor, Tensor, Tensor] = self.recogniser(
+            variance[:, None] * self.no_counts, torch.log(variance)
+        )
+        return known
 
     def first_covariance(self, variance: Tensor) -> Tensor:
         """Return P (B, r + 2, r + 2) before anything is measured."""
@@ -145,6 +161,7 @@ class TwinsStep(FilterStep):
         mean = state.mean * keep
         covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
         predicted = middle + (seen_as * mean).sum(dim=1)
+        towards = torch.bmm(covariance, seen_as[:, :, None])[:, :, 0]  # P h
         is_seen = ~torch.isnan(measurement_deg)
         seen = is_seen.to(predicted.dtype)
         innovation = torch.where(is_seen, measurement_deg, predicted) - predicted
@@ -152,8 +169,8 @@ class TwinsStep(FilterStep):
         features = self._features(
             state,
             mean.detach(),
-            covariance.detach(),
-            seen_as,
+            (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach(),
+            (covariance.detach() @ self.of_error) @ self.of_error,
             innovation.detach(),
             way_mm,
             variance,
@@ -169,30 +186,26 @@ class TwinsStep(FilterStep):
             + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         )
         covariance = covariance + grows[:, :, None] * self.unit
-        towards = _times(covariance, seen_as)
+        towards = towards + grows * seen_as
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
         gain = torch.sigmoid(torch.log(doubt / variance) + on_gain[:, 0])
         mean = mean + towards * (gain * innovation / doubt)[:, None]
         told = variance * torch.exp(on_noise[:, 0])
-        shrink = seen / (doubt + told)
-        covariance = torch.baddbmm(
-            covariance, towards[:, :, None], (towards * shrink[:, None])[:, None, :], alpha=-1
-        )
+        shrink = (seen / (doubt + told))[:, None]
+        covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 
         residual = (predicted + innovation - middle - (seen_as * mean).sum(dim=1)) / root
         relative = (doubt / variance).detach()
         counted = seen[:, None] * self.recogniser.bins(residual.detach(), relative)
-        after = FilterState(
-            mean,
-            covariance,
-            state.counts * (1 - seen / HISTORY)[:, None] + counted,
-            state.samples + seen,
-            _recent(state, seen, (innovation / root).detach(), relative),
-        )
+        counts = state.counts * (1 - seen / HISTORY)[:, None] + counted
+        statistics = _recent(state, seen, (innovation / root).detach(), relative)
+        weights, bias, bias_variance = self.recogniser(counts, torch.log(variance))
+        samples = state.samples + seen
+        after = FilterState(mean, covariance, counts, samples, statistics, weights, bias, bias_variance)
 
-        _, bias, bias_variance = self.recogniser(after.counts, torch.log(variance))
-        trust = _times(covariance, angle)  # covariance of the state with the angle
-        with_bias, of_bias = trust @ self.of_bias, (covariance @ self.of_bias) @ self.of_bias
+        column = covariance @ self.of_bias  # covariance of the state with b, and with the angle:
+        trust = towards * (1 - doubt[:, None] * shrink) - column
+        with_bias, of_bias = trust @ self.of_bias, column @ self.of_bias
         heard = with_bias / (of_bias + (bias_variance + UNHEARD * (1 - hears)) * variance)
         bend = middle + (angle * mean).sum(dim=1) + heard * (bias * root - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
@@ -204,17 +217,26 @@ class TwinsStep(FilterStep):
         self,
         state: FilterState,
         mean: Tensor,
-        covariance: Tensor,
-        seen_as: Tensor,
+        doubt: Tensor,
+        of_error: Tensor,
         innovation: Tensor,
         way_mm: Tensor,
         variance: Tensor,
         sample_time: Tensor,
     ) -> Tensor:
-        """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone."""
+        """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone.
+
+        Args:
+            state: after the sample before.
+            mean: of the state as predicted.
+            doubt: (B,) variance of the prediction [deg^2].
+            of_error: (B,) that of d [deg^2].
+            innovation: (B,) [deg].
+            way_mm: (B,) since the last sample [mm].
+            variance: (B,) R [deg^2].
+            sample_time: (B,) T [s].
+        """
         root = torch.sqrt(variance)
-        weights, bias, bias_variance = self.recogniser(state.counts, torch.log(variance))
-        doubt = (seen_as * _times(covariance, seen_as)).sum(dim=1).clamp(min=LEAST_VARIANCE)
         average, product, square, _ = state.statistics.split(1, dim=1)
         coefficients = mean * self.of_members
         angles = [
@@ -225,7 +247,7 @@ class TwinsStep(FilterStep):
         ]
         positive = [
             doubt / variance,
-            (covariance @ self.of_error) @ self.of_error + 1e-3,
+            of_error + 1e-3,
             square[:, 0] + 1,
             state.samples.clamp(max=HISTORY) + 1,
             variance,
@@ -233,9 +255,9 @@ class TwinsStep(FilterStep):
         ]
         return torch.cat(
             [
-                weights,
-                bias[:, None],
-                torch.log(bias_variance)[:, None] / 3,
+                state.weights,
+                state.bias[:, None],
+                torch.log(state.bias_variance)[:, None] / 3,
                 log_scale(torch.stack(angles, dim=1) * self.angle_units),
                 torch.log(torch.stack(positive, dim=1)) * self.log_units,
                 torch.tanh(innovation / root / 2)[:, None],
@@ -245,11 +267,6 @@ class TwinsStep(FilterStep):
             ],
             dim=1,
         )
-
-
-def _times(covariance: Tensor, vector: Tensor) -> Tensor:
-    """Return the products (B, n) of matrices (B, n, n) with vectors (B, n)."""
-    return torch.bmm(covariance, vector[:, :, None])[:, :, 0]
 
 
 def _recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:

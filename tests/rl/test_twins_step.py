@@ -109,7 +109,7 @@ def test_without_a_measurement_nothing_is_learned_of_the_noise():
             ALL,
             state,
         )
-    for name in ("counts", "samples", "statistics"):
+    for name in ("counts", "samples", "statistics", "weights", "bias", "bias_variance"):
         np.testing.assert_array_equal(getattr(after, name), getattr(state, name))
     assert torch.isfinite(output.bend_deg).all()
     assert torch.isfinite(output.half_width_deg).all()

@@ -37,7 +37,16 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
 OF_ERROR = -2  # place of d in the state: the last but one
-STATE = {"mean": 1, "covariance": 2, "counts": 1, "samples": 0, "statistics": 1}
+STATE = {
+    "mean": 1,
+    "covariance": 2,
+    "counts": 1,
+    "samples": 0,
+    "statistics": 1,
+    "weights": 1,
+    "bias": 0,
+    "bias_variance": 0,
+}
 """Axes of each array of the state of one filter."""
 RECOGNISER_ALONE, FILTER_ALONE = (0.0, 1.0), (0.0, 0.0)
 
