@@ -3,7 +3,7 @@
 import dataclasses
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -17,6 +17,7 @@ from scripts.progress import Progress, TrainingProgress
 from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
+    from twin.evaluation.score import Score
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
@@ -52,7 +53,8 @@ class Evaluate:
     """Training set, to train what is not given and to tune the yardsticks."""
     policy: tuple[Path, ...] = ()
     """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ... One that was
-    trained at one sample time runs at that one alone (--sample-time)."""
+    trained at one sample time runs at that one alone (--sample-time). Several of one method that differ in
+    their seed alone are one row: the mean over them, and their spread."""
     methods: tuple[str, ...] = ()
     """Names of the methods to compare, as in the tables; all of the suite, if not given."""
     suite: str = "paper"
@@ -195,8 +197,8 @@ def _paper(args: Evaluate) -> Summary:
     _say_of_measured_logs(of_logs)
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables
-    shown = table(result.scores, "plain")
-    write_whole(args.out / "tables.md", f"{table(result.scores, 'markdown')}\n<!-- {MADE_BY} -->\n")
+    shown, written = (_with_trainings(result.scores, fmt, table) for fmt in ("plain", "markdown"))
+    write_whole(args.out / "tables.md", f"{written}\n<!-- {MADE_BY} -->\n")
     write_whole(args.out / "rmse.png", to_png_bytes(rmse_figure(result.scores)))
     for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
         write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
@@ -206,6 +208,13 @@ def _paper(args: Evaluate) -> Summary:
         line += f"; estimates in {args.out}/estimates"
     values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
     return Summary(line, values, table=shown)
+
+
+def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Score], str], str]") -> str:
+    """Return a table, and below it the spread between trainings, where a method has several."""
+    from twin.report.trainings import training_table
+
+    return "\n\n".join(part for part in (table(scores, fmt), training_table(scores, fmt)) if part)
 
 
 def _say_of_measured_logs(line: str) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from scripts.command import Summary, run_verb, with_flags
+from scripts.compiling import compile_once
 from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress
@@ -120,7 +121,7 @@ def _write(args: Generate, out: Path) -> Summary:
     recipe = resolve(change_recipe(values, changes), folder, origin)
     output_folder(out)
     if recipe.physics == "reduced":
-        _compile_once()
+        compile_once("endotwin generate")
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         csv, progress = args.format == "csv", Progress("generate", "ep")
         try:
@@ -130,21 +131,6 @@ def _write(args: Generate, out: Path) -> Summary:
     if warning := unmet_conditions(recipe):
         complain(f"endotwin generate: {warning}")
     return _summary(out, recipe.preset.name, written)
-
-
-def _compile_once() -> None:
-    """Compile the reduced twin here, if it never was: else each worker would, and nobody would say why."""
-    from twin.mechanics.compiled import has_machine_code
-
-    if has_machine_code("reduced"):
-        return
-    import numpy as np
-
-    from twin.preset.file import load_preset
-    from twin.reduced import simulate
-
-    complain("endotwin generate: compiling the reduced twin, once: half a minute")
-    simulate(load_preset("ureteroscope"), np.zeros(2), 0.1)
 
 
 def _changes(args: Generate) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Progress of long work, as a bar on stderr."""
 
 import contextlib
+import math
 import sys
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -50,5 +51,8 @@ class TrainingProgress(Progress):
 
     def __call__(self, done: int, total: int, reward: float | str = "") -> None:
         """Show that `done` of `total` are done, at a mean reward per sample [deg^2]."""
-        note = reward if isinstance(reward, str) else f"mean square error {-reward:.3f} deg^2"
+        if isinstance(reward, str):
+            note = reward
+        else:  # nothing is known of it before the first validation
+            note = "" if math.isnan(reward) else f"mean square error {-reward:.3f} deg^2"
         super().__call__(done, total, note)

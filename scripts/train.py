@@ -1,5 +1,6 @@
 """`endotwin train`: train a policy, RAM or direct RL, or another learned filter, on records."""
 
+import contextlib
 import dataclasses
 import sys
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ import tyro
 
 from rl.options import TrainingOptions
 from scripts.command import Summary, run_verb
+from scripts.compiling import compile_once
 from scripts.outputs import output_folder
 from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
@@ -70,6 +72,13 @@ class Train:
     """The initial estimate is off by up to this [deg]."""
     seed: int = 0
     """Of the network, the exploration and the noise."""
+    seeds: int | None = None
+    """Trainings side by side, with --seed and those that follow, each in a folder OUT/seed_N; `evaluate`
+    takes their files as one row."""
+    workers: int = 0
+    """With --seeds: processes; 0 for one per core. The files do not depend on it."""
+    dask: str | None = None
+    """With --seeds: address of a Dask scheduler, whose workers train and see --out under the same path."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -82,14 +91,37 @@ def train(args: Train) -> Summary:
     agent = _agent(args)
     options = TrainingOptions(**{name: getattr(args, name) for name in _OPTIONS} | {"agent": agent})
 
+    if args.seeds is None and (args.workers or args.dask is not None):
+        raise ValueError("--workers and --dask are for several trainings: give --seeds")
+
     from rl.trainers import find_trainer
 
     material, source = _on_twins(args) if find_training(agent).on_twins else _on_records(args)
-    folder = output_folder(args.out)
+    if args.seeds is not None:
+        return _train_seeds(args, args.seeds, material, options, source)
     trainer = find_trainer(agent)
     progress = TrainingProgress(f"train {agent}", trainer.unit)
-    path = trainer.run(material, options, folder, progress)
+    path = trainer.run(material, options, output_folder(args.out), progress)
     return Summary(f"{path}: {agent} trained on {source}", {"out": str(path), "agent": agent})
+
+
+def _train_seeds(
+    args: Train, count: int, material: "Material", options: TrainingOptions, source: str
+) -> Summary:
+    """Train with several seeds side by side."""
+    from rl.sweep import seeds_from, shared_progress, train_seeds
+    from twin.workers.choice import choose_workers
+
+    seeds = seeds_from(args.seed, count)
+    if find_training(options.agent).on_twins:
+        compile_once("endotwin train")
+    progress = TrainingProgress(f"train {options.agent}, {count} seeds", "thousandths")
+    with contextlib.ExitStack() as stack:
+        executor, _ = stack.enter_context(choose_workers(count, args.workers, args.dask))
+        shares = stack.enter_context(shared_progress()) if args.dask is None else None
+        paths = train_seeds(material, options, seeds, output_folder(args.out), executor, progress, shares)
+    line = f"{args.out}: {options.agent} trained on {source} with seeds {seeds[0]} to {seeds[-1]}"
+    return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent})
 
 
 def _agent(args: Train) -> str:

@@ -159,7 +159,7 @@ def _write(
         "train": str(suite.train or folder / "train"),
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
         "told": {spec.name: spec.told for spec in suite.specs},
-        "policies": {agent: str(path) for agent, path in suite.trained.items()},
+        "policies": {agent: [*map(str, paths)] for agent, paths in suite.trained.items()},
     }
     contents = {"protocol": protocol, "rows": to_rows(scores), "bounds": limits, "intervals": sets}
     out = folder / "evaluation.json"

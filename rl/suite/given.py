@@ -1,4 +1,7 @@
-"""Trained files that are given to a comparison, by agent; each is checked to be for it."""
+"""Trained files that are given to a comparison, by agent; each is checked to be for it.
+
+Several of one agent are trainings of one method, which differ in their seed alone.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,14 +9,16 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
+from twin.evaluation.score import MOST_TRAININGS
+from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon
 
 
 def given_files(
     paths: Sequence[Path], model: ColemanHodgdon | None, sample_times: Sequence[float]
-) -> dict[str, Path]:
+) -> dict[str, tuple[Path, ...]]:
     """Return trained files by agent, and refuse one that was trained for something else.
 
     Args:
@@ -23,14 +28,25 @@ def given_files(
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: two are of one agent, one is of another sample time, or was trained beside another filter.
+        ValueError: two of one agent differ in more than their seed, one is of another sample time, or was
+            trained beside another filter.
     """
-    files: dict[str, Path] = {}
+    files: dict[str, tuple[Path, ...]] = {}
+    first: dict[str, TrainedFile] = {}
+    seeds: set[tuple[str, Any]] = set()
     for path in paths:
-        agent = read_trained_file(path).agent
-        training = find_training(agent)
-        if agent in files:
-            raise InputError(f"{path}: a second policy of the agent {agent!r}")
+        file = read_trained_file(path)
+        agent, training = file.agent, find_training(file.agent)
+        difference = _differences(first.setdefault(agent, file), file)
+        if difference:
+            names = cut(", ".join(difference))
+            raise InputError(f"{path} is no other training of {files[agent][0]}: they differ in {names}")
+        seed = _settings(file).get("seed")
+        if (agent, seed) in seeds:
+            raise InputError(f"{path}: a second policy of the agent {agent!r} and the seed {shown(seed)}")
+        seeds.add((agent, seed))
+        if len(files.get(agent, ())) >= MOST_TRAININGS:
+            raise InputError(f"{path}: more than {MOST_TRAININGS} policies of the agent {agent!r}")
         estimator: Any = training.load(path)
         for sample_time in sample_times:
             if training.on_twins:
@@ -51,5 +67,25 @@ def given_files(
             here = ActiveModel(model, sample_times[0], measurement_variance=beside.measurement_variance)
             if beside != here:
                 raise InputError(f"{path} was trained beside another model or filter than the one given")
-        files[agent] = path
+        files[agent] = (*files.get(agent, ()), path)
     return files
+
+
+_OF_SEED = ("members", "model")
+"""What a training draws or identifies by its seed, beside what it learns."""
+
+
+def _settings(file: TrainedFile) -> dict[str, Any]:
+    settings = file.description.get("training")
+    return settings if isinstance(settings, dict) else {}
+
+
+def _differences(one: TrainedFile, other: TrainedFile) -> list[str]:
+    """Return the names of what differs between two trainings of one agent beside the seed."""
+
+    def told(file: TrainedFile) -> dict[str, Any]:
+        of_run = {name: of for name, of in file.description.items() if name not in (*_OF_SEED, "training")}
+        return of_run | {name: of for name, of in _settings(file).items() if name != "seed"}
+
+    ours, theirs = told(one), told(other)
+    return [name for name in dict.fromkeys([*ours, *theirs]) if ours.get(name) != theirs.get(name)]

@@ -35,7 +35,7 @@ class PaperSuite:
         model: reference model; without it, only methods that need none are compared.
         protocol: noises, seeds, sample time and initial error.
         train: training records; without them, nothing is trained or tuned.
-        trained: trained file of each agent that is given.
+        trained: trained files of each agent that is given, one for each training of it.
         methods: names of the methods to compare; all of the suite, if empty.
         episodes: of PPO for what is not given.
         source: path of the model, as the results state it.
@@ -48,7 +48,7 @@ class PaperSuite:
     model: ColemanHodgdon | None
     protocol: Protocol
     train: Path | None = None
-    trained: dict[str, Path] = dataclasses.field(default_factory=dict)
+    trained: dict[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
     methods: tuple[str, ...] = ()
     episodes: int = TrainingOptions.episodes
     source: str = ""
@@ -128,7 +128,7 @@ def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
         ValueError: one lacks something.
     """
     if knowledge.records and knowledge.models:
-        trained = dict.fromkeys(_trained_on_records(suite), Path())
+        trained = dict.fromkeys(_trained_on_records(suite), (Path(),))
         knowledge = dataclasses.replace(knowledge, trained=trained | dict(knowledge.trained))
     for spec in suite.specs if suite.methods else ():
         if missing := spec.missing(knowledge):
@@ -156,7 +156,7 @@ def _train_missing(
             trainer = find_trainer(agent)
             options = TrainingOptions(agent=agent, episodes=suite.episodes, seed=suite.protocol.seed)
             shown = training_progress(f"train {agent}", trainer.unit)
-            trained[agent] = trainer.run(material, options, suite.folder / agent, shown)
+            trained[agent] = (trainer.run(material, options, suite.folder / agent, shown),)
     return dataclasses.replace(knowledge, trained=trained)
 
 
@@ -185,7 +185,7 @@ def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
         "process_variance": list(ActiveModel.process_variance),
         "initial_variance": list(ActiveModel.initial_variance),
         "model": suite.source,
-        "policies": [str(path) for path in suite.trained.values()],
+        "policies": [str(path) for paths in suite.trained.values() for path in paths],
     }
     contents = {"protocol": protocol, "rows": to_rows(scores)}
     return json.dumps(contents, indent=2, allow_nan=False) + "\n"

@@ -62,7 +62,7 @@ def learn(
         knowledge = dataclasses.replace(knowledge, fits=fits)
     trained = {
         # What is trained on twins is told T: one serves all sample times.
-        agent: (suite.folder if training.on_twins else folder) / agent / training.file
+        agent: ((suite.folder if training.on_twins else folder) / agent / training.file,)
         for agent, training in trainings().items()
         if agent in agents_of(suite)
     }
@@ -99,7 +99,7 @@ def train_one(agent: str, knowledge: Knowledge, episodes: int, seed: int) -> Non
     trainer = find_trainer(agent)
     count = episodes_at(trainer, episodes, knowledge.sample_time)
     options = TrainingOptions(agent=agent, episodes=count, seed=seed)
-    trainer.run(material_of(knowledge), options, knowledge.trained[agent].parent)
+    trainer.run(material_of(knowledge), options, knowledge.file_of(agent).parent)
 
 
 def episodes_at(trainer: Trainer, episodes: int, sample_time: float) -> int:

@@ -120,14 +120,14 @@ def test_a_million_faulty_samples(knowledge, records, tmp_path):
     from twin.preset import load_preset, load_ranges
 
     few = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
-    trained: dict[str, Path] = {}
+    trained: dict[str, tuple[Path, ...]] = {}
     for agent in trainings():
         options = TrainingOptions(agent=agent, seed=1, **few)
         (tmp_path / agent).mkdir()
         active_model = ActiveModel(COLEMAN_HODGDON, T)
         twins = load_preset("ureteroscope"), load_ranges("ureteroscope")
         material = Material(records, active_model, twins)
-        trained[agent] = find_trainer(agent).run(material, options, tmp_path / agent)
+        trained[agent] = (find_trainer(agent).run(material, options, tmp_path / agent),)
     known = Knowledge(T, MODELS, records, fits=FITS, trained=trained, smallest_wire_offset=1e-3)
     memory, pushed, slow = [], 0, {}
     for place, name in enumerate(NAMES):

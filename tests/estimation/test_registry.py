@@ -108,7 +108,7 @@ def test_a_method_waits_for_what_it_needs(model, records):
     ready = [spec.name for spec in method_specs() if spec.is_ready(only_model)]
     assert {"C-H", "AM", "KF", "UKF"} <= set(ready)
     assert not {"RAM", "AM-tuned", "Bouc-Wen", "Ensemble"} & set(ready)
-    trained = dataclasses.replace(only_model, trained={"ram": Path("x")}, records=records)
+    trained = dataclasses.replace(only_model, trained={"ram": (Path("x"),)}, records=records)
     ready = [spec.name for spec in method_specs() if spec.is_ready(trained)]
     assert {"RAM", "RAM (oracle)", "AM-tuned", "Constant gain", "ESMF"} < set(ready)
     assert not {"LSTM", "ESMF (geometry)", "Ensemble", "Bouc-Wen"} & set(ready)

@@ -90,6 +90,29 @@ def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
     assert other[0].mae_deg != rows[0].mae_deg
 
 
+def test_several_trainings_are_one_row_with_their_mean_and_spread(two_records):
+    """Trainings that are off by 1, 2 and 4 deg: RMSE and bias are means over them."""
+
+    def off(by):
+        def estimate(case):
+            return case.truth_deg + by
+
+        return estimate
+
+    method = Method("m", off(1.0), oracle=True, others=(off(2.0), off(4.0)))
+    rows, tracks = evaluate(two_records, [method, Method("one", off(1.0), oracle=True)], PROTOCOL)
+    for row in rows:
+        if row.method == "one":
+            assert row.training_rmse_deg == ()
+            continue
+        assert row.training_rmse_deg == pytest.approx((1, 2, 4))
+        assert row.rmse_deg == row.bias_deg == pytest.approx(7 / 3)
+        low, high = row.rmse_ci95_deg
+        half = 4.302653 * np.std([1, 2, 4], ddof=1) / np.sqrt(3)  # t(0.975, 2) from the table
+        assert (low, high) == pytest.approx((7 / 3 - half, 7 / 3 + half), rel=1e-6)
+    np.testing.assert_allclose(tracks[0].error_deg("m"), 1)
+
+
 def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
     drawn = {}
 

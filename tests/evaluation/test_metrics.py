@@ -97,6 +97,22 @@ def test_interval_covers_the_mean_as_often_as_it_says(size, confidence):
     assert inside / trials == pytest.approx(confidence, abs=4 * standard_error)
 
 
+def test_interval_over_trainings_and_seeds_covers_the_mean_of_both():
+    """Two crossed random effects and a rest; the interval may be wider than it must be, never narrower."""
+    rng, trials = np.random.default_rng(5), 2000
+    inside = 0
+    for _ in range(trials):
+        trainings, seeds = rng.normal(0, 2, size=(10, 1)), rng.normal(0, 1, size=(1, 20))
+        low, high = confidence_interval(7 + trainings + seeds + rng.normal(0, 1, size=(10, 20)))
+        inside += low <= 7 <= high
+    assert 0.94 < inside / trials < 0.985
+
+
+def test_interval_of_one_training_is_that_over_seeds():
+    values = np.array([1.0, 2.0, 4.0, 5.0, 8.0])
+    assert confidence_interval(values[None, :]) == confidence_interval(values)
+
+
 def test_interval_of_one_value_or_of_equal_values_is_the_value():
     assert confidence_interval(np.array([3.25])) == (3.25, 3.25)
     assert confidence_interval(np.full(6, 3.25)) == (3.25, 3.25)

@@ -29,7 +29,15 @@ SCORE = Score(
     coverage95=0.94,
     nees=1.1,
 )
-OPTIONAL = {"stroke_mm", "twin", "md_printed_deg2", "paper_rmse_deg", "coverage95", "nees"}
+OPTIONAL = {
+    "stroke_mm",
+    "twin",
+    "md_printed_deg2",
+    "paper_rmse_deg",
+    "coverage95",
+    "nees",
+    "training_rmse_deg",
+}
 
 
 def write(path, rows):

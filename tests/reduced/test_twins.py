@@ -120,17 +120,17 @@ def test_it_imports_no_mujoco():
     assert subprocess.run([sys.executable, "-c", code], cwd=Path("/")).returncode == 0
 
 
-def test_generate_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
+def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
     """Compiled code of this process serves: nothing is compiled again here."""
-    from scripts import generate
+    from scripts.compiling import compile_once
     from twin.mechanics import compiled
 
     assert compiled.has_machine_code("reduced")
-    generate._compile_once()
+    compile_once("endotwin generate")
     assert not capsys.readouterr().err
     monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "none")
-    generate._compile_once()
-    assert "compiling the reduced twin, once" in capsys.readouterr().err
+    compile_once("endotwin generate")
+    assert "endotwin generate: compiling the reduced twin, once" in capsys.readouterr().err
 
 
 def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):

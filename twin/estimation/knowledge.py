@@ -41,7 +41,8 @@ class Knowledge:
         records: training records at this sample time; empty where there are none.
         seed: of what is drawn for fits.
         fits: what each `TrainingFit` has found, by its key.
-        trained: file of each trained agent.
+        trained: files of each trained agent, one for each training of it.
+        training: place among them of the one that a method is built from.
         ensembles: files of twins along the test's commands.
         smallest_wire_offset: that a twin may have [m].
         twins: preset and ranges of twins that may be simulated for a training.
@@ -52,7 +53,8 @@ class Knowledge:
     records: Sequence[Record] = ()
     seed: int = 0
     fits: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
-    trained: Mapping[str, Path] = dataclasses.field(default_factory=dict)
+    trained: Mapping[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
+    training: int = 0
     ensembles: tuple[Path, ...] = ()
     smallest_wire_offset: float | None = None
     twins: "tuple[Preset, Ranges] | None" = None
@@ -66,6 +68,10 @@ class Knowledge:
     def task(self) -> TrainingTask:
         """The training records under the paper's training noise."""
         return TrainingTask(*stack_records(self.records))
+
+    def file_of(self, agent: str) -> Path:
+        """Return the trained file of an agent that a method is built from."""
+        return self.trained[agent][self.training]
 
     def found(self, fit: TrainingFit) -> dict[str, Any]:
         """Return what a fit has found, or find it now."""

@@ -77,14 +77,14 @@ def _evaluate_group(
     rows: dict[Condition, list[Score]] = {condition: [] for condition in conditions}
     tracks: dict[str, Array] = {}
     for method in methods:
-        estimate, half_width = method.run(shown if method.oracle else case)
-        tracks[method.name] = estimate[tracked]
-        shape = (len(records), len(conditions), protocol.seeds, -1)
-        errors = (estimate - truth).reshape(shape)
-        stated = None if half_width is None else half_width.reshape(shape)
+        estimates, half_widths = zip(*method.run(shown if method.oracle else case), strict=True)
+        tracks[method.name] = estimates[0][tracked]
+        shape = (len(estimates), len(records), len(conditions), protocol.seeds, -1)
+        errors = (np.array(estimates) - truth).reshape(shape)
+        stated = None if half_widths[0] is None else np.array(half_widths).reshape(shape)
         for place, condition in enumerate(conditions):
-            of_condition = [errors[r, place] for r in range(len(records))]
-            intervals = None if stated is None else [stated[r, place] for r in range(len(records))]
+            of_condition = [errors[:, r, place] for r in range(len(records))]
+            intervals = None if stated is None else [stated[:, r, place] for r in range(len(records))]
             row = _row(condition, method, of_condition, intervals, records, protocol)
             rows[condition].append(row)
     first = records[0][1]
@@ -109,15 +109,15 @@ def _row(
     records: Sequence[tuple[int, EvaluationRecord]],
     protocol: Protocol,
 ) -> Score:
-    """Pool (seeds, N) errors of each record over time, and average the indices over seeds."""
+    """Pool (trainings, seeds, N) errors of each record over time, and average the indices over the others."""
     noise, level = condition
 
     def pooled(values: list[Array], first: int) -> Array:
         scored = []
         for value, (_, record) in zip(values, records, strict=True):
             begin = min(first, int(np.flatnonzero(record.seen)[-1]))  # a short record: its last sample
-            scored.append(value[:, begin : len(record.seen)][:, record.seen[begin:]])
-        return np.concatenate(scored, axis=1)
+            scored.append(value[..., begin : len(record.seen)][..., record.seen[begin:]])
+        return np.concatenate(scored, axis=-1)
 
     indices = error_indices(pooled(errors, 1))
     late = error_indices(pooled(errors, round(STEADY_SECONDS / protocol.sample_time_s)))
@@ -141,6 +141,7 @@ def _row(
         rmse_steady_deg=float(late["rmse_deg"].mean()),
         rmse_ci95_deg=(low, high),
         seeds=protocol.seeds,
+        training_rmse_deg=tuple(indices["rmse_deg"].mean(axis=1).tolist()) if method.others else (),
         paper_rmse_deg=published,
         **honesty,
     )

@@ -1,6 +1,7 @@
 """A method of the comparison, ready to run: an estimator under its name in the tables."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -22,17 +23,21 @@ class Method:
         name: in the tables.
         estimate: returns (B, N) estimated angles [deg].
         oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
+        others: further trainings of the same method, which its row has the mean and the spread of.
     """
 
     name: str
     estimate: CaseEstimator
     oracle: bool = False
+    others: tuple[CaseEstimator, ...] = ()
 
-    def run(self, case: Case) -> tuple[Array, Array | None]:
-        """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""
-        if isinstance(self.estimate, Filtering):
-            return self.estimate.with_interval(case)
-        return self.estimate(case), None
+    def run(self, case: Case) -> Iterator[tuple[Array, Array | None]]:
+        """Yield (B, N) estimated angles and half of their 95 % intervals [deg], or None, of each training."""
+        for estimate in (self.estimate, *self.others):
+            if isinstance(estimate, Filtering):
+                yield estimate.with_interval(case)
+            else:
+                yield estimate(case), None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +69,8 @@ def as_method(name: str, estimator: Estimator[Any]) -> Method:
 
 
 def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
-    """Return a declared method, built from what is known before the test."""
-    built = spec.build(knowledge)
-    run: CaseEstimator = Filtering(built) if isinstance(built, Estimator) else built
-    return Method(spec.name, run, spec.oracle)
+    """Return a declared method, built from what is known before the test, once for each of its trainings."""
+    count = len(knowledge.trained[spec.agent]) if spec.agent else 1
+    built = [spec.build(dataclasses.replace(knowledge, training=place)) for place in range(count)]
+    first, *others = [Filtering(each) if isinstance(each, Estimator) else each for each in built]
+    return Method(spec.name, first, spec.oracle, tuple(others))

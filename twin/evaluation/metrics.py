@@ -51,19 +51,24 @@ def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float
 
 
 def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:
-    """Return Student's t interval of the mean of independent values.
+    """Return Student's t interval of the mean of values whose rows and columns are independent.
+
+    The variances of the means over rows and over columns add up (two crossed random effects); the degrees of
+    freedom are those of the smaller number, so that the interval is rather too wide than too narrow.
 
     Args:
-        values: (n,) one value per noise seed.
+        values: (trainings, seeds) or (seeds,): one for each draw of the noise.
         confidence: probability that the interval covers the mean.
 
     Returns:
-        Lower and upper end; both are the value itself where n = 1 or nothing varies.
+        Lower and upper end; both are the value itself where there is but one or nothing varies.
     """
-    values = np.asarray(values, dtype=float)
-    mean = float(values.mean())
-    if values.size < 2:
+    table = np.atleast_2d(np.asarray(values, dtype=float))
+    mean = float(table.mean())
+    means = [side for side in (table.mean(axis=0), table.mean(axis=1)) if len(side) > 1]
+    if not means:
         return mean, mean
-    standard_error = values.std(ddof=1) / np.sqrt(values.size)
-    half = float(stats.t.ppf((1 + confidence) / 2, values.size - 1) * standard_error)
+    variance = sum(side.var(ddof=1) / len(side) for side in means)
+    freedom = min(len(side) for side in means) - 1
+    half = float(stats.t.ppf((1 + confidence) / 2, freedom) * np.sqrt(variance))
     return mean - half, mean + half

@@ -17,6 +17,8 @@ MOST_BYTES = 32 * MEBIBYTE
 MOST_VALUES = 2_000_000
 """Limits of a file of results, which the full suite stays far below."""
 MOST_ROWS = 100_000
+MOST_TRAININGS = 100
+"""Trainings of one method that are compared as one row."""
 LONGEST_TEXT = 200
 LARGEST = 1e12
 """Magnitude of a figure that no evaluation comes near, in any of the units."""
@@ -58,8 +60,10 @@ class Score:
         var_deg2: variance of the error [deg^2].
         bias_deg: mean error [deg].
         rmse_steady_deg: RMSE without the first 5 s [deg].
-        rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds [deg].
+        rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds and trainings [deg].
         seeds: draws of the noise that the figures are means over.
+        training_rmse_deg: RMSE of each training of the method, where there are several: the figures are means
+            over them too [deg].
         paper_rmse_deg: RMSE that the paper published, if it has this row and the records are of its
             instrument [deg].
         coverage95: share of samples whose stated 95 % interval held the truth; None where none is stated.
@@ -82,6 +86,7 @@ class Score:
     rmse_steady_deg: float
     rmse_ci95_deg: tuple[float, float]
     seeds: int
+    training_rmse_deg: tuple[float, ...] = ()
     paper_rmse_deg: float | None = None
     coverage95: float | None = None
     nees: float | None = None
@@ -107,6 +112,7 @@ class Score:
         return dataclasses.asdict(self) | {
             "stroke_mm": list(self.stroke_mm),
             "rmse_ci95_deg": list(self.rmse_ci95_deg),
+            "training_rmse_deg": list(self.training_rmse_deg),
         }
 
     @classmethod
@@ -155,6 +161,11 @@ def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
 
 
 _TEXTS = ("noise", "twin", "method")
+_LENGTHS = {
+    "stroke_mm": (0, 2),  # a row need not tell its stroke
+    "rmse_ci95_deg": (2,),
+    "training_rmse_deg": range(MOST_TRAININGS + 1),
+}
 _MAY_BE_NONE = ("paper_rmse_deg", "md_printed_deg2", "coverage95", "nees")
 
 
@@ -168,9 +179,8 @@ def _read(name: str, value: Any) -> Any:
             return value
     elif name in _MAY_BE_NONE and value is None:
         return None
-    elif name in ("stroke_mm", "rmse_ci95_deg"):
-        lengths = (0, 2) if name == "stroke_mm" else (2,)  # a row need not tell its stroke
-        if isinstance(value, list | tuple) and len(value) in lengths and all(map(_is_number, value)):
+    elif name in _LENGTHS:
+        if isinstance(value, list | tuple) and len(value) in _LENGTHS[name] and all(map(_is_number, value)):
             return tuple(map(float, value))
     elif name == "seeds":
         if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= LARGEST:

@@ -15,7 +15,8 @@ from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
 from twin.report.figures import INK, MUTED, clean_axes, own_style, to_png_bytes
 from twin.report.paper_figures import paper_figures
-from twin.report.tables import paper_tables
+from twin.report.tables import group_name, paper_tables
+from twin.report.trainings import training_table
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -34,13 +35,17 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
     first = _groups(scores)[0]
     parts = []
     for T in times:
-        parts.append(f"### RMSE [deg] ± half its 95 % interval over noise seeds, {_name(first)}, T = {T:g} s")
+        interval = "95 % interval over noise seeds and trainings"
+        parts.append(f"### RMSE [deg] ± half its {interval}, {group_name(first)}, T = {T:g} s")
         parts.append(_noise_table(scores, T, first, "rmse_deg"))
-    parts.append(f"### RMSE [deg] after the first 5 s, {_name(first)}, T = {times[0]:g} s")
+    parts.append(f"### RMSE [deg] after the first 5 s, {group_name(first)}, T = {times[0]:g} s")
     parts.append(_noise_table(scores, times[0], first, "rmse_steady_deg"))
     for T in times if _has_limit(scores) else ():
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
+    if trainings := training_table(scores, "markdown"):
+        parts.append("### Trainings that differ in their seed alone: geometric mean over noises [deg]")
+        parts.append(trainings)
     if bounds:
         parts.append("### The limit over randomised twins, and the Cramér-Rao bound of normal twins [deg]")
         parts.append(_bound_table(scores, bounds))
@@ -206,7 +211,7 @@ def _ratio_table(scores: Sequence[Score], T: float) -> str:
         [method, *(f"{table[group][method]:.2f}" if method in table[group] else "-" for group in groups)]
         for method in _by_ratio(scores, [T], groups)
     ]
-    headers = ["method", *(_name(group) for group in groups)]
+    headers = ["method", *(group_name(group) for group in groups)]
     align = ("left", *["right"] * len(groups))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
@@ -252,7 +257,7 @@ def _interval_table(intervals: Sequence[Row]) -> str:
                     ),
                 ]
             )
-    headers = ["method", "noise", "T", *(_name(group) for group in groups)]
+    headers = ["method", "noise", "T", *(group_name(group) for group in groups)]
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
 
 
@@ -276,11 +281,6 @@ def _place(row: Row) -> Group:
 
 def _noise(row: Row) -> tuple[str, float]:
     return str(row["noise"]), float(row["level"])
-
-
-def _name(group: Group) -> str:
-    (low, high), twin = group
-    return f"{twin}, [{low:g}, {high:g}] mm"
 
 
 def _is_limit(method: str) -> bool:

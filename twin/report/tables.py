@@ -8,7 +8,7 @@ from tabulate import tabulate
 from twin.errors import InputError
 from twin.estimation.registry import method_specs
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
-from twin.evaluation.score import Score
+from twin.evaluation.score import Group, Score
 
 FORMATS = {"plain": "simple", "markdown": "pipe", "html": "unsafehtml"}
 INDEX_LABELS = {
@@ -102,7 +102,7 @@ def score_table(scores: Sequence[Score], fmt: str = "plain") -> str:
     """
     lines = [
         [
-            f"{score.twin}, [{', '.join(f'{end:g}' for end in score.stroke_mm)}] mm",
+            group_name(score.group),
             noise_label(*score.condition),
             score.label,
             *(f"{getattr(score, index):.3f}" for index in INDEX_LABELS),
@@ -112,6 +112,12 @@ def score_table(scores: Sequence[Score], fmt: str = "plain") -> str:
     headers = ["records", "noise", "method", *INDEX_LABELS.values()]
     align = ("left", "left", "left", *["right"] * len(INDEX_LABELS))
     return str(tabulate(lines, headers, tablefmt=FORMATS[fmt], colalign=align, disable_numparse=True))
+
+
+def group_name(group: Group) -> str:
+    """Return the name of records: the kind of twin and the stroke."""
+    stroke, twin = group
+    return f"{twin}, [{', '.join(f'{end:g}' for end in stroke)}] mm"
 
 
 def table_title(table: PaperTable) -> str:

@@ -141,7 +141,7 @@ GRU = register_method(
         rank=51,
         family="learned",
         told="R",
-        build=lambda known: load(known.trained[TRAINING.agent]),
+        build=lambda known: load(known.file_of(TRAINING.agent)),
         training=TRAINING,
     )
 )

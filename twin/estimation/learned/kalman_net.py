@@ -197,7 +197,7 @@ KALMAN_NET = register_method(
         rank=52,
         family="learned",
         told="R",
-        build=lambda known: load(known.trained[TRAINING.agent]),
+        build=lambda known: load(known.file_of(TRAINING.agent)),
         training=TRAINING,
         beside_paper=True,
     )

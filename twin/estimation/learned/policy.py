@@ -193,7 +193,7 @@ def build_steered(
 ) -> PolicyEstimator:
     """Return the trained policy of an agent, beside the active model of what is known."""
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    path = knowledge.trained[agent]
+    path = knowledge.file_of(agent)
     return _steered(path, load_policy(path), active_model, agent, make_agent)
 
 

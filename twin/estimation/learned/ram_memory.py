@@ -140,7 +140,7 @@ def load(path: Path) -> RamMemory:
 
 
 def _build(known: Knowledge) -> RamMemory:
-    return load(known.trained[AGENT]).at(known.sample_time)
+    return load(known.file_of(AGENT)).at(known.sample_time)
 
 
 TRAINING = Training(

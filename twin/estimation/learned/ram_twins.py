@@ -175,7 +175,7 @@ def load(path: Path) -> RamTwins:
 
 
 def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins:
-    return dataclasses.replace(load(known.trained[AGENT]), sample_time=known.sample_time, parts=parts)
+    return dataclasses.replace(load(known.file_of(AGENT)), sample_time=known.sample_time, parts=parts)
 
 
 TRAINING = Training(
