@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 
 import numpy as np
@@ -110,3 +111,10 @@ def test_figures_are_pictures_and_those_of_the_paper_carry_its_numbers(rows):
     figures = benchmark_figures(rows, [track])
     assert set(figures) == {"rmse_by_noise.png", "times_the_limit.png", "figure_05.png", "figure_06.png"}
     assert all(picture.startswith(b"\x89PNG") for picture in figures.values())
+
+
+def test_where_a_method_has_several_trainings_their_spread_is_shown(rows):
+    several = [dataclasses.replace(row, training_rmse_deg=(0.9, 1.1)) for row in rows]
+    text = benchmark_tables(several, BOUNDS)
+    assert "interval over noise seeds and trainings, nominal" in text
+    assert "### Trainings that differ in their seed alone" in text
