@@ -34,12 +34,10 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     first = _groups(scores)[0]
     trainings = training_table(scores, "markdown")
-    drawn = "noise seeds and trainings" if trainings else "noise seeds"
+    over = f"95 % interval over noise seeds{' and trainings' if trainings else ''}"
     parts = []
     for T in times:
-        parts.append(
-            f"### RMSE [deg] ± half its 95 % interval over {drawn}, {group_name(first)}, T = {T:g} s"
-        )
+        parts.append(f"### RMSE [deg] ± half its {over}, {group_name(first)}, T = {T:g} s")
         parts.append(_noise_table(scores, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {group_name(first)}, T = {times[0]:g} s")
     parts.append(_noise_table(scores, times[0], first, "rmse_steady_deg"))
