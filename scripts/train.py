@@ -101,15 +101,17 @@ def train(args: Train) -> Summary:
         return _train_seeds(args, args.seeds, material, options, source)
     trainer = find_trainer(agent)
     progress = TrainingProgress(f"train {agent}", trainer.unit)
-    path = trainer.run(material, options, output_folder(args.out), progress)
-    return Summary(f"{path}: {agent} trained on {source}", {"out": str(path), "agent": agent})
+    folder = output_folder(args.out)
+    before = _begun_before([folder], agent)
+    path = trainer.run(material, options, folder, progress)
+    return Summary(f"{path}: {agent} trained on {source}{before}", {"out": str(path), "agent": agent})
 
 
 def _train_seeds(
     args: Train, count: int, material: "Material", options: TrainingOptions, source: str
 ) -> Summary:
     """Train with several seeds side by side."""
-    from rl.sweep import seeds_from, shared_progress, train_seeds
+    from rl.sweep import folder_of, seeds_from, shared_progress, train_seeds
     from twin.workers.choice import choose_workers
 
     seeds = seeds_from(args.seed, count)
@@ -117,11 +119,26 @@ def _train_seeds(
         compile_once("endotwin train")
     progress = TrainingProgress(f"train {options.agent}, {count} seeds", "thousandths")
     with contextlib.ExitStack() as stack:
+        folder = output_folder(args.out)
+        before = _begun_before([folder_of(folder, seed) for seed in seeds], options.agent)
         executor, _ = stack.enter_context(choose_workers(count, args.workers, args.dask))
         shares = stack.enter_context(shared_progress()) if args.dask is None else None
-        paths = train_seeds(material, options, seeds, output_folder(args.out), executor, progress, shares)
-    line = f"{args.out}: {options.agent} trained on {source} with seeds {seeds[0]} to {seeds[-1]}"
+        paths = train_seeds(material, options, seeds, folder, executor, progress, shares)
+    line = f"{args.out}: {options.agent} trained on {source} with seeds {seeds[0]} to {seeds[-1]}{before}"
     return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent})
+
+
+def _begun_before(folders: Sequence[Path], agent: str) -> str:
+    """Return in words which runs are finished already, and which go on from where they were stopped."""
+    from twin.files.run_folder import CHECKPOINT_FILE
+
+    finished = [folder.name for folder in folders if (folder / find_training(agent).file).is_file()]
+    stopped = [folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()]
+    resumed = [name for name in stopped if name not in finished]
+    told = {"finished before": finished, "resumed from its checkpoint": resumed}
+    if len(folders) == 1:
+        return "".join(f"; {word}" for word, names in told.items() if names)
+    return "".join(f"; {word}: {', '.join(names)}" for word, names in told.items() if names)
 
 
 def _agent(args: Train) -> str:

@@ -21,6 +21,16 @@ def test_run_is_taken_up_again_and_another_one_is_refused(tmp_path):
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["config.yaml"]
 
 
+def test_what_differs_is_named(tmp_path):
+    mine = {"training": {"seed": 1, "noises": ["a", "b"], "rate": 0.1}, "preset": {"name": "x"}}
+    claim_folder(tmp_path, mine)
+    theirs = {"training": {"seed": 2, "noises": ["a", "c"], "rate": 0.1}, "preset": {"name": "x", "mass": 1}}
+    expected = r"another configuration \(training.seed, training.noises, preset.mass\): choose"
+    with pytest.raises(ValueError, match=expected):
+        claim_folder(tmp_path, theirs)
+    claim_folder(tmp_path, mine)
+
+
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"", b"seed: 1\n" * 300_000])
 def test_foreign_configuration_is_refused_and_kept(tmp_path, content):
     (tmp_path / "config.yaml").write_bytes(content)

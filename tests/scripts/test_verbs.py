@@ -304,6 +304,8 @@ def mistakes(workspace):
         ("identify data/train --sample-time inf --out x.json", "--sample-time inf: must be from"),
         ("train data/train --model coleman_hodgdon.json --clip inf --out x", "--clip inf"),
         ("train data/train --model absurd.json --out x", "the first two positive"),
+        ("train data/train --model coleman_hodgdon.json --workers 2 --out x", "are for several trainings"),
+        ("train data/train --model coleman_hodgdon.json --seeds 0 --out x", "seeds 0: must be at least 1"),
         (
             "evaluate data/test --model coleman_hodgdon.json --initial-error-deg nan --out x",
             "--initial-error-deg nan",

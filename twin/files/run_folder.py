@@ -12,11 +12,14 @@ import yaml
 from twin.errors import InputError
 from twin.files.atomic import write_whole
 from twin.files.lock import claim
+from twin.files.shown import cut
+from twin.files.yaml_text import parse_yaml, read_yaml
 
 CONFIGURATION_FILE = "config.yaml"
 CURVE_FILE = "progress.csv"
 CHECKPOINT_FILE = "checkpoint.state"
 _MOST_BYTES = 2**20
+_ABSENT = object()
 
 
 @contextlib.contextmanager
@@ -53,8 +56,10 @@ def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[st
     text = yaml.safe_dump(configuration, sort_keys=False)
     if os.path.lexists(path):
         if _contents(path) != text.encode():
+            names = cut(", ".join(_differences(path, text)))
+            told = f" ({names})" if names else ""
             raise InputError(
-                f"{folder} holds a run of another configuration: choose another `folder` or remove it"
+                f"{folder} holds a run of another configuration{told}: choose another `folder` or remove it"
             )
         return
     for name in files:
@@ -63,6 +68,26 @@ def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[st
                 f"{folder} holds {name} without the {path.name} of its run: choose another `folder`"
             )
     write_whole(path, text)
+
+
+def _differences(path: Path, text: str) -> list[str]:
+    """Return the names of what two configurations say otherwise, as in `training.seed`."""
+    try:
+        there = _flat(read_yaml(path, _MOST_BYTES))
+    except ValueError:
+        return []
+    wanted = _flat(parse_yaml(text))
+    return [name for name in wanted | there if wanted.get(name, _ABSENT) != there.get(name, _ABSENT)]
+
+
+def _flat(values: Any, name: str = "") -> dict[str, Any]:
+    """Return nested mappings as one, by the names of all levels."""
+    if not isinstance(values, dict):
+        return {name: values} if name else {}
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        flat |= _flat(value, f"{name}.{key}" if name else str(key))
+    return flat
 
 
 def _contents(path: Path) -> bytes:
