@@ -5,7 +5,7 @@ from typing import Any
 
 from rl.trainers import OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
-from rl.twins.learning import learn_noise
+from rl.twins.learning import learn_noise, learn_what_is_familiar
 from rl.twins.records import TwinRecords, draw_members
 from rl.twins.run import Learner, OnShare, scaled_to_options, train_on_twins
 from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
@@ -33,10 +33,13 @@ def train_ram_twins(
     def recognise(step: TwinsStep, source: SequenceSource, on_share: OnShare) -> None:
         learn_noise(step, source, settings, lambda update, _: on_share(update, settings.recogniser_updates))
 
+    def guard(step: TwinsStep, source: SequenceSource) -> None:
+        learn_what_is_familiar(step, source, settings)
+
     def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
         export_twins(step, settings.members, description | {"members": members_to_dict(members)}, path)
 
-    learner = Learner(TRAINING, members, begin, export, recognise)
+    learner = Learner(TRAINING, members, begin, export, recognise, guard)
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 

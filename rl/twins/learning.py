@@ -3,7 +3,8 @@
 1. The recogniser of RAM (twins) learns by supervision from the residuals of the filter without a policy.
 2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
    as they do in the published figure (`rl/twins/balance.py`).
-3. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
+3. RAM (twins) learns what noise is like that of its training (`rl/twins/familiarity.py`).
+4. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
 import math
@@ -16,6 +17,7 @@ import torch
 from rl.supervised import GRADIENT_LIMIT
 from rl.twins.balance import TypicalErrors
 from rl.twins.checkpoint import Keeper
+from rl.twins.familiarity import learn_familiarity
 from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
 from rl.twins.sequences import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
@@ -28,7 +30,7 @@ SMALLEST_ERROR_DEG2 = 1e-3  # added to mean square errors: their logarithm stays
 COVERAGE = 0.95
 
 # What one seed is used for beside the records: the streams of these never meet.
-_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION = range(200, 204)
+_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION, _FAMILIARITY = range(200, 205)
 
 
 def filter_sequences(
@@ -72,6 +74,27 @@ def learn_noise(
 
     groups: list[dict[str, Any]] = [{"params": [*step.recogniser.parameters()]}]
     _descend(groups, loss, settings.recogniser_updates, settings.recogniser_rate, on_update)
+
+
+def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
+    """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
+    rng = np.random.default_rng([settings.seed, _FAMILIARITY])
+    weights, counts, levels = [], [], []
+    for _ in range(max(settings.interval_sequences // 256, 1)):
+        drawn = source.draw(min(256, settings.interval_sequences), settings.episode, rng)
+        with torch.no_grad():
+            for place, (_, state) in enumerate(filter_sequences(step, drawn, ALL)):
+                if place % 10 == 9:  # neighbours tell little more
+                    weights.append(state.weights)
+                    counts.append(state.counts)
+                    levels.append(torch.log(drawn.variance))
+
+    def rows(count: int) -> torch.Tensor:
+        return torch.as_tensor(rng.integers(len(seen[0]), size=count))
+
+    seen = torch.cat(weights), torch.cat(counts), torch.cat(levels)
+    learn_familiarity(step.familiarity, *seen, rows)
+    step.guarded = True
 
 
 def learn_gain(

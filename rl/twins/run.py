@@ -43,6 +43,7 @@ class Learner:
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
         export: writes the trained step with a description to a path.
         prepare: a lesson before that of the gain.
+        guard: a lesson behind it, of what is like the training and what is not.
     """
 
     training: Training
@@ -50,6 +51,7 @@ class Learner:
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
     prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
+    guard: Callable[[Any, SequenceSource], None] | None = None
 
 
 def train_on_twins(
@@ -142,6 +144,8 @@ def _train(
         learner.prepare(step, source, shown.of(1))
     learn_gain(step, source, settings, validate, keeper)
     step.load_state_dict(keeper.best, strict=False)
+    if learner.guard:
+        learner.guard(step, source)
     show = shown.of(3)
     learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
     description = {"agent": learner.training.agent, **configuration}

@@ -99,6 +99,8 @@ class TwinsTraining(SimulatedTraining):
         "recogniser_updates": 1,
     }
 
+    sequences: int = 256
+    window: int = 25
     members: int = 32
     rank: int = 16
     recogniser_sequences: int = 4096

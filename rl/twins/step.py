@@ -13,11 +13,13 @@ RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own directi
 
     K_AM + (1 - K_AM) K_RAM = sigmoid(logit K_AM + 5 tanh u)    in [0, 1],
 
-so that K_RAM may be negative: it takes back what the active model believed of an outlier. Two more actions
-set the R by which P shrinks and the growth of d. A policy that does nothing (u = 0) changes nothing.
+so that K_RAM may be negative: it takes back what the active model believed of an outlier. Three more
+actions set the R by which P shrinks, the growth of d and that of c. A policy that does nothing (u = 0)
+changes nothing.
 
 What the recogniser (`rl/twins/recogniser.py`) says of b is taken as one more measurement, at the output
-alone, so that the filter itself stays linear.
+alone, so that the filter itself stays linear. Where the noise is like none of the training
+(`rl/twins/familiarity.py`), recogniser and policy fall silent, and the filter goes on alone.
 """
 
 import math
@@ -25,14 +27,15 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.familiarity import Familiarity
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
 from rl.twins.networks import last_layer, network
 from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser
 
-ACTIONS = 3  # on the total gain, on R for the covariance, on the growth of d
+ACTIONS = 4  # on the total gain, on R for the covariance, on the growth of d, on that of c
 STATISTICS = 4
 SCALARS = 16  # that the policy sees beside the weights of the laws
-REACH = (5.0, 4.0, 3.0)  # of the actions, in logarithms
+REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
 MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
 GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, times what the policy says
 MEMBERS_PER_MM = 1e-3  # growth of the variance of the coefficients: what keeps them awake for hours
@@ -40,7 +43,7 @@ FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
 BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
 RECENT = 30.0  # samples of the running statistics
-UNHEARD = 1e6  # times R: variance of what a recogniser that is not heard says
+UNHEARD = 1e-5  # least share of a recogniser that is not heard, in deviations
 
 Tensor = torch.Tensor
 
@@ -97,6 +100,8 @@ class TwinsStep(FilterStep):
         self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.recogniser = Recogniser()
+        self.familiarity = Familiarity()
+        self.guarded = False  # while it learns, everything is heard
         self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
@@ -176,13 +181,16 @@ class TwinsStep(FilterStep):
             variance,
             sample_time,
         )
+        if self.guarded:
+            known = self.familiarity(state.weights, state.counts, torch.log(variance))
+            acts, hears = acts * known[:, None], hears * known
         said = self.policy(features) * acts
-        on_gain, on_noise, on_growth = (torch.tanh(said) * self.reach).split(1, dim=1)
+        on_gain, on_noise, on_error, on_members = (torch.tanh(said) * self.reach).split(1, dim=1)
 
         grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None]
         grows = (
-            grown * torch.exp(on_growth) * self.of_error
-            + MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+            grown * torch.exp(on_error) * self.of_error
+            + MEMBERS_PER_MM * way_mm[:, None] * torch.exp(on_members) * self.of_members
             + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         )
         covariance = covariance + grows[:, :, None] * self.unit
@@ -206,7 +214,7 @@ class TwinsStep(FilterStep):
         column = covariance @ self.of_bias  # covariance of the state with b, and with the angle:
         trust = towards * (1 - doubt[:, None] * shrink) - column
         with_bias, of_bias = trust @ self.of_bias, column @ self.of_bias
-        heard = with_bias / (of_bias + (bias_variance + UNHEARD * (1 - hears)) * variance)
+        heard = with_bias / (of_bias + bias_variance * variance / hears.clamp(min=UNHEARD) ** 2)
         bend = middle + (angle * mean).sum(dim=1) + heard * (bias * root - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)

@@ -1,0 +1,91 @@
+"""Familiarity of a noise: of histograms as they were in training, and of others."""
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+from small_twins import TINY, generator, small_source, small_step
+
+from rl.twins.familiarity import FAMILIAR, Familiarity, divergence, learn_familiarity
+from rl.twins.filter_step import ALL
+from rl.twins.learning import filter_sequences, learn_what_is_familiar
+from rl.twins.recogniser import BINS, LAWS
+
+
+def test_divergence_is_that_of_kullback_and_leibler():
+    rng = generator(1)
+    laws = rng.dirichlet(np.ones(BINS), size=LAWS)
+    weights, counts = rng.dirichlet(np.ones(LAWS), size=6), 50 * rng.dirichlet(np.ones(BINS), size=6)
+    histograms = np.stack([np.log(laws), np.zeros_like(laws), np.zeros_like(laws)])
+    found = divergence(*(torch.as_tensor(of) for of in (histograms, weights, counts, np.zeros(6))))
+    expected = stats.entropy(counts / 50, weights @ laws, axis=1)
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """Two laws, which the recogniser knows from each other, and histograms of 20 to 400 samples of them."""
+    rng = generator(2)
+    centres = np.linspace(-3.9, 3.9, BINS)
+    laws = np.array([np.exp(-0.5 * centres**2), np.exp(-np.abs(centres - 1))])
+    laws /= laws.sum(axis=1, keepdims=True)
+
+    def draw(law, count):
+        sizes = rng.integers(20, 400, count)
+        return torch.tensor(np.array([rng.multinomial(size, law) for size in sizes]), dtype=torch.float32)
+
+    which = np.repeat([0, 1], 3000)
+    counts = torch.cat([draw(law, 3000) for law in laws])
+    weights = torch.zeros(6000, LAWS)
+    weights[range(6000), which] = 1
+    familiarity = Familiarity()
+    rows = generator(3)
+    learn_familiarity(
+        familiarity,
+        weights,
+        counts,
+        torch.zeros(6000),
+        lambda n: torch.as_tensor(rows.integers(6000, size=n)),
+    )
+    return familiarity, laws, draw
+
+
+def test_histograms_of_the_training_are_familiar(learned):
+    familiarity, laws, draw = learned
+    for place, law in enumerate(laws):
+        weights = torch.zeros(2000, LAWS)
+        weights[:, place] = 1
+        known = familiarity(weights, draw(law, 2000), torch.zeros(2000))
+        assert (known == 1).float().mean() > 2 * FAMILIAR - 1
+        found = torch.softmax(familiarity.histograms[0, place], dim=0)
+        np.testing.assert_allclose(found, law, atol=0.01)
+
+
+def test_of_a_foreign_noise_nothing_is_said(learned):
+    """Two bells, and the right histogram under the wrong belief."""
+    familiarity, laws, draw = learned
+    centres = np.linspace(-3.9, 3.9, BINS)
+    bells = np.exp(-8 * (np.abs(centres) - 2) ** 2)
+    weights = torch.zeros(500, LAWS)
+    weights[:, 0] = 1
+    for foreign in (bells / bells.sum(), laws[1]):
+        known = familiarity(weights, draw(foreign, 500), torch.zeros(500))
+        assert (known == 0).float().mean() > 0.95
+
+
+def test_before_anything_is_counted_and_before_it_has_learned_all_is_familiar(learned):
+    weights = torch.full((1, LAWS), 1 / LAWS)
+    for familiarity in (learned[0], Familiarity()):
+        assert familiarity(weights, torch.zeros(1, BINS), torch.zeros(1)) == 1
+    assert Familiarity()(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
+
+
+def test_the_finished_filter_finds_its_own_noises_familiar():
+    step, source = small_step(loud=0.5), small_source(("gaussian", "uniform"))
+    learn_what_is_familiar(step, source, TINY)
+    assert step.guarded
+    drawn = source.draw(200, 40, generator(9))
+    with torch.no_grad():
+        *_, (_, state) = filter_sequences(step, drawn, ALL)
+        known = step.familiarity(state.weights, state.counts, torch.log(drawn.variance))
+    assert (known == 1).float().mean() > 0.95
