@@ -99,18 +99,16 @@ def test_a_policy_that_does_nothing_changes_nothing():
 
 @pytest.mark.parametrize(("limit", "parts"), [(1e-6, NOTHING), (1e6, ALL)])
 def test_under_a_noise_that_training_never_met_the_filter_goes_on_alone(limit, parts):
-    """A limit that every histogram is beyond, and one that none is; before the first sample all is familiar."""
+    """A limit that every histogram is beyond, and one that none is, from the tenth sample on."""
     step, sequences = small_step(loud=2.0), drawn()
     guarded = small_step(loud=2.0)
     guarded.guarded = True
     guarded.familiarity.limit.copy_(torch.tensor([limit, 0.0]))
-    told = sequences.variance, sequences.sample_time
-    state = step.start(sequences.variance)
     with torch.no_grad():
-        found = [each for each, _ in filter_sequences(guarded, sequences, ALL)]
-        for k, output in enumerate(found):
-            now = (*(of[k] for of in sequences.inputs), sequences.measurement_deg[k], *told)
-            expected, state = step(*now, parts if k else ALL, state)
+        *_, (_, state) = filter_sequences(step, sequences.between(0, 10), ALL)
+        rest = sequences.between(10, 30)
+        found = filter_sequences(guarded, rest, ALL, state)
+        for (output, _), (expected, _) in zip(found, filter_sequences(step, rest, parts, state), strict=True):
             torch.testing.assert_close(output.bend_deg, expected.bend_deg)
             torch.testing.assert_close(output.deviation_deg, expected.deviation_deg)
 
