@@ -28,7 +28,9 @@ Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 OnProgress = Callable[[int, int, float], None]
 """Told how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
 Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | None], Path]
-TrainOnTwins = Callable[["Preset", "Ranges", "TrainingOptions", Path, OnProgress | None], Path]
+Noises = tuple[str, ...]
+"""Families of noise that are met in a training on simulated twins; all that there are, if empty."""
+TrainOnTwins = Callable[["Preset", "Ranges", Noises, "TrainingOptions", Path, OnProgress | None], Path]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,11 +41,13 @@ class Material:
         records: of the training set.
         active_model: filter or model that is learned beside.
         twins: preset and ranges of twins that may be simulated.
+        noises: families of noise that they are measured under; all, if empty.
     """
 
     records: Records = ()
     active_model: ActiveModel | None = None
     twins: "tuple[Preset, Ranges] | None" = None
+    noises: Noises = ()
 
 
 def material_of(knowledge: "Knowledge") -> Material:
@@ -86,7 +90,7 @@ class Trainer:
         if self.on_twins is not None:
             if material.twins is None:
                 raise InputError(f"{self.method.name} is trained on twins of a preset: none is given")
-            return self.on_twins(*material.twins, options, folder, on_progress)
+            return self.on_twins(*material.twins, material.noises, options, folder, on_progress)
         if self.train is None or material.active_model is None:
             raise InputError(f"{self.method.name} is trained on records beside a model: none are given")
         return self.train(material.records, material.active_model, options, folder, on_progress)

@@ -46,6 +46,8 @@ class Train:
     twins: on simulated twins of --preset under noises of every kind, for any sample time."""
     preset: str = "ureteroscope"
     """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
+    noises: tuple[str, ...] = ()
+    """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
     episodes: int = TrainingOptions.episodes
@@ -167,7 +169,7 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
             flag = f"--{field.name.replace('_', '-')}"
             raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     twins = load_preset(args.preset), load_ranges(args.preset)
-    return Material(twins=twins), f"simulated twins of {twins[0].name}"
+    return Material(twins=twins, noises=args.noises), f"simulated twins of {twins[0].name}"
 
 
 def _on_records(args: Train) -> "tuple[Material, str]":
@@ -176,6 +178,8 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     from twin.evaluation.reading import true_records
     from twin.hysteresis import load_model
 
+    if args.noises:
+        raise ValueError("--noises is for --protocol twins; --noise is what a training on records has")
     if not args.data or args.model is None:
         missing = "--model" if args.data else "folders of MCAP files"
         raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")

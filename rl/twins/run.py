@@ -11,7 +11,7 @@ import torch
 from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions
 from rl.run import write_curve
-from rl.trainers import OnProgress, TrainOnTwins
+from rl.trainers import Noises, OnProgress, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation_loss
@@ -156,16 +156,18 @@ def _train(
 def scaled_to_options(
     train: Callable[[Preset, Ranges, Settings, Path, OnProgress | None], Path], settings: Settings
 ) -> TrainOnTwins:
-    """Return a training that takes options: by these settings, as long as the options ask for."""
+    """Return a training that takes noises and options: by these settings, as long as the options ask for."""
 
     def run(
         preset: Preset,
         ranges: Ranges,
+        noises: Noises,
         options: TrainingOptions,
         folder: Path,
         on_progress: OnProgress | None = None,
     ) -> Path:
-        return train(preset, ranges, settings.scaled(options), folder, on_progress)
+        chosen = dataclasses.replace(settings.scaled(options), noises=noises or settings.noises)
+        return train(preset, ranges, chosen, folder, on_progress)
 
     return run
 
