@@ -28,9 +28,24 @@ Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 OnProgress = Callable[[int, int, float], None]
 """Told how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
 Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | None], Path]
-Noises = tuple[str, ...]
-"""Families of noise that are met in a training on simulated twins; all that there are, if empty."""
-TrainOnTwins = Callable[["Preset", "Ranges", Noises, "TrainingOptions", Path, OnProgress | None], Path]
+TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None], Path]
+
+
+@dataclasses.dataclass(frozen=True)
+class Simulated:
+    """What a training on simulated twins simulates.
+
+    Attributes:
+        preset: the endoscope.
+        ranges: what varies from one to the next.
+        noises: families of the measurement noise; all that there are, if empty.
+        stroke_mm: that the commands lie within; the training's own, if None.
+    """
+
+    preset: "Preset"
+    ranges: "Ranges"
+    noises: tuple[str, ...] = ()
+    stroke_mm: tuple[float, float] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,20 +55,19 @@ class Material:
     Attributes:
         records: of the training set.
         active_model: filter or model that is learned beside.
-        twins: preset and ranges of twins that may be simulated.
-        noises: families of noise that they are measured under; all, if empty.
+        simulated: twins that may be simulated.
     """
 
     records: Records = ()
     active_model: ActiveModel | None = None
-    twins: "tuple[Preset, Ranges] | None" = None
-    noises: Noises = ()
+    simulated: Simulated | None = None
 
 
 def material_of(knowledge: "Knowledge") -> Material:
     """Return what a method may be trained on, of what a comparison knows."""
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
-    return Material(knowledge.records, active_model, knowledge.twins)
+    simulated = Simulated(*knowledge.twins) if knowledge.twins else None
+    return Material(knowledge.records, active_model, simulated)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,9 +102,9 @@ class Trainer:
             ValueError: what it is trained on is missing.
         """
         if self.on_twins is not None:
-            if material.twins is None:
+            if material.simulated is None:
                 raise InputError(f"{self.method.name} is trained on twins of a preset: none is given")
-            return self.on_twins(*material.twins, material.noises, options, folder, on_progress)
+            return self.on_twins(material.simulated, options, folder, on_progress)
         if self.train is None or material.active_model is None:
             raise InputError(f"{self.method.name} is trained on records beside a model: none are given")
         return self.train(material.records, material.active_model, options, folder, on_progress)

@@ -48,6 +48,8 @@ class Train:
     """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
     noises: tuple[str, ...] = ()
     """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all, if not given."""
+    stroke: tuple[float, float] | None = None
+    """Protocol twins: lowest and highest pulling distance that is met [mm]; -4 4, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
     episodes: int = TrainingOptions.episodes
@@ -159,7 +161,7 @@ def _agent(args: Train) -> str:
 
 
 def _on_twins(args: Train) -> "tuple[Material, str]":
-    from rl.trainers import Material
+    from rl.trainers import Material, Simulated
     from twin.preset import load_preset, load_ranges
 
     if args.data or args.model:
@@ -168,8 +170,9 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
         if field.name in _OF_RECORDS and getattr(args, field.name) != field.default:
             flag = f"--{field.name.replace('_', '-')}"
             raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
-    twins = load_preset(args.preset), load_ranges(args.preset)
-    return Material(twins=twins, noises=args.noises), f"simulated twins of {twins[0].name}"
+    preset = load_preset(args.preset)
+    simulated = Simulated(preset, load_ranges(args.preset), args.noises, args.stroke)
+    return Material(simulated=simulated), f"simulated twins of {preset.name}"
 
 
 def _on_records(args: Train) -> "tuple[Material, str]":
@@ -178,8 +181,9 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     from twin.evaluation.reading import true_records
     from twin.hysteresis import load_model
 
-    if args.noises:
-        raise ValueError("--noises is for --protocol twins; --noise is what a training on records has")
+    if args.noises or args.stroke is not None:
+        flag = "--noises" if args.noises else "--stroke"
+        raise ValueError(f"{flag} is for --protocol twins: records have their own")
     if not args.data or args.model is None:
         missing = "--model" if args.data else "folders of MCAP files"
         raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")

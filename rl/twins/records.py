@@ -16,8 +16,7 @@ Array32 = NDArray[np.float32]
 
 SAMPLE_TIME = 0.02
 """Between two samples of a training record [s]; coarser sampling thins it."""
-STROKE_LIMIT_MM = 4.0
-_WIDTHS_MM = (1.0, 8.0)
+_NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
@@ -53,6 +52,7 @@ def simulate_records(
     commands: int,
     twins: int,
     seconds: float,
+    stroke_mm: tuple[float, float] = (-4.0, 4.0),
     seed: int,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> TwinRecords:
@@ -62,9 +62,10 @@ def simulate_records(
         preset: what does not vary.
         ranges: what does; a fourth of the twins is drawn from wider ones.
         members: twins that a prediction is made of.
-        commands: C, one kind of signal after the other, on strokes anywhere within 4 mm.
+        commands: C, one kind of signal after the other.
         twins: K along each command, a third of them with a sheath that is bent on meanwhile.
         seconds: length of a record.
+        stroke_mm: that commands lie within, on strokes of any width and place.
         seed: of commands and twins.
         on_progress: told how many of how many commands are done.
 
@@ -75,7 +76,7 @@ def simulate_records(
     pulls, bends = [], []
     for number in range(commands):
         rng = np.random.default_rng([seed, _COMMANDS, number])
-        pull = command(kinds[number % len(kinds)], _stroke(rng), seconds, SAMPLE_TIME, rng)
+        pull = command(kinds[number % len(kinds)], _stroke(stroke_mm, rng), seconds, SAMPLE_TIME, rng)
         presets = list(members)
         sheath_bends: list[NDArray[np.float64] | None] = [None] * len(members)
         # Drawn from wider ranges, a twin may find no equilibrium: the first that do are taken.
@@ -100,8 +101,9 @@ def simulate_records(
     return TwinRecords(np.array(pulls, np.float32) * 1e3, bend[:, : len(members)], bend[:, len(members) :])
 
 
-def _stroke(rng: np.random.Generator) -> tuple[float, float]:
-    """Return a stroke [m] of any width and place within the limit."""
-    width = float(np.exp(rng.uniform(*np.log(_WIDTHS_MM))))
-    middle = rng.uniform(-1, 1) * (STROKE_LIMIT_MM - width / 2)
+def _stroke(limits_mm: tuple[float, float], rng: np.random.Generator) -> tuple[float, float]:
+    """Return a stroke [m] of any width and place within limits."""
+    low, high = limits_mm
+    width = (high - low) * float(np.exp(rng.uniform(np.log(_NARROWEST), 0)))
+    middle = (low + high) / 2 + rng.uniform(-1, 1) * (high - low - width) / 2
     return (middle - width / 2) * 1e-3, (middle + width / 2) * 1e-3

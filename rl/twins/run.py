@@ -1,6 +1,7 @@
 """A training on simulated twins: records, lessons, validation and file, in one run folder."""
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import torch
 from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions
 from rl.run import write_curve
-from rl.trainers import Noises, OnProgress, TrainOnTwins
+from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation_loss
@@ -19,6 +20,8 @@ from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import Prediction, SequenceSource, split_records
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
+from twin.dataset.farthest import farthest_pull
+from twin.errors import InputError
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
@@ -79,12 +82,14 @@ def train_on_twins(
         The trained file.
 
     Raises:
-        ValueError: the preset has a second bending plane or gravity, or the folder holds another run.
+        ValueError: the preset has a second bending plane or gravity, the stroke is beyond its reach, or the
+            folder holds another run.
         FloatingPointError: a simulation or the training diverged.
     """
     check_members([preset])
+    _check_stroke(preset, settings.stroke_mm)
     configuration = {
-        "training": dataclasses.asdict(settings) | {"noises": list(settings.noises)},
+        "training": json.loads(json.dumps(dataclasses.asdict(settings))),
         "preset": preset.to_dict(),
         "ranges": ranges.to_dict(),
     }
@@ -100,6 +105,14 @@ def train_on_twins(
             finally:
                 torch.set_flush_denormal(False)
     return path
+
+
+def _check_stroke(preset: Preset, stroke_mm: tuple[float, float]) -> None:
+    low, high = stroke_mm
+    farthest_mm = farthest_pull(preset) * 1e3
+    if not max(-low, high) <= farthest_mm:
+        most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
+        raise InputError(f"stroke [{low:g}, {high:g}] mm: {most}: is the unit right?")
 
 
 def _train(
@@ -119,6 +132,7 @@ def _train(
         commands=settings.commands,
         twins=settings.twins,
         seconds=settings.seconds,
+        stroke_mm=settings.stroke_mm,
         seed=settings.seed,
         on_progress=shown.of(0),
     )
@@ -156,18 +170,20 @@ def _train(
 def scaled_to_options(
     train: Callable[[Preset, Ranges, Settings, Path, OnProgress | None], Path], settings: Settings
 ) -> TrainOnTwins:
-    """Return a training that takes noises and options: by these settings, as long as the options ask for."""
+    """Return a training that takes options: by these settings, but for what is given."""
 
     def run(
-        preset: Preset,
-        ranges: Ranges,
-        noises: Noises,
+        simulated: Simulated,
         options: TrainingOptions,
         folder: Path,
         on_progress: OnProgress | None = None,
     ) -> Path:
-        chosen = dataclasses.replace(settings.scaled(options), noises=noises or settings.noises)
-        return train(preset, ranges, chosen, folder, on_progress)
+        chosen = dataclasses.replace(
+            settings.scaled(options),
+            noises=simulated.noises or settings.noises,
+            stroke_mm=simulated.stroke_mm or settings.stroke_mm,
+        )
+        return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 
     return run
 

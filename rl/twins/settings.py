@@ -21,6 +21,7 @@ class SimulatedTraining:
         commands: C, along which twins are simulated.
         twins: K along each command, whose angle is estimated.
         seconds: length of a record.
+        stroke_mm: that commands lie within, of any width and place.
         sequences: with their own noise, that run side by side.
         episode: samples until all begin anew, on other records.
         window: samples that an error is traced back over.
@@ -44,6 +45,7 @@ class SimulatedTraining:
     commands: int = 90
     twins: int = 8
     seconds: float = 40.0
+    stroke_mm: tuple[float, float] = (-4.0, 4.0)
     sequences: int = 128
     episode: int = 300
     window: int = 50
@@ -63,6 +65,9 @@ class SimulatedTraining:
             ValueError: records are shorter than an episode.
         """
         check_families(self.noises)
+        low, high = self.stroke_mm
+        if not low < high:
+            raise InputError(f"stroke [{low:g}, {high:g}] mm: must rise")
         if not self.window <= self.episode <= int(self.seconds / (SAMPLE_TIME * STRIDES[0])) - 1:
             raise InputError(
                 f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "

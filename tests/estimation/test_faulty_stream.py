@@ -116,7 +116,7 @@ def test_memory_is_flat(knowledge):
 @pytest.mark.endurance
 def test_a_million_faulty_samples(knowledge, records, tmp_path):
     from rl.options import TrainingOptions
-    from rl.trainers import Material, find_trainer
+    from rl.trainers import Material, Simulated, find_trainer
     from twin.preset import load_preset, load_ranges
 
     few = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
@@ -125,8 +125,8 @@ def test_a_million_faulty_samples(knowledge, records, tmp_path):
         options = TrainingOptions(agent=agent, seed=1, **few)
         (tmp_path / agent).mkdir()
         active_model = ActiveModel(COLEMAN_HODGDON, T)
-        twins = load_preset("ureteroscope"), load_ranges("ureteroscope")
-        material = Material(records, active_model, twins)
+        simulated = Simulated(load_preset("ureteroscope"), load_ranges("ureteroscope"))
+        material = Material(records, active_model, simulated)
         trained[agent] = (find_trainer(agent).run(material, options, tmp_path / agent),)
     known = Knowledge(T, MODELS, records, fits=FITS, trained=trained, smallest_wire_offset=1e-3)
     memory, pushed, slow = [], 0, {}

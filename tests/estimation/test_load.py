@@ -10,7 +10,7 @@ import pytest
 from faulty_stream import run_faulty
 
 from rl.options import TrainingOptions
-from rl.trainers import Material, find_trainer
+from rl.trainers import Material, Simulated, find_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.trained_file import read_trained_file
@@ -27,7 +27,7 @@ FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    material = Material(records, ActiveModel(model, 0.1), (PRESET, RANGES))
+    material = Material(records, ActiveModel(model, 0.1), Simulated(PRESET, RANGES))
     return find_trainer(request.param).run(material, options, folder)
 
 

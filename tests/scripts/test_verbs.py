@@ -306,6 +306,8 @@ def mistakes(workspace):
         ("train data/train --model absurd.json --out x", "the first two positive"),
         ("train data/train --model coleman_hodgdon.json --workers 2 --out x", "are for several trainings"),
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
+        ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
+        ("train --protocol twins --stroke 4 -4 --out x", "stroke [4, -4] mm: must rise"),
         ("train --protocol twins --noises gaussian cauchy --out x", "training noises cauchy: choose from"),
         ("train data/train --model coleman_hodgdon.json --seeds 0 --out x", "seeds 0: must be at least 1"),
         (
