@@ -140,7 +140,7 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         if agent not in AGENTS:
             raise InputError(f"unknown agent {agent!r}; valid: {', '.join(map(str, AGENTS))}")
         model = model or PAPER_MODEL
-        pull, bend = stack_records(records or [_model_record(model, sample_time)])
+        pull, bend = stack_records(records or [model_record(model, sample_time)])
         self.batch = BatchEnvironment(
             TrainingTask(pull, bend), AGENTS[agent](ActiveModel(model, sample_time)), count=1
         )
@@ -170,7 +170,7 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
 PAPER_MODEL = ColemanHodgdon(1.15, 22.38, 5.0)  # eq. 12
 
 
-def _model_record(model: ColemanHodgdon, sample_time: float) -> tuple[Array, Array]:
+def model_record(model: ColemanHodgdon, sample_time: float) -> tuple[Array, Array]:
     """One minute of the model's own loop on the paper's training stroke."""
     pull = 3 + np.sin(2 * np.pi * np.arange(round(60 / sample_time)) * sample_time / 8)
     return pull, model.response(pull, 60.0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecEnv
 
 from rl.checkpoint import (
     CHECKPOINT,
@@ -81,7 +82,7 @@ def train_policy(
                 training.seed,
                 training.reward_scale,
             )
-            ppo = _new_ppo(environment, training)
+            ppo = new_ppo(environment, training)
             key = state_key(__version__, torch.__version__, configuration, pull, bend)
             run = _Run(folder, key, training, environment, on_progress)
             run.curve = load_checkpoint(checkpoint, key, ppo, environment)
@@ -109,7 +110,8 @@ def _learn(ppo: PPO, run: "_Run") -> None:
     check_finite(ppo)
 
 
-def _new_ppo(environment: ReplayedEnvironment, training: TrainingOptions) -> PPO:
+def new_ppo(environment: VecEnv, training: TrainingOptions) -> PPO:
+    """Return an untrained policy with the parameters of a training."""
     ppo = PPO(
         "MlpPolicy",
         environment,

@@ -48,11 +48,13 @@ class Benchmark:
 def benchmark(args: Benchmark) -> Summary:
     """Write `benchmark.json`; the exit code is 1 where a bar does not hold."""
     require_extra("sim")
+    from rl.benchmark import OF_LEARNING
     from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
     from twin.files.atomic import write_whole
     from twin.files.ours import MADE_BY
 
-    names = args.only or tuple(MEASUREMENTS)
+    table_of_all = MEASUREMENTS | OF_LEARNING
+    names = args.only or tuple(table_of_all)
     size = Size(
         preset=args.preset,
         amplitude=args.amplitude * 1e-3,
@@ -64,10 +66,10 @@ def benchmark(args: Benchmark) -> Summary:
         episodes=args.episodes,
         many_episodes=args.many_episodes,
     )
-    check_measurements(size, names)
+    check_measurements(size, names, table_of_all)
     table = args.out.with_suffix(".md")
     out = output_file(args.out, (".json",), '"peer_value"', beside={table.name: MADE_BY})
-    results = measure(size, names, _begin)
+    results = measure(size, names, _begin, table_of_all)
     contents = {name: result.to_dict() for name, result in results.items()}
     write_whole(out, json.dumps(contents, indent=2) + "\n")
     write_whole(table, f"{results_table(args.preset, results)}\n<!-- {MADE_BY} -->\n")

@@ -28,13 +28,15 @@ class Familiarity(torch.nn.Module):
 
     Attributes:
         histograms: (3, LAWS, BINS) logarithms of probabilities, as polynomials in the logarithm of R.
-        limit: (2,) a and b of the limit a + b / counts.
+        level: of the limit, where very much is counted.
+        slope: what the limit has more where less is counted, over 1 / counts.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.histograms = torch.nn.Buffer(torch.zeros(3, LAWS, BINS))
-        self.limit = torch.nn.Buffer(torch.tensor([1e9, 0.0]))  # before it has learned, all is familiar
+        self.level = torch.nn.Buffer(torch.tensor(1e9))  # before it has learned, all is familiar
+        self.slope = torch.nn.Buffer(torch.tensor(0.0))
 
     def divergence(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
         """Return (B,) the divergence of what was counted from what is believed.
@@ -49,8 +51,7 @@ class Familiarity(torch.nn.Module):
     def forward(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
         """Return (B,) how familiar the noise is, from 0 to 1; arguments as in `divergence`."""
         total = counts.sum(dim=-1).clamp(min=LEAST_COUNTS)
-        a, b = self.limit.split(1)
-        limit = a + b / total
+        limit = self.level + self.slope / total
         beyond = self.divergence(weights, counts, log_variance) / limit
         known: Tensor = ((SILENT - beyond) / (SILENT - 1)).clamp(min=0, max=1)
         return known
@@ -106,4 +107,5 @@ def learn_familiarity(
     slope = ((inverse - inverse.mean()) * (reached - reached.mean())).sum()
     slope = (slope / ((inverse - inverse.mean()) ** 2).sum().clamp(min=1e-12)).clamp(min=0)
     level = (reached - slope * inverse).max()  # above the limits of all groups
-    familiarity.limit.copy_(torch.stack([level.clamp(min=1e-3), slope]))
+    familiarity.level.copy_(level.clamp(min=1e-3))
+    familiarity.slope.copy_(slope)

@@ -103,7 +103,7 @@ def test_under_a_noise_that_training_never_met_the_filter_goes_on_alone(limit, p
     step, sequences = small_step(loud=2.0), drawn()
     guarded = small_step(loud=2.0)
     guarded.guarded = True
-    guarded.familiarity.limit.copy_(torch.tensor([limit, 0.0]))
+    guarded.familiarity.level.fill_(limit)
     with torch.no_grad():
         *_, (_, state) = filter_sequences(step, sequences.between(0, 10), ALL)
         rest = sequences.between(10, 30)

@@ -148,33 +148,46 @@ DRAWN = {"random_draws", "reduced", "reduced_online", "reduced_draws", "reduced_
 """Measurements that draw endoscopes from the preset's ranges."""
 
 
-def check_measurements(size: Size, names: Sequence[str]) -> None:
+def check_measurements(
+    size: Size, names: Sequence[str], table: Mapping[str, Measurement] = MEASUREMENTS
+) -> None:
     """Refuse, before any work, what cannot be measured.
+
+    Args:
+        size: what is measured, and how much of it.
+        names: of the table.
+        table: all measurements by name.
 
     Raises:
         ValueError: a name is no measurement, or the preset is unknown, or states no ranges to draw from.
     """
     for name in names:
-        if name not in MEASUREMENTS:
-            raise InputError(f"unknown measurement {name!r}; valid: {', '.join(MEASUREMENTS)}")
+        if name not in table:
+            raise InputError(f"unknown measurement {name!r}; valid: {', '.join(table)}")
     load_preset(size.preset)
     if DRAWN.intersection(names):
         load_ranges(size.preset)
 
 
-def measure(size: Size, names: Sequence[str], progress: Callable[[str], OnProgress]) -> dict[str, Result]:
+def measure(
+    size: Size,
+    names: Sequence[str],
+    progress: Callable[[str], OnProgress],
+    table: Mapping[str, Measurement] = MEASUREMENTS,
+) -> dict[str, Result]:
     """Run measurements one after the other and return their results by name.
 
     Args:
         size: what is measured, and how much of it.
-        names: of `MEASUREMENTS`.
+        names: of the table.
         progress: called with each name when it begins, returns what is told how far it is.
+        table: all measurements by name.
     """
-    check_measurements(size, names)
+    check_measurements(size, names, table)
     preset = load_preset(size.preset)
     results: dict[str, Result] = {}
     for name in names:
-        result = MEASUREMENTS[name](preset, size, progress(name))
+        result = table[name](preset, size, progress(name))
         results |= result if isinstance(result, dict) else {name: result}
     return results
 

@@ -1,0 +1,116 @@
+"""Measurements of what learns: the cost of PPO's environment, and of one sample of RAM (twins)."""
+
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
+from rl.options import TrainingOptions
+from rl.training import new_ppo
+from rl.twins.graph import export_twins
+from rl.twins.records import draw_members
+from rl.twins.settings import TwinsTraining
+from rl.twins.step import TwinsStep
+from twin.benchmark.measurements import Measurement, OnProgress, Size
+from twin.benchmark.result import Result
+from twin.benchmark.signals import SAMPLE_TIME, sinusoid
+from twin.benchmark.speed import in_turn
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Sensor
+from twin.estimation.learned import ram_twins
+from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.task import TrainingTask, stack_records
+from twin.preset.preset import Preset
+from twin.preset.randomization import load_ranges
+from twin.reduced.following import members_to_dict
+
+SAMPLES = 16 * TrainingOptions.horizon  # of PPO in one measurement
+WHOLE_TRAINING = 1.2e6  # samples of the paper's 2000 episodes
+T = 0.1  # [s]
+
+Array32 = NDArray[np.float32]
+
+
+class IdleEnvironment(BatchEnvironment):
+    """Environments that do nothing in a step: what is left is the cost of PPO itself."""
+
+    def step_wait(self) -> tuple[Array32, Array32, NDArray[np.bool_], list[dict[str, Any]]]:
+        """Return the first observation again, no reward, and the end of an episode with its record."""
+        self.sample += 1
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        ended = self.sample == self.task.pull_mm.shape[1]
+        if ended:
+            self.sample = 1
+            for info, last in zip(infos, self._last_observation, strict=True):
+                info |= {"TimeLimit.truncated": True, "terminal_observation": last}
+        return (
+            self._last_observation,
+            np.zeros(self.num_envs, np.float32),
+            np.full(self.num_envs, ended),
+            infos,
+        )
+
+
+def ppo() -> dict[str, Result]:
+    """Measure PPO in the environment of the paper's RAM, against one that does nothing."""
+    options = TrainingOptions(seed=1)
+    agent = ReinforcementActiveModel(ActiveModel(PAPER_MODEL, T))
+    pull, bend = stack_records([model_record(PAPER_MODEL, T)])
+    torch.set_num_threads(1)
+    ours, idle = (
+        new_ppo(kind(TrainingTask(pull, bend), agent, options.environments, 1, options.reward_scale), options)
+        for kind in (BatchEnvironment, IdleEnvironment)
+    )
+    whole = WHOLE_TRAINING / SAMPLES
+    took, nothing = (
+        whole * seconds for seconds in in_turn(lambda: ours.learn(SAMPLES), lambda: idle.learn(SAMPLES))
+    )
+    idly, bar = "an environment that does nothing", "below 1.2 times one that does nothing"
+    return {
+        "ppo_environment": Result("PPO, 1.2 M samples", took, "s", bar, took < 1.2 * nothing, idly, nothing),
+        "ppo_time": Result("PPO, 1.2 M samples", took, "s", "below 120 s", took < 120),
+    }
+
+
+def one_sample(preset: Preset, size: Size) -> Result:
+    """Measure one sample of RAM (twins) with its members, on one core; an untrained one takes as long."""
+    settings = TwinsTraining()
+    members = draw_members(preset, load_ranges(size.preset), settings.members, 1)
+    step = TwinsStep(torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]).eval()
+    step.guarded = True
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / ram_twins.TRAINING.file
+        export_twins(
+            step, settings.members, {"agent": ram_twins.AGENT, "members": members_to_dict(members)}, path
+        )
+        estimator = ram_twins.load(path).with_sensor(Sensor(1.0))
+    pull = sinusoid(size.amplitude, 8.0, 8)[:: round(T / SAMPLE_TIME), None] * 1e3
+    measurement = np.random.default_rng(1).standard_normal((len(pull), 1))
+    state = estimator.start(pull[0], measurement[0])
+    took = []
+    for k in range(1, len(pull)):
+        begun = time.perf_counter()
+        state = estimator.step(state, pull[k], pull[k - 1], measurement[k])
+        took.append(time.perf_counter() - begun)
+    median = 1e3 * statistics.median(took)
+    return Result(
+        f"one sample of RAM (twins), {settings.members} members", median, "ms", "below 1 ms", median < 1
+    )
+
+
+def _ppo(preset: Preset, size: Size, progress: OnProgress) -> dict[str, Result]:
+    return ppo()
+
+
+def _one_sample(preset: Preset, size: Size, progress: OnProgress) -> Result:
+    return one_sample(preset, size)
+
+
+OF_LEARNING: dict[str, Measurement] = {"ppo": _ppo, "ram_twins_online": _one_sample}
+"""Each measurement by its name; those of the twin are in `twin.benchmark.measurements`."""
