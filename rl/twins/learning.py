@@ -17,7 +17,7 @@ import torch
 from rl.supervised import GRADIENT_LIMIT
 from rl.twins.balance import TypicalErrors
 from rl.twins.checkpoint import Keeper
-from rl.twins.familiarity import learn_familiarity
+from rl.twins.familiarity import Histograms
 from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
 from rl.twins.sequences import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
@@ -79,21 +79,22 @@ def learn_noise(
 def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
     rng = np.random.default_rng([settings.seed, _FAMILIARITY])
-    weights, counts, levels = [], [], []
-    for _ in range(max(settings.interval_sequences // 256, 1)):
-        drawn = source.draw(min(256, settings.interval_sequences), settings.episode, rng)
+    half = min(128, settings.interval_sequences // 2)
+    found: tuple[list[Histograms], list[Histograms]] = ([], [])
+    for _ in range(max(settings.interval_sequences // (2 * half), 1)):
+        drawn = source.draw(2 * half, settings.episode, rng)
         with torch.no_grad():
             for place, (_, state) in enumerate(filter_sequences(step, drawn, ALL)):
                 if place % 10 == 9:  # neighbours tell little more
-                    weights.append(state.weights)
-                    counts.append(state.counts)
-                    levels.append(torch.log(drawn.variance))
+                    whole = Histograms(state.weights, state.counts, torch.log(drawn.variance))
+                    for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
+                        part.append(Histograms(*(of[rows] for of in whole)))
+    seen, held_out = (Histograms(*map(torch.cat, zip(*part, strict=True))) for part in found)
 
-    def rows(count: int) -> torch.Tensor:
-        return torch.as_tensor(rng.integers(len(seen[0]), size=count))
+    def draw(count: int) -> torch.Tensor:
+        return torch.as_tensor(rng.integers(len(seen.counts), size=count))
 
-    seen = torch.cat(weights), torch.cat(counts), torch.cat(levels)
-    learn_familiarity(step.familiarity, *seen, rows)
+    step.familiarity.learn(seen, held_out, draw)
     step.guarded = True
 
 

@@ -6,7 +6,7 @@ import torch
 from scipy import stats
 from small_twins import TINY, generator, small_source, small_step
 
-from rl.twins.familiarity import FAMILIAR, Familiarity, divergence, learn_familiarity
+from rl.twins.familiarity import FAMILIAR, LEVELS, Familiarity, Histograms
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences, learn_what_is_familiar
 from rl.twins.recogniser import BINS, LAWS
@@ -16,8 +16,12 @@ def test_divergence_is_that_of_kullback_and_leibler():
     rng = generator(1)
     laws = rng.dirichlet(np.ones(BINS), size=LAWS)
     weights, counts = rng.dirichlet(np.ones(LAWS), size=6), 50 * rng.dirichlet(np.ones(BINS), size=6)
-    histograms = np.stack([np.log(laws), np.zeros_like(laws), np.zeros_like(laws)])
-    found = divergence(*(torch.as_tensor(of) for of in (histograms, weights, counts, np.zeros(6))))
+    familiarity = Familiarity()
+    familiarity.histograms.copy_(torch.as_tensor(np.log(laws))[:, None, :].expand(-1, LEVELS[2], -1))
+    told = (
+        torch.as_tensor(of, dtype=torch.float32) for of in (weights, counts, np.log([0.1, 0.5, 1, 2, 4, 8]))
+    )
+    found = familiarity.divergence(*told)
     expected = stats.entropy(counts / 50, weights @ laws, axis=1)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
 
@@ -35,13 +39,14 @@ def learned():
         return torch.tensor(np.array([rng.multinomial(size, law) for size in sizes]), dtype=torch.float32)
 
     which = np.repeat([0, 1], 3000)
-    counts = torch.cat([draw(law, 3000) for law in laws])
     weights = torch.zeros(6000, LAWS)
     weights[range(6000), which] = 1
     familiarity = Familiarity()
     rows = generator(3)
-    seen = weights, counts, torch.zeros(6000)
-    learn_familiarity(familiarity, *seen, lambda n: torch.as_tensor(rows.integers(6000, size=n)))
+    parts = [
+        Histograms(weights, torch.cat([draw(law, 3000) for law in laws]), torch.zeros(6000)) for _ in range(2)
+    ]
+    familiarity.learn(*parts, lambda n: torch.as_tensor(rows.integers(6000, size=n)))
     return familiarity, laws, draw
 
 
@@ -51,8 +56,8 @@ def test_histograms_of_the_training_are_familiar(learned):
         weights = torch.zeros(2000, LAWS)
         weights[:, place] = 1
         known = familiarity(weights, draw(law, 2000), torch.zeros(2000))
-        assert (known == 1).float().mean() > 2 * FAMILIAR - 1
-        found = torch.softmax(familiarity.histograms[0, place], dim=0)
+        assert (known == 1).float().mean() > 3 * FAMILIAR - 2
+        found = torch.softmax(familiarity.histograms[place], dim=-1)[[6, 7]].mean(dim=0)  # about R = 1
         np.testing.assert_allclose(found, law, atol=0.01)
 
 
