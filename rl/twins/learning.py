@@ -79,7 +79,7 @@ def learn_noise(
 def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
     rng = np.random.default_rng([settings.seed, _FAMILIARITY])
-    half = min(128, settings.interval_sequences // 2)
+    half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     for _ in range(max(settings.interval_sequences // (2 * half), 1)):
         drawn = source.draw(2 * half, settings.episode, rng)
