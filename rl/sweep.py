@@ -19,7 +19,7 @@ _SECONDS = 0.5  # between two looks at it
 
 
 class Share(NamedTuple):
-    """How far a training is.
+    """Progress of one training.
 
     Attributes:
         done: of it, from 0 to 1.
@@ -31,7 +31,7 @@ class Share(NamedTuple):
 
 
 Shares = MutableMapping[int, Share]
-"""How far the training of each seed is."""
+"""Progress of the training of each seed."""
 
 
 def seeds_from(first: int, count: int) -> range:

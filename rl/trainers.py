@@ -33,7 +33,7 @@ TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None
 
 @dataclasses.dataclass(frozen=True)
 class Simulated:
-    """What a training on simulated twins simulates.
+    """Twins that a training simulates, and the noise that they are measured under.
 
     Attributes:
         preset: the endoscope.

@@ -72,7 +72,7 @@ def given_files(
 
 
 _OF_SEED = ("members", "model")
-"""What a training draws or identifies by its seed, beside what it learns."""
+"""Parts of a file that depend on the seed, beside what is learned."""
 
 
 def _settings(file: TrainedFile) -> dict[str, Any]:

@@ -92,6 +92,8 @@ class TwinsTraining(SimulatedTraining):
     """Settings of the training of RAM (twins).
 
     Attributes:
+        sequences: with their own noise, that run side by side.
+        window: samples that an error is traced back over: shorter windows of more sequences take less time.
         members: M, twins that the prediction is made of.
         rank: r, directions among them that are estimated.
         recogniser_sequences: records that the recogniser learns from first.
