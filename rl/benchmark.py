@@ -17,7 +17,7 @@ from rl.twins.graph import export_twins
 from rl.twins.records import draw_members
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
-from twin.benchmark.measurements import Measurement, OnProgress, Size
+from twin.benchmark.measurements import Measurement, Size
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.benchmark.speed import in_turn
@@ -104,13 +104,8 @@ def one_sample(preset: Preset, size: Size) -> Result:
     )
 
 
-def _ppo(preset: Preset, size: Size, progress: OnProgress) -> dict[str, Result]:
-    return ppo()
-
-
-def _one_sample(preset: Preset, size: Size, progress: OnProgress) -> Result:
-    return one_sample(preset, size)
-
-
-OF_LEARNING: dict[str, Measurement] = {"ppo": _ppo, "ram_twins_online": _one_sample}
+OF_LEARNING: dict[str, Measurement] = {
+    "ppo": lambda *_: ppo(),
+    "ram_twins_online": lambda preset, size, _: one_sample(preset, size),
+}
 """Each measurement by its name; those of the twin are in `twin.benchmark.measurements`."""

@@ -1,10 +1,8 @@
 """Trainings of one method that differ in their seed alone, side by side."""
 
-import contextlib
 import dataclasses
 import math
-import multiprocessing
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import MutableMapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from pathlib import Path
 from typing import NamedTuple
@@ -72,7 +70,7 @@ def train_seeds(
         executor: where they are trained.
         on_progress: told thousandths of a training done, their number in all, and the mean reward per sample
             over those that are under way [deg^2].
-        shares: where workers tell how far they are; see `shared_progress`. Without it, finished ones count.
+        shares: where workers tell how far they are; a `shared_table`. Without it, finished ones count.
 
     Returns:
         The trained files, in the order of the seeds.
@@ -110,10 +108,3 @@ def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProg
     rewards = [share.reward for share in told.values() if not math.isnan(share.reward)]
     mean = sum(rewards) / len(rewards) if rewards else math.nan
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)
-
-
-@contextlib.contextmanager
-def shared_progress() -> Iterator[Shares]:
-    """Context manager: a table that worker processes of this machine write into."""
-    with multiprocessing.get_context("spawn").Manager() as manager:
-        yield manager.dict()

@@ -15,7 +15,7 @@ from twin.errors import require_extra
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark:
-    """Measure physics, datasets, filters and identification at full size, into a JSON file and a table."""
+    """Measure physics, datasets, filters, identification and learning at full size: JSON and a table."""
 
     out: Path = Path("benchmark.json")
     """File to write; a table of the same name ends in .md."""

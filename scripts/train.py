@@ -115,8 +115,9 @@ def _train_seeds(
     args: Train, count: int, material: "Material", options: TrainingOptions, source: str
 ) -> Summary:
     """Train with several seeds side by side."""
-    from rl.sweep import folder_of, seeds_from, shared_progress, train_seeds
+    from rl.sweep import folder_of, seeds_from, train_seeds
     from twin.workers.choice import choose_workers
+    from twin.workers.processes import shared_table
 
     seeds = seeds_from(args.seed, count)
     if find_training(options.agent).on_twins:
@@ -126,7 +127,7 @@ def _train_seeds(
         folder = output_folder(args.out)
         before = _begun_before([folder_of(folder, seed) for seed in seeds], options.agent)
         executor, _ = stack.enter_context(choose_workers(count, args.workers, args.dask))
-        shares = stack.enter_context(shared_progress()) if args.dask is None else None
+        shares = stack.enter_context(shared_table()) if args.dask is None else None
         paths = train_seeds(material, options, seeds, folder, executor, progress, shares)
     line = f"{args.out}: {options.agent} trained on {source} with seeds {seeds[0]} to {seeds[-1]}{before}"
     return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent})
@@ -140,9 +141,10 @@ def _begun_before(folders: Sequence[Path], agent: str) -> str:
     stopped = [folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()]
     resumed = [name for name in stopped if name not in finished]
     told = {"finished before": finished, "resumed from its checkpoint": resumed}
-    if len(folders) == 1:
-        return "".join(f"; {word}" for word, names in told.items() if names)
-    return "".join(f"; {word}: {', '.join(names)}" for word, names in told.items() if names)
+    alone = len(folders) == 1
+    return "".join(
+        f"; {word}" if alone else f"; {word}: {', '.join(names)}" for word, names in told.items() if names
+    )
 
 
 def _agent(args: Train) -> str:

@@ -15,6 +15,9 @@ from twin.evaluation.score import MOST_TRAININGS
 from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon
 
+_OF_SEED = ("members", "model")
+"""Parts of a file that depend on the seed, beside what is learned."""
+
 
 def given_files(
     paths: Sequence[Path], model: ColemanHodgdon | None, sample_times: Sequence[float]
@@ -69,10 +72,6 @@ def given_files(
                 raise InputError(f"{path} was trained beside another model or filter than the one given")
         files[agent] = (*files.get(agent, ()), path)
     return files
-
-
-_OF_SEED = ("members", "model")
-"""Parts of a file that depend on the seed, beside what is learned."""
 
 
 def _settings(file: TrainedFile) -> dict[str, Any]:

@@ -81,14 +81,12 @@ def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: Tw
     rng = np.random.default_rng([settings.seed, _FAMILIARITY])
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
-    for _ in range(max(settings.interval_sequences // (2 * half), 1)):
-        drawn = source.draw(2 * half, settings.episode, rng)
-        with torch.no_grad():
-            for place, (_, state) in enumerate(filter_sequences(step, drawn, ALL)):
-                if place % 10 == 9:  # neighbours tell little more
-                    whole = Histograms(state.weights, state.counts, torch.log(drawn.variance))
-                    for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
-                        part.append(Histograms(*(of[rows] for of in whole)))
+    with torch.no_grad():
+        for place, drawn, (_, state) in _finished(step, source, settings, rng, 2 * half):
+            if place % 10 == 9:  # neighbours tell little more
+                whole = Histograms(state.weights, state.counts, torch.log(drawn.variance))
+                for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
+                    part.append(Histograms(*(of[rows] for of in whole)))
     seen, held_out = (Histograms(*map(torch.cat, zip(*part, strict=True))) for part in found)
 
     def draw(count: int) -> torch.Tensor:
@@ -166,14 +164,14 @@ def learn_interval(
     """Train the width of the interval on errors of the finished filter; nothing else changes."""
     rng = np.random.default_rng([settings.seed, _INTERVAL])
     seen, errors = [], []
-    for _ in range(max(settings.interval_sequences // 256, 1)):
-        drawn = source.draw(min(256, settings.interval_sequences), settings.episode, rng)
-        with torch.no_grad():
-            for place, (output, _) in enumerate(filter_sequences(step, drawn, ALL)):
-                if place % 5 == 0:  # neighbours tell little more
-                    off = (output.bend_deg - drawn.truth_deg[place]).abs() / output.deviation_deg
-                    seen.append(output.seen)
-                    errors.append(torch.log(off + 1e-3))
+    with torch.no_grad():
+        for place, drawn, (output, _) in _finished(
+            step, source, settings, rng, min(256, settings.interval_sequences)
+        ):
+            if place % 5 == 0:  # neighbours tell little more
+                off = (output.bend_deg - drawn.truth_deg[place]).abs() / output.deviation_deg
+                seen.append(output.seen)
+                errors.append(torch.log(off + 1e-3))
     features, error = torch.cat(seen), torch.cat(errors)
 
     def loss(update: int) -> torch.Tensor:
@@ -182,6 +180,20 @@ def learn_interval(
         return torch.maximum(COVERAGE * over, (COVERAGE - 1) * over).mean()
 
     _descend([{"params": list(step.interval.parameters())}], loss, settings.interval_updates, 1e-2, on_update)
+
+
+def _finished(
+    step: FilterStep,
+    source: SequenceSource,
+    settings: SimulatedTraining,
+    rng: np.random.Generator,
+    batch: int,
+) -> Iterator[tuple[int, Sequences, tuple[Output, Any]]]:
+    """Yield place, sequences, and output and state there, of whole episodes, so many of them at a time."""
+    for _ in range(max(settings.interval_sequences // batch, 1)):
+        drawn = source.draw(batch, settings.episode, rng)
+        for place, reached in enumerate(filter_sequences(step, drawn, ALL)):
+            yield place, drawn, reached
 
 
 def validation_loss(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> float:

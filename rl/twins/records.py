@@ -16,6 +16,8 @@ Array32 = NDArray[np.float32]
 
 SAMPLE_TIME = 0.02
 """Between two samples of a training record [s]; coarser sampling thins it."""
+STROKE_MM = (-4.0, 4.0)
+"""Of the commands, where none is asked for [mm]."""
 _NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
@@ -52,7 +54,7 @@ def simulate_records(
     commands: int,
     twins: int,
     seconds: float,
-    stroke_mm: tuple[float, float] = (-4.0, 4.0),
+    stroke_mm: tuple[float, float] = STROKE_MM,
     seed: int,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> TwinRecords:

@@ -20,8 +20,7 @@ from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import Prediction, SequenceSource, split_records
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
-from twin.dataset.farthest import farthest_pull
-from twin.errors import InputError
+from twin.dataset.farthest import check_reached
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
@@ -87,7 +86,7 @@ def train_on_twins(
         FloatingPointError: a simulation or the training diverged.
     """
     check_members([preset])
-    _check_stroke(preset, settings.stroke_mm)
+    check_reached(preset, settings.stroke_mm)
     configuration = {
         "training": json.loads(json.dumps(dataclasses.asdict(settings))),
         "preset": preset.to_dict(),
@@ -105,14 +104,6 @@ def train_on_twins(
             finally:
                 torch.set_flush_denormal(False)
     return path
-
-
-def _check_stroke(preset: Preset, stroke_mm: tuple[float, float]) -> None:
-    low, high = stroke_mm
-    farthest_mm = farthest_pull(preset) * 1e3
-    if not max(-low, high) <= farthest_mm:
-        most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
-        raise InputError(f"stroke [{low:g}, {high:g}] mm: {most}: is the unit right?")
 
 
 def _train(

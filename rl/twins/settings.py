@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Self
 
 from rl.options import TrainingOptions, share_of
 from rl.twins.noises import FAMILIES, check_families
-from rl.twins.records import SAMPLE_TIME
+from rl.twins.records import SAMPLE_TIME, STROKE_MM
 from rl.twins.sequences import STRIDES
 from twin.errors import InputError
 from twin.files.bounds import check_between
@@ -45,7 +45,7 @@ class SimulatedTraining:
     commands: int = 90
     twins: int = 8
     seconds: float = 40.0
-    stroke_mm: tuple[float, float] = (-4.0, 4.0)
+    stroke_mm: tuple[float, float] = STROKE_MM
     sequences: int = 128
     episode: int = 300
     window: int = 50

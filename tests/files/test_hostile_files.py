@@ -11,12 +11,13 @@ from hostile import mutated, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import BOUC_WEN, COLEMAN_HODGDON
+from scores import SCORE
 
 from twin.dataset.recipe_file import load_recipe
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.load import load_estimator, model_of
-from twin.evaluation.score import Score, read_scores, to_rows
+from twin.evaluation.score import read_scores, to_rows
 from twin.evaluation.track import Track, load_tracks, save_tracks
 from twin.files.dataset_json import read_contents
 from twin.hysteresis import PrandtlIshlinskii, load_model, model_to_dict
@@ -42,22 +43,6 @@ RECIPE = {
 MODELS = [
     model_to_dict(model) for model in (COLEMAN_HODGDON, BOUC_WEN, PrandtlIshlinskii((8.0, 4.0), (0.0, 0.5)))
 ]
-SCORE = Score(
-    noise="gaussian",
-    level=1.0,
-    sample_time_s=0.1,
-    stroke_mm=(-1.0, 1.0),
-    method="RAM",
-    oracle=False,
-    mae_deg=0.5,
-    rmse_deg=0.6,
-    md_deg=0.4,
-    var_deg2=0.2,
-    bias_deg=-0.1,
-    rmse_steady_deg=0.55,
-    rmse_ci95_deg=(0.58, 0.62),
-    seeds=20,
-)
 DATASET = {
     "source": "measured",
     "endotwin": "1",

@@ -9,7 +9,7 @@ from distributed import Client, LocalCluster
 
 from rl.options import TrainingOptions
 from rl.suite.given import given_files
-from rl.sweep import Share, folder_of, seeds_from, shared_progress, train_seeds
+from rl.sweep import Share, folder_of, seeds_from, train_seeds
 from rl.trainers import Material, find_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
@@ -18,7 +18,7 @@ from twin.evaluation.case import make_case
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
-from twin.workers.processes import local_workers
+from twin.workers.processes import local_workers, shared_table
 
 OPTIONS = TrainingOptions(agent="gru", episodes=7)
 SEEDS = (3, 4)
@@ -41,7 +41,7 @@ def alone(material, tmp_path):
 
 def test_side_by_side_they_are_those_that_run_alone(material, alone, tmp_path):
     told = []
-    with local_workers(2) as executor, shared_progress() as shares:
+    with local_workers(2) as executor, shared_table() as shares:
         paths = train_seeds(
             material, OPTIONS, SEEDS, tmp_path / "sweep", executor, lambda *of: told.append(of), shares
         )

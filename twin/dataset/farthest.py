@@ -6,6 +6,7 @@ that pulls. A pull far beyond is in another unit, micrometres given as millimetr
 
 import numpy as np
 
+from twin.errors import InputError
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset.preset import Preset
 from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM
@@ -24,3 +25,15 @@ def farthest_pull(preset: Preset) -> float:
     stretch = (preset.sheath_elements + 1) * float(stretch_at(np.array(moment / preset.wire_offset), *law))
     wound = float(stretch_at(wound_tension(preset), *law).sum())
     return float(min(preset.wire_offset * bend + max(stretch - wound, 0.0), LARGEST_PULL_MM * 1e-3))
+
+
+def check_reached(preset: Preset, stroke_mm: tuple[float, float]) -> None:
+    """Refuse a stroke that goes beyond the farthest pulling distance, as in another unit.
+
+    Raises:
+        ValueError: it does, or an end of it is no number.
+    """
+    farthest_mm = farthest_pull(preset) * 1e3
+    if not np.isfinite(stroke_mm).all() or max(map(abs, stroke_mm)) > farthest_mm:
+        most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
+        raise InputError(f"stroke [{stroke_mm[0]:g}, {stroke_mm[1]:g}] mm: {most}: is the unit right?")

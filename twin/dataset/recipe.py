@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from twin.dataset.farthest import farthest_pull
+from twin.dataset.farthest import check_reached
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS
 from twin.files.shown import shown
@@ -203,13 +203,10 @@ class Recipe:
         if self.preset.bending_planes == 1 and not (self.lateral_stroke_mm is given is None):
             what = "stroke" if given is None else "command"
             raise InputError(f"a lateral {what}: {self.preset.name!r} has one bending plane, it needs two")
-        farthest_mm = farthest_pull(self.preset) * 1e3
         lateral = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
         followed = [] if given is None else [(min(given) * 1e3, max(given) * 1e3)]
         for stroke in [*self.strokes_mm, *lateral, *followed]:
-            if not np.isfinite(stroke).all() or max(map(abs, stroke)) > farthest_mm:
-                most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
-                raise InputError(f"stroke [{stroke[0]:g}, {stroke[1]:g}] mm: {most}: is the unit right?")
+            check_reached(self.preset, stroke)
         for stroke in [*(self.strokes_mm if self.given_pull_m is None else []), *lateral]:
             for kind in self.signals:
                 command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)

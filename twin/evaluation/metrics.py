@@ -50,6 +50,17 @@ def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float
     return {"coverage95": float((share <= 1).mean()), "nees": float((deviations**2).mean())}
 
 
+def geometric_mean(values: Array, axis: int | None = None) -> Array:
+    """Return the geometric mean of errors; one below 1e-9 counts as 1e-9.
+
+    Args:
+        values: errors [deg], or ratios of them.
+        axis: that it is taken along; all, if None.
+    """
+    mean: Array = np.exp(np.log(np.maximum(values, 1e-9)).mean(axis=axis))
+    return mean
+
+
 def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:
     """Return Student's t interval of the mean of values whose rows and columns are independent.
 

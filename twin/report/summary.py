@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tabulate import tabulate
 
 from twin.estimation.registry import method_spec, method_specs
+from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
@@ -93,7 +94,7 @@ def times_the_limit(scores: Sequence[Score], sample_time_s: float, group: Group)
     for score in chosen:
         if score.condition in limit:
             ratios.setdefault(score.method, []).append(score.rmse_deg / limit[score.condition])
-    return {method: float(np.exp(np.mean(np.log(np.maximum(r, 1e-9))))) for method, r in ratios.items()}
+    return {method: float(geometric_mean(np.array(r))) for method, r in ratios.items()}
 
 
 def noise_figure(scores: Sequence[Score]) -> Figure:

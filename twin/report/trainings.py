@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tabulate import tabulate
 
+from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.score import Score
 from twin.report.tables import FORMATS, group_name, ordered
 
@@ -42,7 +43,7 @@ def training_table(scores: Sequence[Score], fmt: str = "plain") -> str:
 def _figures(rows: Sequence[Score]) -> list[str]:
     """Number of trainings, and mean, deviation, best and worst of their geometric means over noises."""
     rmse: Array = np.array([row.training_rmse_deg for row in rows])
-    means = np.exp(np.log(np.maximum(rmse, 1e-9)).mean(axis=0))
+    means = geometric_mean(rmse, axis=0)
     figures = means.mean(), means.std(ddof=1), means.min(), means.max()
     over = f"{100 * (means.max() / means.mean() - 1):.1f} %"
     return [str(len(means)), *(f"{figure:.3f}" for figure in figures), over]

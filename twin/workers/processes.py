@@ -5,9 +5,11 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, MutableMapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.managers import SyncManager
+from typing import Any
 
 
 @contextlib.contextmanager
@@ -25,6 +27,15 @@ def local_workers(count: int) -> Iterator[Executor]:
                 process.terminate()
             executor.shutdown(cancel_futures=True)
             raise
+
+
+@contextlib.contextmanager
+def shared_table() -> Iterator[MutableMapping[Any, Any]]:
+    """Context manager: a table that processes of this machine read and write, in one that ends with it."""
+    manager = SyncManager(ctx=_FreshContext())
+    manager.start(initializer=_begin_worker)
+    with manager:
+        yield manager.dict()
 
 
 class _DeafProcess(SpawnProcess):
