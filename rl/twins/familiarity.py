@@ -3,7 +3,7 @@
 Each law of the recogniser has a histogram of its own, which changes with R. What was counted is compared with
 the mixture of them that the recogniser believes in, by the divergence of Kullback and Leibler (1951). Beyond
 what hardly any sequence of the training reaches under such laws, neither the recogniser nor the policy knows
-what it speaks of: they fall silent by degrees, and the filter goes on alone.
+what it speaks of: they fall silent by degrees, and the fallback takes over.
 """
 
 import math

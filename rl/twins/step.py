@@ -19,7 +19,8 @@ changes nothing.
 
 What the recogniser (`rl/twins/recogniser.py`) says of b is taken as one more measurement, at the output
 alone, so that the filter itself stays linear. Where the noise is like none of the training
-(`rl/twins/familiarity.py`), recogniser and policy fall silent, and the filter goes on alone.
+(`rl/twins/familiarity.py`), recogniser and policy fall silent, and the filter goes on as a robust one
+(`rl/twins/fallback.py`).
 """
 
 import math
@@ -27,6 +28,7 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.fallback import Doubt, Fallback
 from rl.twins.familiarity import Familiarity
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
 from rl.twins.networks import last_layer, network
@@ -100,8 +102,9 @@ class TwinsStep(FilterStep):
         self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.recogniser = Recogniser()
-        self.familiarity = Familiarity()
+        self.familiarity, self.fallback = Familiarity(), Fallback()
         self.guarded = False  # while it learns, everything is heard
+        self.no_doubt = Doubt(*torch.tensor([0.0, 1.0, 0.0]))
         self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
@@ -181,8 +184,10 @@ class TwinsStep(FilterStep):
             variance,
             sample_time,
         )
+        strange = self.no_doubt
         if self.guarded:
             known = self.familiarity(state.weights, state.counts, torch.log(variance))
+            strange = self.fallback(hears * (1 - known), state.counts)
             acts, hears = acts * known[:, None], hears * known
         said = self.policy(features) * acts
         on_gain, on_noise, on_error, on_members = (torch.tanh(said) * self.reach).split(1, dim=1)
@@ -196,10 +201,11 @@ class TwinsStep(FilterStep):
         covariance = covariance + grows[:, :, None] * self.unit
         towards = towards + grows * seen_as
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
-        gain = torch.sigmoid(torch.log(doubt / variance) + on_gain[:, 0])
+        told = variance * strange.narrower
+        counts_as = strange.bound(innovation, doubt + told)
+        gain = counts_as * torch.sigmoid(torch.log(doubt / told) + on_gain[:, 0])
         mean = mean + towards * (gain * innovation / doubt)[:, None]
-        told = variance * torch.exp(on_noise[:, 0])
-        shrink = (seen / (doubt + told))[:, None]
+        shrink = (seen * counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 
         residual = (predicted + innovation - middle - (seen_as * mean).sum(dim=1)) / root
@@ -214,8 +220,10 @@ class TwinsStep(FilterStep):
         column = covariance @ self.of_bias  # covariance of the state with b, and with the angle:
         trust = towards * (1 - doubt[:, None] * shrink) - column
         with_bias, of_bias = trust @ self.of_bias, column @ self.of_bias
-        heard = with_bias / (of_bias + bias_variance * variance / hears.clamp(min=UNHEARD) ** 2)
-        bend = middle + (angle * mean).sum(dim=1) + heard * (bias * root - mean @ self.of_bias)
+        sure = hears.clamp(min=UNHEARD) ** 2 / bias_variance
+        heard = with_bias / (of_bias + variance / (sure + strange.even))
+        believed = bias * root * sure / (sure + strange.even)
+        bend = middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)
         half_width = deviation * self.widen(features)

@@ -1,0 +1,88 @@
+"""Fallback under noise that no training has met: a robust filter, which needs nothing learned.
+
+Counted residuals tell two things of any noise. Their width in the middle against their root mean square tells
+how heavy the tails are: with tails, the filter takes the narrower variance, and no innovation moves it by
+more than one of `BOUND` standard deviations would (Huber 1964). Where as many are on one side as on the
+other, at every distance, the noise is symmetric, and its mean is taken for zero: nothing else tells it from
+the angle.
+"""
+
+import math
+from typing import NamedTuple
+
+import torch
+
+from rl.twins.recogniser import BINS, LARGEST_RESIDUAL
+
+Tensor = torch.Tensor
+
+BOUND = 1.5  # standard deviations of an innovation that count in full
+BEFORE = 10.0  # counts of a normal law that everything begins with
+NORMAL_LOG = -(math.log(2) + 0.5772156649) / 2  # mean of log |x| under a normal law of variance 1
+HEAVY = 0.8  # ratio of variances below which tails are heavy: what is above is chance
+DISTANCES = (0.5, 1.0, 1.5, 2.0, 3.0)  # in units of sqrt(R), beyond which sides are compared
+EVEN, ODD = 1.5, 2.5  # standard deviations between the sides: symmetric up to, not symmetric from
+ENOUGH = 150.0  # counts that symmetry needs; with half of them nothing is said
+
+
+class Doubt(NamedTuple):
+    """How far a filter relies on the fallback, and what that says; all (B,).
+
+    Attributes:
+        strange: from 0, the noise is like that of the training, to 1.
+        narrower: variance of the middle of the noise, as a share of R.
+        even: how sure it is that the mean of the noise is zero: one over its variance in units of R.
+    """
+
+    strange: Tensor
+    narrower: Tensor
+    even: Tensor
+
+    def bound(self, innovation: Tensor, variance: Tensor) -> Tensor:
+        """Return (B,) the share of an innovation [deg] that counts, by its variance [deg^2]."""
+        largest = BOUND * torch.sqrt(variance)
+        return 1 - self.strange + self.strange * largest / torch.maximum(innovation.abs(), largest)
+
+
+class Fallback(torch.nn.Module):
+    """What the histogram says of tails and symmetry; nothing in it is learned."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        centres = torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS)
+        residual = torch.sinh(centres) / 4
+        within = float(centres[1] - centres[0]) / 4  # spread of what a middle bin counts
+        self.square = torch.nn.Buffer(residual**2)
+        self.logarithm = torch.nn.Buffer(torch.log(residual**2 + (within / 2) ** 2) / 2)
+        beyond = torch.stack([(residual.abs() > distance).float() for distance in DISTANCES], dim=1)
+        self.beyond = torch.nn.Buffer(beyond)
+        self.side = torch.nn.Buffer(beyond * torch.sign(residual)[:, None])
+
+    def narrower(self, counts: Tensor) -> Tensor:
+        """Return (B,) the variance of the middle of the noise as a share of R, 1 where tails are not heavy.
+
+        Args:
+            counts: (B, BINS) histogram of residuals in units of sqrt(R).
+        """
+        total = counts.sum(dim=-1) + BEFORE
+        square = (counts @ self.square + BEFORE) / total
+        logarithm = (counts @ self.logarithm + BEFORE * NORMAL_LOG) / total
+        share: Tensor = torch.exp(2 * (logarithm - NORMAL_LOG)) / square / HEAVY
+        return share.clamp(min=0, max=1)
+
+    def symmetry(self, counts: Tensor) -> Tensor:
+        """Return (B,) how surely the noise is symmetric, from 0 to 1."""
+        off = (counts @ self.side).abs() / torch.sqrt(counts @ self.beyond + 1)
+        uneven = ((off - EVEN) / (ODD - EVEN)).clamp(min=0, max=1).sum(dim=-1)
+        counted = 2 * counts.sum(dim=-1) / ENOUGH - 1
+        return (1 - uneven).clamp(min=0, max=1) * counted.clamp(min=0, max=1)
+
+    def forward(self, strange: Tensor, counts: Tensor) -> Doubt:
+        """Return what a filter does under noise that is so strange.
+
+        Args:
+            strange: (B,) from 0 to 1.
+            counts: as in `narrower`.
+        """
+        narrower = 1 - strange * (1 - self.narrower(counts))
+        return Doubt(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))
