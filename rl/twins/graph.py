@@ -7,9 +7,10 @@ from typing import Any
 import torch
 
 from rl.export import export_module
+from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import FilterStep
 from rl.twins.memory_step import MemoryState, MemoryStep
-from rl.twins.step import FilterState, TwinsStep
+from rl.twins.step import TwinsStep
 from twin.estimation.learned import ram_memory, ram_twins
 from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
 

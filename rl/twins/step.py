@@ -24,19 +24,18 @@ alone, so that the filter itself stays linear. Where the noise is like none of t
 """
 
 import math
-from typing import NamedTuple
 
 import torch
 
 from rl.twins.fallback import Doubt, Fallback
 from rl.twins.familiarity import Familiarity
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
+from rl.twins.features import SCALARS, Features, recent
+from rl.twins.filter_state import STATISTICS, FilterState, Prior
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output
 from rl.twins.networks import last_layer, network
 from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser
 
 ACTIONS = 4  # on the total gain, on R for the covariance, on the growth of d, on that of c
-STATISTICS = 4
-SCALARS = 16  # that the policy sees beside the weights of the laws
 REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
 MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
 GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, times what the policy says
@@ -44,35 +43,9 @@ MEMBERS_PER_MM = 1e-3  # growth of the variance of the coefficients: what keeps 
 FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
 BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
-RECENT = 30.0  # samples of the running statistics
 UNHEARD = 1e-5  # least share of a recogniser that is not heard, in deviations
 
 Tensor = torch.Tensor
-
-
-class FilterState(NamedTuple):
-    """State of B filters.
-
-    Attributes:
-        mean: (B, r + 2) of c, d [deg] and b [deg].
-        covariance: (B, r + 2, r + 2).
-        counts: (B, BINS) histogram of residuals.
-        samples: (B,) measured so far.
-        statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
-            its normalised square, and the last one.
-        weights: (B, LAWS) of the laws of the noise, as recognised.
-        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
-        bias_variance: (B,) how sure that is, in units of R.
-    """
-
-    mean: Tensor
-    covariance: Tensor
-    counts: Tensor
-    samples: Tensor
-    statistics: Tensor
-    weights: Tensor
-    bias: Tensor
-    bias_variance: Tensor
 
 
 class TwinsStep(FilterStep):
@@ -98,9 +71,8 @@ class TwinsStep(FilterStep):
         scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 2)], dim=1)
         self.directions = torch.nn.Buffer(scaled)
         self.no_counts = torch.nn.Buffer(torch.zeros(BINS))
-        self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
-        self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
+        self.features = Features(rank)
         self.recogniser = Recogniser()
         self.familiarity, self.fallback = Familiarity(), Fallback()
         self.guarded = False  # while it learns, everything is heard
@@ -146,7 +118,21 @@ class TwinsStep(FilterStep):
         parts: Tensor,
         state: FilterState,
     ) -> tuple[Output, FilterState]:
-        """Return the estimates and the states one sample later.
+        """Return the estimates and the states one sample later; arguments as in `predict`."""
+        prior = self.predict(members_deg, way_mm, measurement_deg, variance, sample_time, parts, state)
+        return self.update(prior, self.policy(prior.features), state)
+
+    def predict(
+        self,
+        members_deg: Tensor,
+        way_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        parts: Tensor,
+        state: FilterState,
+    ) -> Prior:
+        """Return what is known before the policy acts.
 
         Args:
             members_deg: (B, M) angle of the members now [deg].
@@ -158,23 +144,20 @@ class TwinsStep(FilterStep):
             state: after the sample before.
         """
         acts, hears = parts.split(1)
-        root = torch.sqrt(variance)
         middle = members_deg.mean(dim=1)
         angle = (members_deg - middle[:, None]) @ self.directions + self.of_error  # of theta on the state
         seen_as = angle + self.of_bias  # h: of the measurement
 
-        # Prediction: d decays with the way.
-        forgotten = 1 - torch.exp(-way_mm / MEMORY_MM)
+        forgotten = 1 - torch.exp(-way_mm / MEMORY_MM)  # of d
         keep = 1 - forgotten[:, None] * self.of_error
         mean = state.mean * keep
         covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
         predicted = middle + (seen_as * mean).sum(dim=1)
         towards = torch.bmm(covariance, seen_as[:, :, None])[:, :, 0]  # P h
         is_seen = ~torch.isnan(measurement_deg)
-        seen = is_seen.to(predicted.dtype)
         innovation = torch.where(is_seen, measurement_deg, predicted) - predicted
 
-        features = self._features(
+        features = self.features(
             state,
             mean.detach(),
             (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach(),
@@ -189,113 +172,70 @@ class TwinsStep(FilterStep):
             known = self.familiarity(state.weights, state.counts, torch.log(variance))
             strange = self.fallback(hears * (1 - known), state.counts)
             acts, hears = acts * known[:, None], hears * known
-        said = self.policy(features) * acts
+        grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None] * self.of_error
+        of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+        of_bias = BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
+        seen = is_seen.to(predicted.dtype)
+        return Prior(
+            mean,
+            covariance,
+            towards,
+            middle,
+            angle,
+            predicted,
+            innovation,
+            seen,
+            variance,
+            (grown, of_members, of_bias),
+            features,
+            acts,
+            hears,
+            strange,
+        )
+
+    def update(self, prior: Prior, action: Tensor, state: FilterState) -> tuple[Output, FilterState]:
+        """Return the estimates and the states after a sample.
+
+        Args:
+            prior: from `predict`.
+            action: (B, ACTIONS) of the policy, before it is bounded.
+            state: after the sample before.
+        """
+        variance, innovation, angle = prior.variance, prior.innovation, prior.angle
+        seen_as = angle + self.of_bias
+        said = action * prior.acts
         on_gain, on_noise, on_error, on_members = (torch.tanh(said) * self.reach).split(1, dim=1)
 
-        grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None]
-        grows = (
-            grown * torch.exp(on_error) * self.of_error
-            + MEMBERS_PER_MM * way_mm[:, None] * torch.exp(on_members) * self.of_members
-            + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
-        )
-        covariance = covariance + grows[:, :, None] * self.unit
-        towards = towards + grows * seen_as
+        of_error, of_members, of_bias = prior.growth
+        grows = of_error * torch.exp(on_error) + of_members * torch.exp(on_members) + of_bias
+        covariance = prior.covariance + grows[:, :, None] * self.unit
+        towards = prior.towards + grows * seen_as
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
-        told = variance * strange.narrower
-        counts_as = strange.bound(innovation, doubt + told)
+        told = variance * prior.strange.narrower
+        counts_as = prior.strange.bound(innovation, doubt + told)
         gain = counts_as * torch.sigmoid(torch.log(doubt / told) + on_gain[:, 0])
-        mean = mean + towards * (gain * innovation / doubt)[:, None]
-        shrink = (seen * counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
+        mean = prior.mean + towards * (gain * innovation / doubt)[:, None]
+        shrink = (prior.seen * counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 
-        residual = (predicted + innovation - middle - (seen_as * mean).sum(dim=1)) / root
+        root = torch.sqrt(variance)
+        residual = (prior.predicted + innovation - prior.middle - (seen_as * mean).sum(dim=1)) / root
         relative = (doubt / variance).detach()
-        counted = seen[:, None] * self.recogniser.bins(residual.detach(), relative)
-        counts = state.counts * (1 - seen / HISTORY)[:, None] + counted
-        statistics = _recent(state, seen, (innovation / root).detach(), relative)
+        counted = prior.seen[:, None] * self.recogniser.bins(residual.detach(), relative)
+        counts = state.counts * (1 - prior.seen / HISTORY)[:, None] + counted
+        statistics = recent(state, prior.seen, (innovation / root).detach(), relative)
         weights, bias, bias_variance = self.recogniser(counts, torch.log(variance))
-        samples = state.samples + seen
+        samples = state.samples + prior.seen
         after = FilterState(mean, covariance, counts, samples, statistics, weights, bias, bias_variance)
 
         column = covariance @ self.of_bias  # covariance of the state with b, and with the angle:
         trust = towards * (1 - doubt[:, None] * shrink) - column
-        with_bias, of_bias = trust @ self.of_bias, column @ self.of_bias
-        sure = hears.clamp(min=UNHEARD) ** 2 / bias_variance
-        heard = with_bias / (of_bias + variance / (sure + strange.even))
-        believed = bias * root * sure / (sure + strange.even)
-        bend = middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
+        with_bias, own = trust @ self.of_bias, column @ self.of_bias
+        sure = prior.hears.clamp(min=UNHEARD) ** 2 / bias_variance
+        heard = with_bias / (own + variance / (sure + prior.strange.even))
+        believed = bias * root * sure / (sure + prior.strange.even)
+        bend = prior.middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)
-        half_width = deviation * self.widen(features)
-        return Output(bend, half_width, bias, bias_variance, said, deviation, features), after
-
-    def _features(
-        self,
-        state: FilterState,
-        mean: Tensor,
-        doubt: Tensor,
-        of_error: Tensor,
-        innovation: Tensor,
-        way_mm: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
-    ) -> Tensor:
-        """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone.
-
-        Args:
-            state: after the sample before.
-            mean: of the state as predicted.
-            doubt: (B,) variance of the prediction [deg^2].
-            of_error: (B,) that of d [deg^2].
-            innovation: (B,) [deg].
-            way_mm: (B,) since the last sample [mm].
-            variance: (B,) R [deg^2].
-            sample_time: (B,) T [s].
-        """
-        root = torch.sqrt(variance)
-        average, product, square, _ = state.statistics.split(1, dim=1)
-        coefficients = mean * self.of_members
-        angles = [
-            innovation / root,
-            innovation / torch.sqrt(doubt + variance),
-            mean @ self.of_error / root,
-            way_mm,
-        ]
-        positive = [
-            doubt / variance,
-            of_error + 1e-3,
-            square[:, 0] + 1,
-            state.samples.clamp(max=HISTORY) + 1,
-            variance,
-            10 * sample_time,
-        ]
-        return torch.cat(
-            [
-                state.weights,
-                state.bias[:, None],
-                torch.log(state.bias_variance)[:, None] / 3,
-                log_scale(torch.stack(angles, dim=1) * self.angle_units),
-                torch.log(torch.stack(positive, dim=1)) * self.log_units,
-                torch.tanh(innovation / root / 2)[:, None],
-                (coefficients * coefficients).sum(dim=1, keepdim=True) / self.of_members.sum(),
-                average,
-                product,
-            ],
-            dim=1,
-        )
-
-
-def _recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
-    """Return the running statistics with one more innovation, in units of sqrt(R)."""
-    average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
-    now = log_scale(innovation)
-    weight = seen / (state.samples + 1).clamp(max=RECENT)
-    return torch.stack(
-        [
-            average + (now - average) * weight,
-            product + (now * log_scale(last) - product) * weight,
-            square + (innovation * innovation / (doubt + 1) - square) * weight,
-            last + (innovation - last) * seen,
-        ],
-        dim=1,
-    )
+        half_width = deviation * self.widen(prior.features)
+        return Output(bend, half_width, bias, bias_variance, said, deviation, prior.features), after
