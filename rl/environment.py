@@ -6,8 +6,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
+from rl.shared_environment import SharedEnvironment
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DIRECT, make_agent
@@ -35,7 +35,7 @@ def _action_space(agent: Agent) -> gymnasium.spaces.Box:
     return gymnasium.spaces.Box(-1.0, 1.0, (agent.action_size,), np.float32)
 
 
-class BatchEnvironment(VecEnv):
+class BatchEnvironment(SharedEnvironment):
     """Many episodes side by side for stable-baselines3: a step is arithmetic on arrays.
 
     The reward is eq. 11, minus the squared error of the estimate [deg^2], times `reward_scale`. An episode
@@ -45,11 +45,10 @@ class BatchEnvironment(VecEnv):
     def __init__(
         self, task: TrainingTask, agent: Agent, count: int, seed: int | None = None, reward_scale: float = 1.0
     ):
-        self.render_mode = None  # asked for by the next line
         super().__init__(count, _observation_space(agent), _action_space(agent))
         self.task = task
         self.agent = agent
-        self.rng = np.random.default_rng(seed)
+        self.seed(seed)
         self.reward_scale = reward_scale
 
     def reset(self) -> NDArray[np.float32]:
@@ -59,10 +58,6 @@ class BatchEnvironment(VecEnv):
         self.sample = 1
         self.episode_return = np.zeros(self.num_envs)
         return self._observe()
-
-    def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Take (count, action_size) actions."""
-        self.actions = np.asarray(actions, dtype=float)
 
     def step_wait(
         self,
@@ -94,30 +89,6 @@ class BatchEnvironment(VecEnv):
         )
         self._last_observation = observation.astype(np.float32)
         return self._last_observation
-
-    def close(self) -> None:
-        """Nothing to release."""
-
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Restart the random numbers of all environments."""
-        self.rng = np.random.default_rng(seed)
-        return [seed] * self.num_envs
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute, which all environments share."""
-        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute, which all environments share."""
-        setattr(self, attr_name, value)
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method once and return its result for every environment asked for."""
-        return [getattr(self, method_name)(*args, **kwargs)] * len(list(self._get_indices(indices)))
-
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """No environment is wrapped."""
-        return [False] * len(list(self._get_indices(indices)))
 
 
 class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):

@@ -1,5 +1,6 @@
 """Training of RAM (twins): simulated twins of a preset, then three lessons, into one run folder."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,15 @@ def train_ram_twins(
     def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
         export_twins(step, settings.members, description | {"members": members_to_dict(members)}, path)
 
-    learner = Learner(TRAINING, members, begin, export, recognise, guard)
+    def explore(
+        step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: Callable[[int], None]
+    ) -> None:
+        from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3
+
+        learn_by_ppo(step, source, settings, on_share, on_weights)
+
+    ppo = explore if "ppo" in settings.gain else None
+    learner = Learner(TRAINING, members, begin, export, recognise, settings.gain, ppo, guard)
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 

@@ -40,12 +40,14 @@ class Simulated:
         ranges: what varies from one to the next.
         noises: families of the measurement noise; all that there are, if empty.
         stroke_mm: that the commands lie within; the training's own, if None.
+        gain: how the policy learns; the training's own way, if empty.
     """
 
     preset: "Preset"
     ranges: "Ranges"
     noises: tuple[str, ...] = ()
     stroke_mm: tuple[float, float] | None = None
+    gain: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

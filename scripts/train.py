@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
+_OF_TWINS = ("noises", "stroke", "gain")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 
 
@@ -50,6 +51,9 @@ class Train:
     """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all, if not given."""
     stroke: tuple[float, float] | None = None
     """Protocol twins: lowest and highest pulling distance that is met [mm]; -4 4, if not given."""
+    gain: tuple[str, ...] = ()
+    """Protocol twins: how the policy of RAM (twins) learns: analytic, by back-propagation through the filter;
+    ppo; or `analytic ppo`, one after the other. analytic, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
     episodes: int = TrainingOptions.episodes
@@ -173,7 +177,7 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
             flag = f"--{field.name.replace('_', '-')}"
             raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     preset = load_preset(args.preset)
-    simulated = Simulated(preset, load_ranges(args.preset), args.noises, args.stroke)
+    simulated = Simulated(preset, load_ranges(args.preset), args.noises, args.stroke, args.gain)
     return Material(simulated=simulated), f"simulated twins of {preset.name}"
 
 
@@ -183,9 +187,9 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     from twin.evaluation.reading import true_records
     from twin.hysteresis import load_model
 
-    if args.noises or args.stroke is not None:
-        flag = "--noises" if args.noises else "--stroke"
-        raise ValueError(f"{flag} is for --protocol twins: records have their own")
+    for name in _OF_TWINS:
+        if getattr(args, name):
+            raise ValueError(f"--{name} is for --protocol twins: a training on records has none")
     if not args.data or args.model is None:
         missing = "--model" if args.data else "folders of MCAP files"
         raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")

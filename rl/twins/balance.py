@@ -17,6 +17,7 @@ from rl.twins.settings import SimulatedTraining
 POWER = 0.7  # errors squared grow with R to about this power: one R counts as much as another
 RECORD_S = 60.0  # the last window stands for all that follows in a record of this length,
 MOST_LAST = 12  # but for no more windows than this
+SMALLEST_ERROR_DEG2 = 1e-3  # added to square errors: their logarithm stays finite
 _SLOWEST = 0.05  # weight of a new mean among those before
 
 
@@ -35,7 +36,12 @@ class TypicalErrors:
         self.met: NDArray[np.float64] = np.zeros(shape)
 
     def loss(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> torch.Tensor:
-        """Return the balanced loss of one window, and learn from it what is typical.
+        """Return the balanced loss of one window, and meet it; arguments as in `meet`."""
+        self.meet(square_deg2.detach(), window, place)
+        return (self.factors(window, place) * square_deg2).mean()
+
+    def meet(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> None:
+        """Learn what is typical.
 
         Args:
             square_deg2: (B,) mean square error of each sequence in the window [deg^2].
@@ -43,20 +49,22 @@ class TypicalErrors:
             place: of the window in the episode.
         """
         scaled = square_deg2 / window.variance**POWER
+        for family in torch.unique(window.family).tolist():
+            where = family, STRIDES.index(window.stride), place
+            square = float(scaled[window.family == family].mean())
+            self.met[where] += 1
+            self.means[where] += max(1 / self.met[where], _SLOWEST) * (square - self.means[where])
+
+    def factors(self, window: Sequences, place: int) -> torch.Tensor:
+        """Return (B,) what the square errors [deg^2] of sequences count by; their families have been met."""
         stride = STRIDES.index(window.stride)
         weights = self._weights(float(window.sample_time[0]))
-        factors = torch.zeros_like(scaled)
+        factors = torch.zeros_like(window.variance)
         for family in torch.unique(window.family).tolist():
-            rows = window.family == family
-            self._meet((family, stride, place), float(scaled[rows].detach().mean()))
             means, met = self.means[family, stride], self.met[family, stride] > 0
             total = weights @ np.where(met, means, means[met].mean())
-            factors[rows] = len(weights) * weights[place] / total
-        return (factors * scaled).mean()
-
-    def _meet(self, where: tuple[int, int, int], square: float) -> None:
-        self.met[where] += 1
-        self.means[where] += max(1 / self.met[where], _SLOWEST) * (square - self.means[where])
+            factors[window.family == family] = len(weights) * weights[place] / total
+        return factors / window.variance**POWER
 
     def _weights(self, sample_time: float) -> NDArray[np.float64]:
         """Return how many windows of a record each window of an episode stands for."""
@@ -64,3 +72,13 @@ class TypicalErrors:
         rest = RECORD_S / (self.window * sample_time) - len(weights) + 1
         weights[-1] = min(max(rest, 1.0), MOST_LAST)
         return weights
+
+
+def departure(action: torch.Tensor, linear: torch.Tensor) -> torch.Tensor:
+    """Return (B,) how far a policy departs from the linear update where that is best.
+
+    Args:
+        action: (B, actions) of it, before they are bounded: on the gain, on R, and others that are free.
+        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
+    """
+    return linear * (torch.tanh(action[:, :2]) ** 2).sum(dim=1)

@@ -26,7 +26,7 @@ ENOUGH = 150.0  # counts that symmetry needs; with half of them nothing is said
 
 
 class Doubt(NamedTuple):
-    """How far a filter relies on the fallback, and what that says; all (B,).
+    """Reliance on the fallback, and its view of the noise; all (B,).
 
     Attributes:
         strange: from 0, the noise is like that of the training, to 1.
@@ -45,7 +45,7 @@ class Doubt(NamedTuple):
 
 
 class Fallback(torch.nn.Module):
-    """What the histogram says of tails and symmetry; nothing in it is learned."""
+    """Tails and symmetry of a noise by its histogram; nothing in it is learned."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What the policy of RAM (twins) sees: the noise as recognised, and the filter on scales of order one."""
+"""Observation of the policy of RAM (twins): the noise as recognised, and the filter in units of its own."""
 
 import torch
 

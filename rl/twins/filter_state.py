@@ -36,7 +36,7 @@ class FilterState(NamedTuple):
     bias_variance: Tensor
 
 
-class Prior(NamedTuple):
+class Predicted(NamedTuple):
     """Prediction for a sample, and its innovation.
 
     Attributes:

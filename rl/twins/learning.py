@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from rl.supervised import GRADIENT_LIMIT
-from rl.twins.balance import TypicalErrors
+from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.checkpoint import Keeper
 from rl.twins.familiarity import Histograms
 from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
@@ -26,7 +26,6 @@ from twin.errors import DivergedError
 
 OnUpdate = Callable[[int, float], None]
 """Told how many updates of a lesson are done, and its latest loss."""
-SMALLEST_ERROR_DEG2 = 1e-3  # added to mean square errors: their logarithm stays finite
 COVERAGE = 0.95
 
 # What one seed is used for beside the records: the streams of these never meet.
@@ -146,8 +145,7 @@ def _window_loss(
     of_bias = window.bias_deg / torch.sqrt(window.variance)
     for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
         squares.append((output.bend_deg - window.truth_deg[sample]) ** 2)
-        bounded = torch.tanh(output.action[:, :2]) ** 2
-        departures.append(window.linear * bounded.sum(dim=1))
+        departures.append(departure(output.action, window.linear))
         if sample % 5 == 4:  # what is known of the noise hardly changes from sample to sample
             off = of_bias - output.bias
             likelihoods.append(off**2 / output.bias_variance + torch.log(output.bias_variance))

@@ -18,9 +18,10 @@ from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation_loss
 from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import Prediction, SequenceSource, split_records
-from rl.twins.settings import SimulatedTraining
+from rl.twins.settings import SimulatedTraining, TwinsTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
+from twin.errors import InputError
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
@@ -29,7 +30,8 @@ from twin.preset.randomization import Ranges
 from twin.reduced.following import check_members
 
 VALIDATIONS = 12  # over the lesson of the gain
-_COSTS = (0.25, 0.15, 0.55, 0.05)  # share of simulation and of the three lessons in the time of a training
+_COSTS = {"simulation": 25, "recogniser": 15, "analytic": 55, "ppo": 55, "interval": 5}
+"""Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
 """Told how much of a part is done, of how much."""
@@ -45,6 +47,8 @@ class Learner:
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
         export: writes the trained step with a description to a path.
         prepare: a lesson before that of the gain.
+        gain: how the gain learns, of `rl.twins.settings.GAINS`.
+        explore: the lesson of PPO; it tells its progress, and after how many samples a step has its weights.
         guard: a lesson behind it, of what is like the training and what is not.
     """
 
@@ -53,7 +57,15 @@ class Learner:
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
     prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
+    gain: tuple[str, ...] = ("analytic",)
+    explore: Callable[[Any, SequenceSource, OnShare, Callable[[int], None]], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
+
+    @property
+    def parts(self) -> list[str]:
+        """Parts of the training that take time, by name."""
+        lessons = ["recogniser"] if self.prepare else []
+        return ["simulation", *lessons, *self.gain, "interval"]
 
 
 def train_on_twins(
@@ -100,7 +112,8 @@ def train_on_twins(
             # Weights of unlikely laws are numbers so small that processors take a hundred cycles for each.
             torch.set_flush_denormal(True)
             try:
-                _train(learner, preset, ranges, settings, configuration, path, _Shown(on_progress))
+                shown = _Shown(on_progress, learner.parts)
+                _train(learner, preset, ranges, settings, configuration, path, shown)
             finally:
                 torch.set_flush_denormal(False)
     return path
@@ -125,7 +138,7 @@ def _train(
         seconds=settings.seconds,
         stroke_mm=settings.stroke_mm,
         seed=settings.seed,
-        on_progress=shown.of(0),
+        on_progress=shown.of("simulation"),
     )
     learned, held_out = split_records(records, max(settings.commands // 12, 1))
     step, predict = learner.begin(learned)
@@ -135,23 +148,34 @@ def _train(
     key = state_key(__version__, torch.__version__, configuration)
     keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
 
-    def validate(update: int, loss: float) -> None:
+    def validate(samples: int) -> None:
+        error = -math.exp(validation_loss(step, unseen, settings))
+        if error > max((reward for _, reward in keeper.curve), default=-math.inf):
+            keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
+        keeper.curve.append((samples, error))
+        write_curve(path.parent, keeper.curve)
+        shown.error = error
+
+    def on_update(update: int, loss: float) -> None:
         if update % every == 0 or update == settings.updates:
-            error = -math.exp(validation_loss(step, unseen, settings))
-            if error > max((reward for _, reward in keeper.curve), default=-math.inf):
-                keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
-            keeper.curve.append((update * each, error))
-            write_curve(path.parent, keeper.curve)
-            shown.error = error
-        shown.of(2)(update, settings.updates)
+            validate(update * each)
+        shown.of("analytic")(update, settings.updates)
 
     if learner.prepare and not keeper.is_there():
-        learner.prepare(step, source, shown.of(1))
-    learn_gain(step, source, settings, validate, keeper)
-    step.load_state_dict(keeper.best, strict=False)
+        learner.prepare(step, source, shown.of("recogniser"))
+    before = 0
+    if "analytic" in learner.gain:
+        learn_gain(step, source, settings, on_update, keeper)
+        step.load_state_dict(keeper.best, strict=False)
+        before = settings.updates * each
+    if learner.explore:
+        if not before:
+            validate(0)
+        learner.explore(step, source, shown.of("ppo"), lambda samples: validate(before + samples))
+        step.load_state_dict(keeper.best, strict=False)
     if learner.guard:
         learner.guard(step, source)
-    show = shown.of(3)
+    show = shown.of("interval")
     learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
     description = {"agent": learner.training.agent, **configuration}
     learner.export(step, description, path)  # the last: where the file is, the run is finished
@@ -174,6 +198,10 @@ def scaled_to_options(
             noises=simulated.noises or settings.noises,
             stroke_mm=simulated.stroke_mm or settings.stroke_mm,
         )
+        if simulated.gain:
+            if not isinstance(chosen, TwinsTraining):
+                raise InputError("gain: a policy with a memory learns by back-propagation alone")
+            chosen = dataclasses.replace(chosen, gain=simulated.gain)
         return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 
     return run
@@ -182,16 +210,19 @@ def scaled_to_options(
 class _Shown:
     """Progress of the parts of a training as one."""
 
-    def __init__(self, on_progress: OnProgress | None):
+    def __init__(self, on_progress: OnProgress | None, parts: list[str]):
         self.on_progress = on_progress
+        self.parts = parts
         self.error = float("nan")
 
-    def of(self, part: int) -> OnShare:
+    def of(self, part: str) -> OnShare:
         """Return what is told how much of a part is done."""
+        whole = sum(_COSTS[name] for name in self.parts)
+        before = sum(_COSTS[name] for name in self.parts[: self.parts.index(part)])
 
         def show(done: int, total: int) -> None:
             if self.on_progress:
-                share = sum(_COSTS[:part]) + _COSTS[part] * done / total
+                share = (before + _COSTS[part] * done / total) / whole
                 self.on_progress(round(1000 * share), 1000, self.error)
 
         return show

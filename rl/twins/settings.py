@@ -11,6 +11,9 @@ from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
+GAINS = (("analytic",), ("ppo",), ("analytic", "ppo"))
+"""Ways in which a policy learns: by back-propagation through the filter, by PPO, or by PPO from there on."""
+
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedTraining:
@@ -99,11 +102,14 @@ class TwinsTraining(SimulatedTraining):
         recogniser_sequences: records that the recogniser learns from first.
         recogniser_updates: gradient steps of that.
         recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
+        gain: how the policy learns, one of `GAINS` after the other.
+        ppo_samples: of PPO, with the parameters of the paper's Table I.
     """
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
         "recogniser_sequences": 64,
         "recogniser_updates": 1,
+        "ppo_samples": 1024,
     }
 
     sequences: int = 256
@@ -113,13 +119,28 @@ class TwinsTraining(SimulatedTraining):
     recogniser_sequences: int = 4096
     recogniser_updates: int = 2500
     recogniser_rate: float = 3e-3
+    gain: tuple[str, ...] = ("analytic",)
+    ppo_samples: int = 1_200_000
 
     def __post_init__(self) -> None:
         """Refuse a training that cannot run.
 
         Raises:
-            ValueError: records are shorter than an episode, or a file could not hold the members.
+            ValueError: records are shorter than an episode, a file could not hold the members, or the policy
+                learns in no way that there is.
         """
         super().__post_init__()
+        check_gain(self.gain)
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("rank", self.rank, 1, self.members)
+
+
+def check_gain(gain: tuple[str, ...]) -> None:
+    """Refuse a way of learning that there is not.
+
+    Raises:
+        ValueError: it is none of `GAINS`.
+    """
+    if gain not in GAINS:
+        valid = "; ".join(" ".join(words) for words in GAINS)
+        raise InputError(f"gain {' '.join(gain) or 'of no kind'}: valid are {valid}")

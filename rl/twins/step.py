@@ -30,7 +30,7 @@ import torch
 from rl.twins.fallback import Doubt, Fallback
 from rl.twins.familiarity import Familiarity
 from rl.twins.features import SCALARS, Features, recent
-from rl.twins.filter_state import STATISTICS, FilterState, Prior
+from rl.twins.filter_state import STATISTICS, FilterState, Predicted
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output
 from rl.twins.networks import last_layer, network
 from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser
@@ -131,7 +131,7 @@ class TwinsStep(FilterStep):
         sample_time: Tensor,
         parts: Tensor,
         state: FilterState,
-    ) -> Prior:
+    ) -> Predicted:
         """Return what is known before the policy acts.
 
         Args:
@@ -176,7 +176,7 @@ class TwinsStep(FilterStep):
         of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members
         of_bias = BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         seen = is_seen.to(predicted.dtype)
-        return Prior(
+        return Predicted(
             mean,
             covariance,
             towards,
@@ -193,7 +193,7 @@ class TwinsStep(FilterStep):
             strange,
         )
 
-    def update(self, prior: Prior, action: Tensor, state: FilterState) -> tuple[Output, FilterState]:
+    def update(self, prior: Predicted, action: Tensor, state: FilterState) -> tuple[Output, FilterState]:
         """Return the estimates and the states after a sample.
 
         Args:

@@ -1,0 +1,91 @@
+"""PPO on the policy of RAM (twins): the same network, sequences and loss, without the gradient of the filter.
+
+Schulman et al. (2017) with the parameters of the paper's Table I, by stable-baselines3. It begins with the
+weights that the step has, be they untrained, and explores around them.
+"""
+
+import math
+from collections.abc import Callable
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+from rl.checkpoint import check_finite
+from rl.options import TrainingOptions
+from rl.training import new_ppo
+from rl.twins.environment import TwinsEnvironment
+from rl.twins.sequences import SequenceSource
+from rl.twins.settings import TwinsTraining
+from rl.twins.step import TwinsStep
+
+EXPLORES = 0.15  # standard deviation of the actions at the start; 1 would move the logarithm of a gain by 4
+VALIDATIONS = 12
+
+OnShare = Callable[[int, int], None]
+OnWeights = Callable[[int], None]
+
+
+def learn_by_ppo(
+    step: TwinsStep,
+    source: SequenceSource,
+    settings: TwinsTraining,
+    on_share: OnShare,
+    on_weights: OnWeights,
+) -> None:
+    """Train the policy of a step; what else it holds stays.
+
+    Args:
+        step: filter and policy.
+        source: of the sequences.
+        settings: of the training.
+        on_share: told how many samples of how many are done.
+        on_weights: told the same from time to time, when the step has the weights of then.
+
+    Raises:
+        FloatingPointError: the training has diverged.
+    """
+    options = TrainingOptions(seed=settings.seed)
+    environment = TwinsEnvironment(step, source, settings, options.environments, options.reward_scale)
+    ppo = new_ppo(environment, options)
+    with torch.no_grad():
+        for theirs, own in _shared(ppo, step):
+            theirs.copy_(own)
+        ppo.policy.log_std.fill_(math.log(EXPLORES))
+    ppo.learn(settings.ppo_samples, callback=_Watch(step, settings.ppo_samples, on_share, on_weights))
+    check_finite(ppo)
+
+
+def _shared(ppo: PPO, step: TwinsStep) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    """Return the weights of PPO's policy, each beside that of the step."""
+    layers = [*ppo.policy.mlp_extractor.policy_net, ppo.policy.action_net]
+    theirs = [values for layer in layers for values in layer.parameters()]
+    return list(zip(theirs, step.policy.parameters(), strict=True))
+
+
+class _Watch(BaseCallback):
+    """Hands the weights to the step from time to time, and tells of it."""
+
+    def __init__(self, step: TwinsStep, total: int, on_share: OnShare, on_weights: OnWeights):
+        super().__init__()
+        self.step, self.total, self.on_share, self.on_weights = step, total, on_share, on_weights
+        self.next = total / VALIDATIONS
+
+    def _on_rollout_start(self) -> None:
+        self._tell()
+
+    def _on_training_end(self) -> None:
+        self._tell()
+
+    def _tell(self) -> None:
+        self.on_share(min(self.num_timesteps, self.total), self.total)
+        if self.num_timesteps < self.next:
+            return
+        self.next += self.total / VALIDATIONS
+        with torch.no_grad():
+            for theirs, own in _shared(self.model, self.step):  # type: ignore[arg-type]
+                own.copy_(theirs)
+        self.on_weights(self.num_timesteps)
+
+    def _on_step(self) -> bool:
+        return True
