@@ -4,6 +4,7 @@ Random streams are not kept: at each checkpoint, in an undisturbed training too,
 and the number of samples. The environment is brought back by the actions that its episodes have had so far.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,19 @@ from stable_baselines3.common.utils import set_random_seed
 
 from rl.adam_state import adam_state, begin_moments, fits, set_tensors
 from rl.environment import BatchEnvironment
+from rl.run import action_columns
 from twin.errors import DivergedError
 from twin.estimation.learned.policy import Agent
 from twin.estimation.task import TrainingTask
 from twin.files.state_file import damaged_state, read_state, write_state
 
 Array = NDArray[np.float64]
-Curve = list[tuple[int, float]]
-"""Samples done and the mean reward per sample [deg^2] of the episodes that ended there."""
+Curve = list[tuple[float, ...]]
+"""Rows of `progress.csv`: samples done, the mean reward per sample [deg^2] of the episodes that ended there,
+the figures of the latest update (`UPDATE`), and of each action its mean and its deviation over them."""
+UPDATE = ("policy_loss", "value_loss", "entropy_loss", "kl", "clip_fraction", "exploration")
+"""Figures of an update of PPO: its losses, minus the entropy of its actions, the divergence of Kullback and
+Leibler from the policy before, the share of samples that were clipped, and the deviation of exploration."""
 
 CHECKPOINT = "training checkpoint"
 """Kind of its state."""
@@ -33,6 +39,7 @@ class ReplayedEnvironment(BatchEnvironment):
     Attributes:
         rounds: how many times all episodes have begun.
         actions_so_far: of the running episodes, each (count, action_size).
+        acted: mean and standard deviation of each action, one after the other, in the episodes before.
     """
 
     def __init__(self, task: TrainingTask, agent: Agent, count: int, seed: int, reward_scale: float):
@@ -40,11 +47,15 @@ class ReplayedEnvironment(BatchEnvironment):
         self._seed = seed
         self.rounds = 0
         self.actions_so_far: list[NDArray[np.float32]] = []
+        self.acted: list[float] = []
 
     def reset(self) -> NDArray[np.float32]:
         """Begin a new episode in every environment, from the random numbers of this round."""
         self.rng = np.random.default_rng([self._seed, self.rounds])
         self.rounds += 1
+        if self.actions_so_far:
+            actions = np.concatenate(self.actions_so_far)
+            self.acted = np.stack([actions.mean(axis=0), actions.std(axis=0)], axis=1).ravel().tolist()
         self.actions_so_far = []
         return super().reset()
 
@@ -67,8 +78,28 @@ def reseed(seed: int, samples: int) -> None:
     set_random_seed(int(np.random.SeedSequence([seed, samples]).generate_state(1)[0]))
 
 
-def save_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment, curve: Curve) -> None:
+def curve_columns(environment: ReplayedEnvironment) -> list[str]:
+    """Return the names of what a row of the curve holds."""
+    return ["samples", "mean_reward", *UPDATE, *action_columns(environment.agent.action_size)]
+
+
+def save_checkpoint(
+    path: Path,
+    key: str,
+    ppo: PPO,
+    environment: ReplayedEnvironment,
+    curve: Curve,
+    update: Sequence[float],
+) -> None:
     """Write the state of a training between an update and the next rollout.
+
+    Args:
+        path: of the file.
+        key: of the training.
+        ppo: the policy, and Adam.
+        environment: and what was done in it.
+        curve: so far.
+        update: figures of the latest update.
 
     Raises:
         FloatingPointError: the training has diverged.
@@ -78,33 +109,38 @@ def save_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
     counters = [ppo.num_timesteps, ppo._n_updates, environment.rounds]
     arrays = {
         "counters": np.array(counters, dtype=np.float64),
-        "curve": np.array(curve, dtype=np.float64).reshape(-1, 2),
+        "curve": np.array(curve, dtype=np.float64).reshape(-1, len(curve_columns(environment))),
+        "update": np.array(update, dtype=np.float64),
         "actions": actions.reshape(-1, environment.num_envs, environment.agent.action_size),
     }
     learned = adam_state(ppo.policy, ppo.policy.optimizer)
     write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in learned.items()})
 
 
-def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment) -> Curve:
+def load_checkpoint(
+    path: Path, key: str, ppo: PPO, environment: ReplayedEnvironment
+) -> tuple[Curve, list[float]]:
     """Bring a fresh training to the state of a checkpoint, if there is one of this training.
 
     Returns:
-        The learning curve so far; empty without a checkpoint, and then nothing is changed.
+        The learning curve so far and the figures of the latest update; without a checkpoint there is no row
+        and no figure, and nothing is changed.
 
     Raises:
         ValueError: the file is foreign or damaged.
     """
     saved = read_state(path, CHECKPOINT, key)
     if saved is None:
-        return []
+        return [], [np.nan] * len(UPDATE)
     damaged = damaged_state(path)
     begin_moments(ppo.policy, ppo.policy.optimizer)
     expected = adam_state(ppo.policy, ppo.policy.optimizer)
-    if {"counters", "curve", "actions"} - set(saved) or not fits(saved, expected):
+    if {"counters", "curve", "actions", "update"} - set(saved) or not fits(saved, expected):
         raise damaged
     counters, curve, actions = (saved[name] for name in ("counters", "curve", "actions"))
     each = (environment.num_envs, environment.agent.action_size)
-    if counters.shape != (3,) or curve.shape[1:] != (2,) or actions.shape[1:] != each:
+    shapes = counters.shape, curve.shape[1:], actions.shape[1:], saved["update"].shape
+    if shapes != ((3,), (len(curve_columns(environment)),), each, (len(UPDATE),)):
         raise damaged
     samples = environment.task.pull_mm.shape[1] - 1  # of a round: a whole one would have begun another
     if (counters < [0, 0, 1]).any() or (counters > 2**52).any() or len(actions) >= samples:
@@ -113,7 +149,7 @@ def load_checkpoint(path: Path, key: str, ppo: PPO, environment: ReplayedEnviron
     ppo.num_timesteps, ppo._n_updates, rounds = (int(count) for count in counters)
     ppo._last_obs = environment.replay(rounds, actions)
     ppo._last_episode_starts = np.full(environment.num_envs, not len(actions))
-    return [(int(samples), float(reward)) for samples, reward in curve]
+    return [tuple(row) for row in curve.tolist()], saved["update"].tolist()
 
 
 def check_finite(ppo: PPO) -> None:

@@ -3,7 +3,7 @@
 import csv
 import dataclasses
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +34,22 @@ def run_configuration(records: Records, active_model: ActiveModel, settings: Any
     }
 
 
-def write_curve(folder: Path, curve: Iterable[tuple[int, float]]) -> None:
-    """Write `progress.csv`.
+def write_curve(
+    folder: Path, curve: Iterable[Sequence[float]], columns: Sequence[str] = ("samples", "mean_reward")
+) -> None:
+    """Write `progress.csv`; what is not known is left empty.
 
     Args:
         folder: of the run.
-        curve: mean reward [deg^2] after so many samples.
+        curve: rows, the first two of which are samples and the mean reward [deg^2] then.
+        columns: their names.
     """
     text = io.StringIO()
-    rows = ((samples, f"{reward:.6g}") for samples, reward in curve)
-    csv.writer(text).writerows([("samples", "mean_reward"), *rows])
+    rows = ([int(row[0]), *("" if np.isnan(value) else f"{value:.6g}" for value in row[1:])] for row in curve)
+    csv.writer(text).writerows([columns, *rows])
     write_whole(folder / CURVE_FILE, text.getvalue())
+
+
+def action_columns(count: int) -> list[str]:
+    """Return the names of columns with mean and standard deviation of each action."""
+    return [f"action_{number + 1}{part}" for number in range(count) for part in ("", "_deviation")]

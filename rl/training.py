@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,10 +14,10 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from rl.checkpoint import (
-    CHECKPOINT,
     Curve,
     ReplayedEnvironment,
     check_finite,
+    curve_columns,
     load_checkpoint,
     reseed,
     save_checkpoint,
@@ -34,10 +35,24 @@ from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
-from twin.files.state_file import remove_state, state_key
+from twin.files.state_file import state_key
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
+GROWS = "training.episodes"
+"""Number that a finished run may be given more of: it goes on from where it ended."""
+_OF_LOGGER = tuple(
+    f"train/{name}"
+    for name in (
+        "policy_gradient_loss",
+        "value_loss",
+        "entropy_loss",
+        "approx_kl",
+        "clip_fraction",
+        "std",
+    )
+)
+"""Names that stable-baselines3 has for the figures of `rl.checkpoint.UPDATE`."""
 
 
 def train_policy(
@@ -50,7 +65,7 @@ def train_policy(
     """Train a policy and write `policy.onnx`, `config.yaml` and `progress.csv` into a folder.
 
     A training that was stopped goes on from its checkpoint, and ends with the bytes of an undisturbed one;
-    one that is finished is left as it is.
+    one that is finished goes on if more episodes are asked for, and is left as it is if not.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
@@ -72,7 +87,7 @@ def train_policy(
     configuration = run_configuration(records, active_model, training)
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
     files = (POLICY_FILE, CHECKPOINT_FILE)
-    with open_run(folder, configuration, files), no_folder_of_compiled_code():
+    with open_run(folder, configuration, files, GROWS), no_folder_of_compiled_code():
         if not policy_path.is_file():
             task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
             environment = ReplayedEnvironment(
@@ -83,16 +98,23 @@ def train_policy(
                 training.reward_scale,
             )
             ppo = new_ppo(environment, training)
-            key = state_key(__version__, torch.__version__, configuration, pull, bend)
-            run = _Run(folder, key, training, environment, on_progress)
-            run.curve = load_checkpoint(checkpoint, key, ppo, environment)
+            key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
+            run = _Run(folder, key, ppo, training, environment, on_progress)
+            run.curve, run.update = load_checkpoint(checkpoint, key, ppo, environment)
             _learn(ppo, run)
-            write_curve(folder, run.curve)
+            run.save()  # what goes on from here is a longer training
+            run.write()
             export_policy(ppo, training.agent, configuration, policy_path)
             if on_progress:
                 on_progress(run.total, run.total, run.latest)
-        remove_state(checkpoint, CHECKPOINT)
     return policy_path
+
+
+def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return a configuration without one setting of a part of it."""
+    part, setting = name.split(".")
+    kept = {key: value for key, value in configuration[part].items() if key != setting}
+    return configuration | {part: kept}
 
 
 def _learn(ppo: PPO, run: "_Run") -> None:
@@ -103,6 +125,7 @@ def _learn(ppo: PPO, run: "_Run") -> None:
     """
     try:
         if ppo.num_timesteps < run.total:
+            reseed(run.training.seed, ppo.num_timesteps)
             ppo.learn(run.total - ppo.num_timesteps, callback=run, reset_num_timesteps=False)
     except ValueError:
         check_finite(ppo)  # distributions refuse what is no number
@@ -134,6 +157,7 @@ class _Run(BaseCallback):
         self,
         folder: Path,
         key: str,
+        ppo: PPO,
         training: TrainingOptions,
         environment: ReplayedEnvironment,
         on_progress: OnProgress | None,
@@ -141,6 +165,7 @@ class _Run(BaseCallback):
         super().__init__()
         self.folder = folder
         self.key = key
+        self.ppo = ppo
         self.training = training
         self.environment = environment
         self.on_progress = on_progress
@@ -148,6 +173,16 @@ class _Run(BaseCallback):
         updates = math.ceil(self.total / training.horizon)
         self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
         self.curve: Curve = []
+        self.update: list[float] = []
+
+    def save(self) -> None:
+        """Write a checkpoint."""
+        path = self.folder / CHECKPOINT_FILE
+        save_checkpoint(path, self.key, self.ppo, self.environment, self.curve, self.update)
+
+    def write(self) -> None:
+        """Write the curve."""
+        write_curve(self.folder, self.curve, curve_columns(self.environment))
 
     @property
     def latest(self) -> float:
@@ -155,10 +190,12 @@ class _Run(BaseCallback):
         return self.curve[-1][1] if self.curve else float("nan")
 
     def _on_rollout_start(self) -> None:
+        told = self.logger.name_to_value
+        if _OF_LOGGER[0] in told:
+            self.update = [float(told[name]) for name in _OF_LOGGER]
         if self.num_timesteps % self.between == 0:
             if self.num_timesteps:
-                path = self.folder / CHECKPOINT_FILE
-                save_checkpoint(path, self.key, self.model, self.environment, self.curve)  # type: ignore[arg-type]
+                self.save()
             # Here, and so in each training alike, whether it was stopped or not.
             reseed(self.training.seed, self.num_timesteps)
 
@@ -167,8 +204,9 @@ class _Run(BaseCallback):
             info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info
         ]
         if rewards:
-            self.curve.append((self.num_timesteps, float(np.mean(rewards))))
-            write_curve(self.folder, self.curve)
+            figures = [*self.update, *self.environment.acted]
+            self.curve.append((self.num_timesteps, float(np.mean(rewards)), *figures))
+            self.write()
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
         return True

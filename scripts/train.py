@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -17,7 +17,7 @@ from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
 
 if TYPE_CHECKING:
-    from rl.trainers import Material
+    from rl.trainers import Material, OnProgress
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
@@ -87,6 +87,8 @@ class Train:
     """With --seeds: processes; 0 for one per core. The files do not depend on it."""
     dask: str | None = None
     """With --seeds: address of a Dask scheduler, whose workers train and see --out under the same path."""
+    tensorboard: bool = False
+    """Write the learning curve for TensorBoard too, into OUT/tensorboard (extra `tensorboard`)."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -110,9 +112,10 @@ def train(args: Train) -> Summary:
     trainer = find_trainer(agent)
     progress = TrainingProgress(f"train {agent}", trainer.unit)
     folder = output_folder(args.out)
-    before = _begun_before([folder], agent)
-    path = trainer.run(material, options, folder, progress)
-    return Summary(f"{path}: {agent} trained on {source}{before}", {"out": str(path), "agent": agent})
+    before = _Before([folder], agent)
+    with _followed([folder], args, progress) as on_progress:
+        path = trainer.run(material, options, folder, on_progress)
+    return Summary(f"{path}: {agent} trained on {source}{before.told()}", {"out": str(path), "agent": agent})
 
 
 def _train_seeds(
@@ -129,26 +132,66 @@ def _train_seeds(
     progress = TrainingProgress(f"train {options.agent}, {count} seeds", "thousandths")
     with contextlib.ExitStack() as stack:
         folder = output_folder(args.out)
-        before = _begun_before([folder_of(folder, seed) for seed in seeds], options.agent)
+        folders = [folder_of(folder, seed) for seed in seeds]
+        before = _Before(folders, options.agent)
+        on_progress = stack.enter_context(_followed(folders, args, progress))
         executor, _ = stack.enter_context(choose_workers(count, args.workers, args.dask))
         shares = stack.enter_context(shared_table()) if args.dask is None else None
-        paths = train_seeds(material, options, seeds, folder, executor, progress, shares)
-    line = f"{args.out}: {options.agent} trained on {source} with seeds {seeds[0]} to {seeds[-1]}{before}"
+        paths = train_seeds(material, options, seeds, folder, executor, on_progress, shares)
+    which = f"seeds {seeds[0]} to {seeds[-1]}"
+    line = f"{args.out}: {options.agent} trained on {source} with {which}{before.told()}"
     return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent})
 
 
-def _begun_before(folders: Sequence[Path], agent: str) -> str:
-    """Return in words which runs are finished already, and which go on from where they were stopped."""
-    from twin.files.run_folder import CHECKPOINT_FILE
+@contextlib.contextmanager
+def _followed(folders: Sequence[Path], args: Train, progress: TrainingProgress) -> "Iterator[OnProgress]":
+    """Context manager: what is told of progress, and shows the curves in TensorBoard if that is asked for."""
+    if not args.tensorboard:
+        yield progress
+        return
+    from scripts.board import Board
 
-    finished = [folder.name for folder in folders if (folder / find_training(agent).file).is_file()]
-    stopped = [folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()]
-    resumed = [name for name in stopped if name not in finished]
-    told = {"finished before": finished, "resumed from its checkpoint": resumed}
-    alone = len(folders) == 1
-    return "".join(
-        f"; {word}" if alone else f"; {word}: {', '.join(names)}" for word, names in told.items() if names
-    )
+    with contextlib.closing(Board(folders)) as board:
+
+        def show(done: int, total: int, reward: float) -> None:
+            progress(done, total, reward)
+            board()
+
+        yield show
+
+
+class _Before:
+    """Runs as they were before a training: finished, stopped, or not begun."""
+
+    def __init__(self, folders: Sequence[Path], agent: str):
+        from twin.files.run_folder import CHECKPOINT_FILE
+
+        self.files = {folder.name: folder / find_training(agent).file for folder in folders}
+        self.written = {name: _written(file) for name, file in self.files.items()}
+        self.stopped = {folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()}
+
+    def told(self) -> str:
+        """Return in words, after the training, what of it was there."""
+        there = [name for name, written in self.written.items() if written]
+        finished = [name for name in there if _written(self.files[name]) == self.written[name]]
+        parts = {
+            "finished before": finished,
+            "went on from a shorter run": [name for name in there if name not in finished],
+            "resumed from its checkpoint": [
+                name for name in self.files if name in self.stopped and name not in there
+            ],
+        }
+        alone = len(self.files) == 1
+        return "".join(
+            f"; {word}" if alone else f"; {word}: {', '.join(names)}"
+            for word, names in parts.items()
+            if names
+        )
+
+
+def _written(path: Path) -> int:
+    """Return when a file was written [ns]; 0 if it is not there."""
+    return path.stat().st_mtime_ns if path.is_file() else 0
 
 
 def _agent(args: Train) -> str:

@@ -39,6 +39,7 @@ EXTRA_OF = {
     "jinja2": "viz",
     "distributed": "cluster",
     "pyarrow": "parquet",
+    "tensorboard": "tensorboard",
 }
 """Extra of EndoTwin that installs a module, by the name that the module is imported by."""
 

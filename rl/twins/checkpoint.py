@@ -25,7 +25,9 @@ class Keeper:
         every: updates between two checkpoints, such that sequences begin anew there.
         step: that learns.
         best: weights that were best on held-out twins so far, by name.
-        curve: samples so far, and minus the typical square error then [deg^2].
+        curve: rows of `progress.csv`, which begin with samples so far and minus the typical square error then
+            [deg^2].
+        columns: number of what a row holds.
         tables: arrays that the lesson keeps beside, by name; they are filled in their place.
     """
 
@@ -34,7 +36,8 @@ class Keeper:
     every: int
     step: FilterStep
     best: dict[str, torch.Tensor] = dataclasses.field(default_factory=dict)
-    curve: list[tuple[int, float]] = dataclasses.field(default_factory=list)
+    curve: list[tuple[float, ...]] = dataclasses.field(default_factory=list)
+    columns: int = 2
     tables: dict[str, Array] = dataclasses.field(default_factory=dict)
 
     def is_there(self) -> bool:
@@ -51,7 +54,7 @@ class Keeper:
             return
         arrays: dict[str, Array] = {
             "update": np.array([update], dtype=float),
-            "curve": np.array(self.curve, dtype=float).reshape(-1, 2),
+            "curve": np.array(self.curve, dtype=float).reshape(-1, self.columns),
         }
         arrays |= {name: of.numpy() for name, of in self._tensors(optimiser).items()}
         write_state(self.path, CHECKPOINT, self.key, arrays)
@@ -72,12 +75,12 @@ class Keeper:
         if {"update", "curve"} - set(saved) or not fits(saved, expected):
             raise damaged
         update, curve = saved["update"], saved["curve"]
-        if update.shape != (1,) or curve.shape[1:] != (2,):
+        if update.shape != (1,) or curve.shape[1:] != (self.columns,):
             raise damaged
         if not (0 < update[0] < 2**31 and float(update[0]).is_integer()):
             raise damaged
         set_tensors(expected, saved)
-        self.curve[:] = [(int(samples), float(reward)) for samples, reward in curve]
+        self.curve[:] = [tuple(row) for row in curve.tolist()]
         return int(update[0])
 
     def _tensors(self, optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:

@@ -41,9 +41,11 @@ class FilterStep(torch.nn.Module):
 
     Attributes:
         slow: names of parameters that learn in smaller steps than the others.
+        actions: of the policy.
     """
 
     slow: ClassVar[tuple[str, ...]] = ()
+    actions: ClassVar[int]
 
     def __init__(self, seen: int):
         """Start with the interval of a normal law.

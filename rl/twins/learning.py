@@ -9,7 +9,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -194,21 +194,33 @@ def _finished(
             yield place, drawn, reached
 
 
-def validation_loss(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> float:
-    """Return the mean logarithm of the mean square error of held-out sequences, at both ends of T."""
+class Validation(NamedTuple):
+    """Result of a step on held-out sequences.
+
+    Attributes:
+        loss: mean logarithm of the mean square error, at both ends of T.
+        actions: of each action, as it is bounded, the mean and the standard deviation.
+    """
+
+    loss: float
+    actions: list[float]
+
+
+def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> Validation:
+    """Return how a step does on held-out sequences; the same ones each time."""
     rng = np.random.default_rng([settings.seed, _VALIDATION])
-    losses = []
+    losses, actions = [], []
     for stride in (STRIDES[0], STRIDES[-1]):
         drawn = source.draw(160, settings.episode, rng, stride)
+        squares = []
         with torch.no_grad():
-            squares = [
-                (output.bend_deg - truth) ** 2
-                for (output, _), truth in zip(
-                    filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True
-                )
-            ]
+            for (output, _), truth in zip(filter_sequences(step, drawn, ALL), drawn.truth_deg, strict=True):
+                squares.append((output.bend_deg - truth) ** 2)
+                actions.append(torch.tanh(output.action))
         losses.append(float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()))
-    return float(np.mean(losses))
+    every = torch.cat(actions)
+    told = torch.stack([every.mean(dim=0), every.std(dim=0)], dim=1)
+    return Validation(float(np.mean(losses)), told.flatten().tolist())
 
 
 def _descend(

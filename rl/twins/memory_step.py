@@ -50,6 +50,8 @@ class MemoryState(NamedTuple):
 class MemoryStep(FilterStep):
     """Active model, policy with a memory, and interval; see the module."""
 
+    actions = len(REACH)
+
     def __init__(self, hidden: int = HIDDEN):
         """Start untrained, with a policy that does nothing."""
         super().__init__(hidden + SEEN)

@@ -11,11 +11,11 @@ import torch
 
 from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions
-from rl.run import write_curve
+from rl.run import action_columns, write_curve
 from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
-from rl.twins.learning import learn_gain, learn_interval, validation_loss
+from rl.twins.learning import learn_gain, learn_interval, validation
 from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import Prediction, SequenceSource, split_records
 from rl.twins.settings import SimulatedTraining, TwinsTraining
@@ -146,17 +146,23 @@ def _train(
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
     key = state_key(__version__, torch.__version__, configuration)
-    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
+    columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
+    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step, columns=len(columns))
+    losses: list[float] = []  # since the last validation
 
     def validate(samples: int) -> None:
-        error = -math.exp(validation_loss(step, unseen, settings))
-        if error > max((reward for _, reward in keeper.curve), default=-math.inf):
+        found = validation(step, unseen, settings)
+        error = -math.exp(found.loss)
+        if error > max((row[1] for row in keeper.curve), default=-math.inf):
             keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
-        keeper.curve.append((samples, error))
-        write_curve(path.parent, keeper.curve)
+        loss = sum(losses) / len(losses) if losses else math.nan
+        keeper.curve.append((samples, error, loss, *found.actions))
+        write_curve(path.parent, keeper.curve, columns)
+        losses.clear()
         shown.error = error
 
     def on_update(update: int, loss: float) -> None:
+        losses.append(loss)
         if update % every == 0 or update == settings.updates:
             validate(update * each)
         shown.of("analytic")(update, settings.updates)

@@ -51,6 +51,7 @@ Tensor = torch.Tensor
 class TwinsStep(FilterStep):
     """Active model on twins, recogniser of the noise, policy and interval; see the module."""
 
+    actions = ACTIONS
     slow = ("recogniser.likelihood",)  # counts are large numbers, and so is what they are multiplied by
 
     def __init__(self, directions: Tensor, hidden: int = 64):

@@ -1,5 +1,6 @@
 """A stopped training ends with the bytes of an undisturbed one; a checkpoint that is not ours is refused."""
 
+import csv
 import dataclasses
 import shutil
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from pickles import planted_pickle, planted_zip
 
-from rl.checkpoint import CHECKPOINT, ReplayedEnvironment
+from rl.checkpoint import CHECKPOINT, UPDATE, ReplayedEnvironment
 from rl.environment import AGENTS
 from rl.options import TrainingOptions
 from rl.training import train_policy
@@ -78,12 +79,64 @@ def test_stopped_training_ends_with_the_bytes_of_an_undisturbed_one(
         assert started[0] > 16 * 89  # not from the beginning
 
 
-def test_training_stopped_before_it_tidied_up_is_tidied_up(setting, undisturbed, stopped):
-    state = (stopped / STATE).read_bytes()
-    train_policy(*setting, PLAN, stopped)
-    (stopped / STATE).write_bytes(state)
-    train_policy(*setting, PLAN, stopped)
-    assert files(stopped) == undisturbed
+LONGER = dataclasses.replace(PLAN, episodes=80)
+
+
+def rows(folder):
+    return (folder / "progress.csv").read_text().splitlines()
+
+
+def test_a_finished_run_goes_on_where_more_episodes_are_asked_for(setting, undisturbed, tmp_path):
+    train_policy(*setting, PLAN, tmp_path)
+    shorter = rows(tmp_path)
+    train_policy(*setting, LONGER, tmp_path)
+    assert rows(tmp_path)[: len(shorter)] == shorter
+    assert len(rows(tmp_path)) > len(shorter)
+    longer = files(tmp_path)
+    assert longer["policy.onnx"] != undisturbed["policy.onnx"]
+    assert b"episodes: 80" in longer["config.yaml"]
+    train_policy(*setting, LONGER, tmp_path)
+    assert files(tmp_path) == longer
+
+
+@pytest.mark.parametrize("write", [0, 1, 2, 5, 8])
+def test_a_longer_run_that_is_stopped_ends_with_the_same_bytes(setting, tmp_path, monkeypatch, write):
+    for name in ("whole", "stopped"):
+        train_policy(*setting, PLAN, tmp_path / name)
+    train_policy(*setting, LONGER, tmp_path / "whole")
+    stop_at(setting, tmp_path / "stopped", write, monkeypatch, LONGER)
+    train_policy(*setting, LONGER, tmp_path / "stopped")
+    assert files(tmp_path / "stopped") == files(tmp_path / "whole")
+
+
+def test_no_run_becomes_shorter_and_none_grows_without_its_checkpoint(setting, tmp_path):
+    train_policy(*setting, PLAN, tmp_path)
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match=r"another configuration \(training.episodes\)"):
+        train_policy(*setting, dataclasses.replace(PLAN, episodes=16), tmp_path)
+    with pytest.raises(ValueError, match=r"another configuration \(training.episodes, training.seed\)"):
+        train_policy(*setting, dataclasses.replace(LONGER, seed=4), tmp_path)
+    assert files(tmp_path) == before
+    (tmp_path / STATE).unlink()
+    with pytest.raises(ValueError, match=r"another configuration \(training.episodes\)"):
+        train_policy(*setting, LONGER, tmp_path)
+    assert "policy.onnx" in files(tmp_path)
+
+
+def test_the_curve_tells_how_the_updates_went(setting, tmp_path):
+    train_policy(*setting, LONGER, tmp_path)
+    with (tmp_path / "progress.csv").open() as file:
+        told = list(csv.DictReader(file))
+    last = {name: float(value) for name, value in told[-1].items()}
+    assert list(last)[2:8] == list(UPDATE)
+    assert 0 <= last["kl"] < 1
+    assert 0 <= last["clip_fraction"] <= 1
+    # A normal law's entropy is that of its deviation.
+    assert -last["entropy_loss"] == pytest.approx(
+        2 * (0.5 + 0.5 * np.log(2 * np.pi) + np.log(last["exploration"])), rel=0.01
+    )
+    assert abs(last["action_1"]) < 1
+    assert 0.3 < last["action_1_deviation"] < 1.2
 
 
 @pytest.mark.parametrize("planted", [planted_pickle, planted_zip])
@@ -119,6 +172,7 @@ def with_arrays(path, change):
         lambda arrays: arrays.update(counters=np.array([-1.0, 0, 1])),
         lambda arrays: arrays.update(counters=np.array([1e300, 0, 1])),
         lambda arrays: arrays.update(curve=np.zeros((2, 3))),
+        lambda arrays: arrays.update(update=np.zeros(5)),
         lambda arrays: arrays.update(actions=np.zeros((1000, 16, 1))),
         lambda arrays: arrays.update({"weight log_std": np.zeros(7)}),
         lambda arrays: arrays.update({"weight log_std": np.full(1, np.nan)}),

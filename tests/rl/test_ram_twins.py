@@ -16,7 +16,7 @@ from small_twins import TINY, generator, shorter, small_records, small_source, s
 import scripts.train
 from rl.ram_twins import train_ram_twins
 from rl.twins.graph import TwinsGraph, export_twins
-from rl.twins.learning import learn_interval, learn_noise, validation_loss
+from rl.twins.learning import learn_interval, learn_noise, validation
 from rl.twins.noises import FAMILIES, LINEAR, draw_noises
 from rl.twins.records import SAMPLE_TIME, draw_members
 from rl.twins.sequences import principal_directions, split_records
@@ -162,7 +162,7 @@ def test_the_same_seed_trains_the_same_step(trained, tmp_path):
 
 def test_validation_is_on_the_same_sequences_each_time():
     step = small_step()
-    losses = {validation_loss(step, small_source(), TINY) for _ in range(2)}
+    losses = {validation(step, small_source(), TINY).loss for _ in range(2)}
     assert len(losses) == 1
 
 

@@ -38,7 +38,12 @@ def returns(folder):
 
 
 def test_run_folder_holds_policy_configuration_and_curve(run_folder):
-    assert {path.name for path in run_folder.iterdir()} == {"policy.onnx", "config.yaml", "progress.csv"}
+    assert {path.name for path in run_folder.iterdir()} == {
+        "policy.onnx",
+        "config.yaml",
+        "progress.csv",
+        "checkpoint.state",
+    }
     samples = [count for count, _ in returns(run_folder)]
     assert samples == sorted(set(samples))
 

@@ -13,7 +13,7 @@ from rl.trainers import Material, Simulated, find_trainer
 from rl.twins.balance import SMALLEST_ERROR_DEG2, departure
 from rl.twins.environment import TwinsEnvironment
 from rl.twins.filter_step import ALL
-from rl.twins.learning import filter_sequences, validation_loss
+from rl.twins.learning import filter_sequences, validation
 from rl.twins.ppo import learn_by_ppo
 from twin.estimation.learned.trained_file import read_trained_file
 
@@ -77,9 +77,9 @@ def test_it_unlearns_a_policy_that_trusts_nothing():
     with torch.no_grad():
         step.policy[-1].bias[0] = -0.5  # tanh(-0.5) * 5: a gain of a tenth of what is best
     settings = shorter(ppo_samples=20480, sequences=64)
-    before = validation_loss(step, small_source(), settings)
+    before = validation(step, small_source(), settings).loss
     learn_by_ppo(step, small_source(), settings, ignore, ignore)
-    assert validation_loss(step, small_source(), settings) < before - 0.1
+    assert validation(step, small_source(), settings).loss < before - 0.1
 
 
 @pytest.mark.parametrize("gain", [("ppo",), ("analytic", "ppo")])

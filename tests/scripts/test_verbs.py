@@ -308,6 +308,11 @@ def mistakes(workspace):
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
         ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
         ("train --protocol twins --stroke 4 -4 --out x", "stroke [4, -4] mm: must rise"),
+        ("train --protocol twins --gain sac --out x", "gain sac: valid are analytic; ppo; analytic ppo"),
+        (
+            "train data/train --model coleman_hodgdon.json --gain ppo --out x",
+            "--gain is for --protocol twins",
+        ),
         ("train --protocol twins --noises gaussian cauchy --out x", "training noises cauchy: choose from"),
         ("train data/train --model coleman_hodgdon.json --seeds 0 --out x", "seeds 0: must be at least 1"),
         (

@@ -23,13 +23,17 @@ _ABSENT = object()
 
 
 @contextlib.contextmanager
-def open_run(folder: Path, configuration: dict[str, Any], files: Sequence[str]) -> Iterator[None]:
+def open_run(
+    folder: Path, configuration: dict[str, Any], files: Sequence[str], grows: str = ""
+) -> Iterator[None]:
     """Context manager: a run folder of this configuration, in which no other process is at work.
 
     Args:
         folder: made if it is not there.
         configuration: what the run depends on.
-        files: that the run makes, beside `config.yaml` and `progress.csv`.
+        files: that the run makes, beside `config.yaml` and `progress.csv`; the first is what it is for.
+        grows: name of a number, as in `training.episodes`: a run that has a checkpoint and differs in nothing
+            but having less of it becomes this one, and loses the first file until it is made anew.
 
     Raises:
         ValueError: another run is at work in it, it holds one of another configuration, or files of these
@@ -37,8 +41,22 @@ def open_run(folder: Path, configuration: dict[str, Any], files: Sequence[str]) 
     """
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
+        if grows and _may_grow(folder / CONFIGURATION_FILE, configuration, grows):
+            # In this order: stopped between the two, the shorter run makes its file again.
+            (folder / files[0]).unlink(missing_ok=True)
+            write_whole(folder / CONFIGURATION_FILE, _text(configuration))
         claim_folder(folder, configuration, (CURVE_FILE, *files))
         yield
+
+
+def _may_grow(path: Path, configuration: dict[str, Any], name: str) -> bool:
+    """Return whether the run of a `config.yaml` is this one but for having less of a number."""
+    if not (path.is_file() and path.with_name(CHECKPOINT_FILE).is_file()):
+        return False
+    if _differences(path, _text(configuration)) != [name]:
+        return False
+    there, wanted = (_flat(values).get(name) for values in (read_yaml(path, _MOST_BYTES), configuration))
+    return isinstance(there, int) and isinstance(wanted, int) and there < wanted
 
 
 def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[str] = ()) -> None:
@@ -53,7 +71,7 @@ def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[st
         ValueError: it has another one, or the folder holds such a file.
     """
     path = folder / CONFIGURATION_FILE
-    text = yaml.safe_dump(configuration, sort_keys=False)
+    text = _text(configuration)
     if os.path.lexists(path):
         if _contents(path) != text.encode():
             names = cut(", ".join(_differences(path, text)))
@@ -68,6 +86,10 @@ def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[st
                 f"{folder} holds {name} without the {path.name} of its run: choose another `folder`"
             )
     write_whole(path, text)
+
+
+def _text(configuration: dict[str, Any]) -> str:
+    return yaml.safe_dump(configuration, sort_keys=False)
 
 
 def _differences(path: Path, text: str) -> list[str]:
