@@ -1,7 +1,9 @@
 """PPO on the policy of RAM (twins): the same network, sequences and loss, without the gradient of the filter.
 
-Schulman et al. (2017) with the parameters of the paper's Table I, by stable-baselines3. It begins with the
-weights that the step has, be they untrained, and explores around them.
+Schulman et al. (2017) with the parameters of the paper's Table I but for the batch, by stable-baselines3. It
+begins with the weights that the step has, be they untrained, and explores around them. With the 1024 samples
+of Table I between two updates it loses what it began with: what an action is worth drowns in what noise and
+twins differ by, and the policy drifts.
 """
 
 import math
@@ -19,7 +21,12 @@ from rl.twins.sequences import SequenceSource
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 
-EXPLORES = 0.15  # standard deviation of the actions at the start; 1 would move the logarithm of a gain by 4
+ENVIRONMENTS, HORIZON, MINIBATCH = 256, 25_600, 2_560
+RATES = {"untrained": 1e-3, "trained": 2.5e-4}  # of Adam; the lower one is that of Table I
+EXPLORES = {
+    "untrained": 0.15,
+    "trained": 0.1,
+}  # deviation of the actions; 1 is 4 of a gain's logarithm
 VALIDATIONS = 12
 
 OnShare = Callable[[int, int], None]
@@ -45,13 +52,20 @@ def learn_by_ppo(
     Raises:
         FloatingPointError: the training has diverged.
     """
-    options = TrainingOptions(seed=settings.seed)
+    begins = "trained" if len(settings.gain) > 1 else "untrained"
+    options = TrainingOptions(
+        learning_rate=RATES[begins],
+        environments=ENVIRONMENTS,
+        horizon=HORIZON,
+        minibatch=MINIBATCH,
+        seed=settings.seed,
+    )
     environment = TwinsEnvironment(step, source, settings, options.environments, options.reward_scale)
     ppo = new_ppo(environment, options)
     with torch.no_grad():
         for theirs, own in _shared(ppo, step):
             theirs.copy_(own)
-        ppo.policy.log_std.fill_(math.log(EXPLORES))
+        ppo.policy.log_std.fill_(math.log(EXPLORES[begins]))
     ppo.learn(settings.ppo_samples, callback=_Watch(step, settings.ppo_samples, on_share, on_weights))
     check_finite(ppo)
 

@@ -103,13 +103,13 @@ class TwinsTraining(SimulatedTraining):
         recogniser_updates: gradient steps of that.
         recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
         gain: how the policy learns, one of `GAINS` after the other.
-        ppo_samples: of PPO, with the parameters of the paper's Table I.
+        ppo_samples: of PPO, whole horizons of it.
     """
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
         "recogniser_sequences": 64,
         "recogniser_updates": 1,
-        "ppo_samples": 1024,
+        "ppo_samples": 25_600,
     }
 
     sequences: int = 256
