@@ -108,7 +108,7 @@ class TwinsEnvironment(SharedEnvironment):
     def _advance(self, action: torch.Tensor) -> Array32:
         """Return the reward (count,) of an action."""
         drawn, window = self.drawn, self.settings.window
-        output, self.state = self.filter_step.update(self.predicted, action, self.state)
+        output, self.state = self.filter_step.update(self.predicted, action)
         square = (output.bend_deg - drawn.truth_deg[self.sample]) ** 2 + SMALLEST_ERROR_DEG2
         lost = self.factors * square + self.settings.linear_penalty * departure(output.action, drawn.linear)
         self.squares += square

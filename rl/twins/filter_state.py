@@ -40,6 +40,7 @@ class Predicted(NamedTuple):
     """Prediction for a sample, and its innovation.
 
     Attributes:
+        state: after the sample before.
         mean: (B, r + 2) of the state, as predicted.
         covariance: (B, r + 2, r + 2) before it grows.
         towards: (B, r + 2) P h, before P grows.
@@ -56,6 +57,7 @@ class Predicted(NamedTuple):
         strange: what the fallback says.
     """
 
+    state: FilterState
     mean: Tensor
     covariance: Tensor
     towards: Tensor

@@ -24,6 +24,7 @@ alone, so that the filter itself stays linear. Where the noise is like none of t
 """
 
 import math
+from typing import Any
 
 import torch
 
@@ -109,19 +110,10 @@ class TwinsStep(FilterStep):
         first: Tensor = self.of_members + FIRST_ERROR_DEG2 * self.of_error + told * self.of_bias
         return first[:, :, None] * self.unit
 
-    def forward(
-        self,
-        members_deg: Tensor,
-        way_mm: Tensor,
-        measurement_deg: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
-        parts: Tensor,
-        state: FilterState,
-    ) -> tuple[Output, FilterState]:
+    def forward(self, *given: Any) -> tuple[Output, FilterState]:
         """Return the estimates and the states one sample later; arguments as in `predict`."""
-        prior = self.predict(members_deg, way_mm, measurement_deg, variance, sample_time, parts, state)
-        return self.update(prior, self.policy(prior.features), state)
+        prior = self.predict(*given)
+        return self.update(prior, self.policy(prior.features))
 
     def predict(
         self,
@@ -178,6 +170,7 @@ class TwinsStep(FilterStep):
         of_bias = BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         seen = is_seen.to(predicted.dtype)
         return Predicted(
+            state,
             mean,
             covariance,
             towards,
@@ -194,15 +187,14 @@ class TwinsStep(FilterStep):
             strange,
         )
 
-    def update(self, prior: Predicted, action: Tensor, state: FilterState) -> tuple[Output, FilterState]:
+    def update(self, prior: Predicted, action: Tensor) -> tuple[Output, FilterState]:
         """Return the estimates and the states after a sample.
 
         Args:
             prior: from `predict`.
             action: (B, ACTIONS) of the policy, before it is bounded.
-            state: after the sample before.
         """
-        variance, innovation, angle = prior.variance, prior.innovation, prior.angle
+        state, variance, innovation, angle = prior.state, prior.variance, prior.innovation, prior.angle
         seen_as = angle + self.of_bias
         said = action * prior.acts
         on_gain, on_noise, on_error, on_members = (torch.tanh(said) * self.reach).split(1, dim=1)
