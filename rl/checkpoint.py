@@ -109,12 +109,25 @@ def save_checkpoint(
     counters = [ppo.num_timesteps, ppo._n_updates, environment.rounds]
     arrays = {
         "counters": np.array(counters, dtype=np.float64),
-        "curve": np.array(curve, dtype=np.float64).reshape(-1, len(curve_columns(environment))),
-        "update": np.array(update, dtype=np.float64),
+        **_finite("curve", np.array(curve, dtype=np.float64).reshape(-1, len(curve_columns(environment)))),
+        **_finite("update", np.array(update, dtype=np.float64)),
         "actions": actions.reshape(-1, environment.num_envs, environment.agent.action_size),
     }
     learned = adam_state(ppo.policy, ppo.policy.optimizer)
     write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in learned.items()})
+
+
+def _finite(name: str, values: Array | None = None) -> dict[str, Array]:
+    """Return an array as two, as a state holds no NaN: its numbers, and 1 where they are known."""
+    given = np.zeros(0) if values is None else values
+    return {name: np.nan_to_num(given), f"{name} known": np.isfinite(given).astype(float)}
+
+
+def _with_unknown(saved: dict[str, Array], name: str) -> Array:
+    """Return the array that `_finite` was given; one of no size, if its parts do not fit."""
+    if saved[name].shape != saved[f"{name} known"].shape:
+        return np.zeros(0)
+    return np.where(saved[f"{name} known"] == 1, saved[name], np.nan)
 
 
 def load_checkpoint(
@@ -135,11 +148,14 @@ def load_checkpoint(
     damaged = damaged_state(path)
     begin_moments(ppo.policy, ppo.policy.optimizer)
     expected = adam_state(ppo.policy, ppo.policy.optimizer)
-    if {"counters", "curve", "actions", "update"} - set(saved) or not fits(saved, expected):
+    if {"counters", "actions", *_finite("curve"), *_finite("update")} - set(saved) or not fits(
+        saved, expected
+    ):
         raise damaged
-    counters, curve, actions = (saved[name] for name in ("counters", "curve", "actions"))
+    counters, actions = saved["counters"], saved["actions"]
+    curve, latest = (_with_unknown(saved, name) for name in ("curve", "update"))
     each = (environment.num_envs, environment.agent.action_size)
-    shapes = counters.shape, curve.shape[1:], actions.shape[1:], saved["update"].shape
+    shapes = counters.shape, curve.shape[1:], actions.shape[1:], latest.shape
     if shapes != ((3,), (len(curve_columns(environment)),), each, (len(UPDATE),)):
         raise damaged
     samples = environment.task.pull_mm.shape[1] - 1  # of a round: a whole one would have begun another
@@ -149,7 +165,7 @@ def load_checkpoint(
     ppo.num_timesteps, ppo._n_updates, rounds = (int(count) for count in counters)
     ppo._last_obs = environment.replay(rounds, actions)
     ppo._last_episode_starts = np.full(environment.num_envs, not len(actions))
-    return [tuple(row) for row in curve.tolist()], saved["update"].tolist()
+    return [tuple(row) for row in curve.tolist()], latest.tolist()
 
 
 def check_finite(ppo: PPO) -> None:

@@ -47,8 +47,7 @@ def train_ram_twins(
 
         learn_by_ppo(step, source, settings, on_share, on_weights)
 
-    ppo = explore if "ppo" in settings.gain else None
-    learner = Learner(TRAINING, members, begin, export, recognise, settings.gain, ppo, guard)
+    learner = Learner(TRAINING, members, begin, export, prepare=recognise, explore=explore, guard=guard)
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 

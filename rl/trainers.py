@@ -78,7 +78,8 @@ class Trainer:
 
     Attributes:
         method: that it trains.
-        train: trains on records into a folder and returns the trained file; a finished run is left as it is.
+        train: trains on records into a folder and returns the trained file; a finished run is left as it is,
+            but for one of PPO that is asked for more episodes.
         on_twins: the same on twins of a preset, which it simulates.
         unit: of progress, in the plural.
         counts_samples: whether an episode is a record of whatever number of samples, as in PPO, so that at a

@@ -29,12 +29,13 @@ from rl.policy import export_policy
 from rl.run import run_configuration, write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
-from twin.files.run_folder import CHECKPOINT_FILE, open_run
+from twin.files.run_folder import CHECKPOINT_FILE, open_run, write_configuration
 from twin.files.state_file import state_key
 
 Array = NDArray[np.float64]
@@ -78,7 +79,8 @@ def train_policy(
         Path of the policy.
 
     Raises:
-        ValueError: the folder holds a run of another configuration, or the checkpoint is foreign or damaged.
+        ValueError: the folder holds a run of another configuration, or the checkpoint is foreign, damaged or
+            of a run that cannot go on.
         FloatingPointError: the training has diverged.
     """
     torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
@@ -87,8 +89,8 @@ def train_policy(
     configuration = run_configuration(records, active_model, training)
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
     files = (POLICY_FILE, CHECKPOINT_FILE)
-    with open_run(folder, configuration, files, GROWS), no_folder_of_compiled_code():
-        if not policy_path.is_file():
+    with open_run(folder, configuration, files, GROWS) as shorter, no_folder_of_compiled_code():
+        if shorter or not policy_path.is_file():
             task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
             environment = ReplayedEnvironment(
                 task,
@@ -101,10 +103,14 @@ def train_policy(
             key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
             run = _Run(folder, key, ppo, training, environment, on_progress)
             run.curve, run.update = load_checkpoint(checkpoint, key, ppo, environment)
+            if shorter:
+                _check_goes_on(ppo, run)
             _learn(ppo, run)
             run.save()  # what goes on from here is a longer training
             run.write()
             export_policy(ppo, training.agent, configuration, policy_path)
+            if shorter:  # the last: until then it is the shorter run, which may go on again
+                write_configuration(folder, configuration)
             if on_progress:
                 on_progress(run.total, run.total, run.latest)
     return policy_path
@@ -117,16 +123,43 @@ def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
     return configuration | {part: kept}
 
 
+def _check_goes_on(ppo: PPO, run: "_Run") -> None:
+    """Refuse to go on from nothing, or from beyond the end.
+
+    Raises:
+        ValueError: the checkpoint is of another version, or of a run that has gone further.
+    """
+    if not ppo.num_timesteps:
+        raise InputError(
+            f"{run.folder} holds a shorter run, whose {CHECKPOINT_FILE} is not of this version: "
+            "choose another `folder`"
+        )
+    if ppo.num_timesteps >= run.total + run.training.horizon:
+        raise InputError(
+            f"{run.folder} has gone on to {ppo.num_timesteps} samples already: ask for more than {run.total}"
+        )
+
+
 def _learn(ppo: PPO, run: "_Run") -> None:
     """Train to the end.
 
     Raises:
         FloatingPointError: the training has diverged.
     """
+    if ppo.num_timesteps < run.total:
+        reseed(run.training.seed, ppo.num_timesteps)
+        learn(ppo, run.total - ppo.num_timesteps, run, reset=False)
+    check_finite(ppo)
+
+
+def learn(ppo: PPO, samples: int, callback: BaseCallback, reset: bool = True) -> None:
+    """Train by PPO for so many samples.
+
+    Raises:
+        FloatingPointError: the training has diverged.
+    """
     try:
-        if ppo.num_timesteps < run.total:
-            reseed(run.training.seed, ppo.num_timesteps)
-            ppo.learn(run.total - ppo.num_timesteps, callback=run, reset_num_timesteps=False)
+        ppo.learn(samples, callback=callback, reset_num_timesteps=reset)
     except ValueError:
         check_finite(ppo)  # distributions refuse what is no number
         raise
@@ -190,14 +223,21 @@ class _Run(BaseCallback):
         return self.curve[-1][1] if self.curve else float("nan")
 
     def _on_rollout_start(self) -> None:
-        told = self.logger.name_to_value
-        if _OF_LOGGER[0] in told:
-            self.update = [float(told[name]) for name in _OF_LOGGER]
+        self._meet_update()
         if self.num_timesteps % self.between == 0:
             if self.num_timesteps:
                 self.save()
             # Here, and so in each training alike, whether it was stopped or not.
             reseed(self.training.seed, self.num_timesteps)
+
+    def _on_training_end(self) -> None:
+        self._meet_update()
+
+    def _meet_update(self) -> None:
+        """Take the figures of the latest update, if there has been one."""
+        told = self.logger.name_to_value
+        if _OF_LOGGER[0] in told:
+            self.update = [float(told[name]) for name in _OF_LOGGER]
 
     def _on_step(self) -> bool:
         rewards = [

@@ -32,7 +32,10 @@ def agents_in_words(default: str = "") -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Train:
-    """Train a policy by PPO on records, the paper's Table I as defaults; a stopped run is taken up again."""
+    """Train a policy by PPO on records, the paper's Table I as defaults; a stopped run is taken up again.
+
+    A finished run of PPO goes on where --episodes asks for more.
+    """
 
     out: Path
     """Run folder: policy.onnx or the network's file, config.yaml, progress.csv."""
@@ -155,7 +158,7 @@ def _followed(folders: Sequence[Path], args: Train, progress: TrainingProgress) 
 
         def show(done: int, total: int, reward: float) -> None:
             progress(done, total, reward)
-            board()
+            board()  # from here on, the folder is known to be that of this run
 
         yield show
 

@@ -56,13 +56,18 @@ class TypicalErrors:
             self.means[where] += max(1 / self.met[where], _SLOWEST) * (square - self.means[where])
 
     def factors(self, window: Sequences, place: int) -> torch.Tensor:
-        """Return (B,) what the square errors [deg^2] of sequences count by; their families have been met."""
+        """Return (B,) what the square errors [deg^2] of sequences count by.
+
+        A family that has not been met at this sample time counts as those that have.
+        """
         stride = STRIDES.index(window.stride)
         weights = self._weights(float(window.sample_time[0]))
         factors = torch.zeros_like(window.variance)
+        all_met = self.means[:, stride][self.met[:, stride] > 0]
+        usual = float(all_met.mean()) if len(all_met) else 1.0
         for family in torch.unique(window.family).tolist():
             means, met = self.means[family, stride], self.met[family, stride] > 0
-            total = weights @ np.where(met, means, means[met].mean())
+            total = weights @ np.where(met, means, means[met].mean() if met.any() else usual)
             factors[window.family == family] = len(weights) * weights[place] / total
         return factors / window.variance**POWER
 

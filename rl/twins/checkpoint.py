@@ -48,9 +48,9 @@ class Keeper:
         """
         return read_state(self.path, CHECKPOINT, self.key) is not None
 
-    def keep(self, update: int, optimiser: torch.optim.Optimizer) -> None:
-        """Write a checkpoint after every so many updates."""
-        if update % self.every:
+    def keep(self, update: int, optimiser: torch.optim.Optimizer, *, last: bool = False) -> None:
+        """Write a checkpoint after every so many updates, and after the last one."""
+        if update % self.every and not last:
             return
         arrays: dict[str, Array] = {
             "update": np.array([update], dtype=float),

@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.familiarity import LEAST_COUNTS
 from rl.twins.recogniser import BINS, LARGEST_RESIDUAL
 
 Tensor = torch.Tensor
 
 BOUND = 1.5  # standard deviations of an innovation that count in full
-BEFORE = 10.0  # counts of a normal law that everything begins with
+BEFORE = 10.0  # counts by which half of what is seen of tails is believed
 NORMAL_LOG = -(math.log(2) + 0.5772156649) / 2  # mean of log |x| under a normal law of variance 1
 HEAVY = 0.8  # ratio of variances below which tails are heavy: what is above is chance
 DISTANCES = (0.5, 1.0, 1.5, 2.0, 3.0)  # in units of sqrt(R), beyond which sides are compared
@@ -25,12 +26,12 @@ EVEN, ODD = 1.5, 2.5  # standard deviations between the sides: symmetric up to, 
 ENOUGH = 150.0  # counts that symmetry needs; with half of them nothing is said
 
 
-class Doubt(NamedTuple):
+class Verdict(NamedTuple):
     """Reliance on the fallback, and its view of the noise; all (B,).
 
     Attributes:
         strange: from 0, the noise is like that of the training, to 1.
-        narrower: variance of the middle of the noise, as a share of R.
+        narrower: what R is multiplied by.
         even: how sure it is that the mean of the noise is zero: one over its variance in units of R.
     """
 
@@ -52,22 +53,24 @@ class Fallback(torch.nn.Module):
         centres = torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS)
         residual = torch.sinh(centres) / 4
         within = float(centres[1] - centres[0]) / 4  # spread of what a middle bin counts
+        self.least = within**2 / 4  # [R]: what is narrower is not told apart
         self.square = torch.nn.Buffer(residual**2)
-        self.logarithm = torch.nn.Buffer(torch.log(residual**2 + (within / 2) ** 2) / 2)
+        self.logarithm = torch.nn.Buffer(torch.log(residual**2 + self.least) / 2)
         beyond = torch.stack([(residual.abs() > distance).float() for distance in DISTANCES], dim=1)
         self.beyond = torch.nn.Buffer(beyond)
         self.side = torch.nn.Buffer(beyond * torch.sign(residual)[:, None])
 
     def narrower(self, counts: Tensor) -> Tensor:
-        """Return (B,) the variance of the middle of the noise as a share of R, 1 where tails are not heavy.
+        """Return (B,) what R is multiplied by: less than 1 where tails are heavy, by the width of the middle.
 
         Args:
             counts: (B, BINS) histogram of residuals in units of sqrt(R).
         """
-        total = counts.sum(dim=-1) + BEFORE
-        square = (counts @ self.square + BEFORE) / total
-        logarithm = (counts @ self.logarithm + BEFORE * NORMAL_LOG) / total
-        share: Tensor = torch.exp(2 * (logarithm - NORMAL_LOG)) / square / HEAVY
+        total = counts.sum(dim=-1)
+        some = total.clamp(min=LEAST_COUNTS)
+        logarithm = counts @ self.logarithm / some
+        ratio = torch.exp(2 * (logarithm - NORMAL_LOG)) / (counts @ self.square / some + self.least)
+        share: Tensor = (1 + total / (total + BEFORE) * (ratio - 1)) / HEAVY
         return share.clamp(min=0, max=1)
 
     def symmetry(self, counts: Tensor) -> Tensor:
@@ -77,7 +80,7 @@ class Fallback(torch.nn.Module):
         counted = 2 * counts.sum(dim=-1) / ENOUGH - 1
         return (1 - uneven).clamp(min=0, max=1) * counted.clamp(min=0, max=1)
 
-    def forward(self, strange: Tensor, counts: Tensor) -> Doubt:
+    def forward(self, strange: Tensor, counts: Tensor) -> Verdict:
         """Return what a filter does under noise that is so strange.
 
         Args:
@@ -85,4 +88,4 @@ class Fallback(torch.nn.Module):
             counts: as in `narrower`.
         """
         narrower = 1 - strange * (1 - self.narrower(counts))
-        return Doubt(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))
+        return Verdict(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import torch
 
-from rl.twins.fallback import Doubt
+from rl.twins.fallback import Verdict
 
 Tensor = torch.Tensor
 
@@ -54,7 +54,7 @@ class Predicted(NamedTuple):
         features: (B, LAWS + SCALARS) what the policy sees.
         acts: how far it is listened to.
         hears: how far the recogniser is.
-        strange: what the fallback says.
+        verdict: of the fallback.
     """
 
     state: FilterState
@@ -71,4 +71,4 @@ class Predicted(NamedTuple):
     features: Tensor
     acts: Tensor
     hears: Tensor
-    strange: Doubt
+    verdict: Verdict

@@ -252,4 +252,4 @@ def _descend(
         if on_update:
             on_update(update + 1, value.item())
         if keeper:
-            keeper.keep(update + 1, optimiser)
+            keeper.keep(update + 1, optimiser, last=update + 1 == updates)

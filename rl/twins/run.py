@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,10 +18,9 @@ from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation
 from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import Prediction, SequenceSource, split_records
-from rl.twins.settings import SimulatedTraining, TwinsTraining
+from rl.twins.settings import SimulatedTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
-from twin.errors import InputError
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
@@ -47,7 +46,6 @@ class Learner:
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
         export: writes the trained step with a description to a path.
         prepare: a lesson before that of the gain.
-        gain: how the gain learns, of `rl.twins.settings.GAINS`.
         explore: the lesson of PPO; it tells its progress, and after how many samples a step has its weights.
         guard: a lesson behind it, of what is like the training and what is not.
     """
@@ -57,15 +55,13 @@ class Learner:
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
     prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
-    gain: tuple[str, ...] = ("analytic",)
     explore: Callable[[Any, SequenceSource, OnShare, Callable[[int], None]], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
 
-    @property
-    def parts(self) -> list[str]:
-        """Parts of the training that take time, by name."""
+    def parts(self, gain: Sequence[str]) -> list[str]:
+        """Return the parts of the training that take time, by name."""
         lessons = ["recogniser"] if self.prepare else []
-        return ["simulation", *lessons, *self.gain, "interval"]
+        return ["simulation", *lessons, *gain, "interval"]
 
 
 def train_on_twins(
@@ -112,7 +108,7 @@ def train_on_twins(
             # Weights of unlikely laws are numbers so small that processors take a hundred cycles for each.
             torch.set_flush_denormal(True)
             try:
-                shown = _Shown(on_progress, learner.parts)
+                shown = _Shown(on_progress, learner.parts(settings.gain))
                 _train(learner, preset, ranges, settings, configuration, path, shown)
             finally:
                 torch.set_flush_denormal(False)
@@ -170,11 +166,11 @@ def _train(
     if learner.prepare and not keeper.is_there():
         learner.prepare(step, source, shown.of("recogniser"))
     before = 0
-    if "analytic" in learner.gain:
+    if "analytic" in settings.gain:
         learn_gain(step, source, settings, on_update, keeper)
         step.load_state_dict(keeper.best, strict=False)
         before = settings.updates * each
-    if learner.explore:
+    if "ppo" in settings.gain and learner.explore:
         if not before:
             validate(0)
         learner.explore(step, source, shown.of("ppo"), lambda samples: validate(before + samples))
@@ -203,11 +199,8 @@ def scaled_to_options(
             settings.scaled(options),
             noises=simulated.noises or settings.noises,
             stroke_mm=simulated.stroke_mm or settings.stroke_mm,
+            gain=simulated.gain or settings.gain,
         )
-        if simulated.gain:
-            if not isinstance(chosen, TwinsTraining):
-                raise InputError("gain: a policy with a memory learns by back-propagation alone")
-            chosen = dataclasses.replace(chosen, gain=simulated.gain)
         return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 
     return run

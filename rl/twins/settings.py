@@ -11,8 +11,8 @@ from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
-GAINS = (("analytic",), ("ppo",), ("analytic", "ppo"))
-"""Ways in which a policy learns: by back-propagation through the filter, by PPO, or by PPO from there on."""
+PPO_HORIZON = 25_600
+"""Samples between two updates of PPO."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +21,8 @@ class SimulatedTraining:
 
     Attributes:
         lengths: settings that are scaled where a training is to be longer or shorter, and the least of each.
+        gains: ways in which the policy may learn: by back-propagation through the filter, by PPO, or by PPO
+            from what back-propagation found.
         commands: C, along which twins are simulated.
         twins: K along each command, whose angle is estimated.
         seconds: length of a record.
@@ -35,6 +37,7 @@ class SimulatedTraining:
         linear_penalty: weight of what the policy does where doing nothing is best.
         bias_weight: weight of the loss of the mean of the noise beside the error of the estimate.
         noises: families of `rl.twins.noises` that are met.
+        gain: how the policy learns, one of `gains`.
         seed: of everything that is drawn.
     """
 
@@ -44,6 +47,8 @@ class SimulatedTraining:
         "interval_sequences": 64,
         "interval_updates": 1,
     }
+
+    gains: ClassVar[tuple[tuple[str, ...], ...]] = (("analytic",),)
 
     commands: int = 90
     twins: int = 8
@@ -59,15 +64,19 @@ class SimulatedTraining:
     linear_penalty: float = 0.3
     bias_weight: float = 0.05
     noises: tuple[str, ...] = tuple(FAMILIES)
+    gain: tuple[str, ...] = ("analytic",)
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Refuse a training that cannot run.
 
         Raises:
-            ValueError: records are shorter than an episode.
+            ValueError: records are shorter than an episode, or the policy learns in no way that there is.
         """
         check_families(self.noises)
+        if self.gain not in self.gains:
+            valid = "; ".join(" ".join(words) for words in self.gains)
+            raise InputError(f"gain {' '.join(self.gain) or 'of no kind'}: valid are {valid}")
         low, high = self.stroke_mm
         if not low < high:
             raise InputError(f"stroke [{low:g}, {high:g}] mm: must rise")
@@ -102,15 +111,15 @@ class TwinsTraining(SimulatedTraining):
         recogniser_sequences: records that the recogniser learns from first.
         recogniser_updates: gradient steps of that.
         recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
-        gain: how the policy learns, one of `GAINS` after the other.
-        ppo_samples: of PPO, whole horizons of it.
+        ppo_samples: of PPO, rounded up to whole horizons.
     """
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
         "recogniser_sequences": 64,
         "recogniser_updates": 1,
-        "ppo_samples": 25_600,
+        "ppo_samples": PPO_HORIZON,
     }
+    gains = (("analytic",), ("ppo",), ("analytic", "ppo"))
 
     sequences: int = 256
     window: int = 25
@@ -119,28 +128,14 @@ class TwinsTraining(SimulatedTraining):
     recogniser_sequences: int = 4096
     recogniser_updates: int = 2500
     recogniser_rate: float = 3e-3
-    gain: tuple[str, ...] = ("analytic",)
-    ppo_samples: int = 1_200_000
+    ppo_samples: int = 48 * PPO_HORIZON
 
     def __post_init__(self) -> None:
         """Refuse a training that cannot run.
 
         Raises:
-            ValueError: records are shorter than an episode, a file could not hold the members, or the policy
-                learns in no way that there is.
+            ValueError: as for any training on twins, or a file could not hold the members.
         """
         super().__post_init__()
-        check_gain(self.gain)
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("rank", self.rank, 1, self.members)
-
-
-def check_gain(gain: tuple[str, ...]) -> None:
-    """Refuse a way of learning that there is not.
-
-    Raises:
-        ValueError: it is none of `GAINS`.
-    """
-    if gain not in GAINS:
-        valid = "; ".join(" ".join(words) for words in GAINS)
-        raise InputError(f"gain {' '.join(gain) or 'of no kind'}: valid are {valid}")

@@ -28,7 +28,7 @@ from typing import Any
 
 import torch
 
-from rl.twins.fallback import Doubt, Fallback
+from rl.twins.fallback import Fallback, Verdict
 from rl.twins.familiarity import Familiarity
 from rl.twins.features import SCALARS, Features, recent
 from rl.twins.filter_state import STATISTICS, FilterState, Predicted
@@ -78,7 +78,7 @@ class TwinsStep(FilterStep):
         self.recogniser = Recogniser()
         self.familiarity, self.fallback = Familiarity(), Fallback()
         self.guarded = False  # while it learns, everything is heard
-        self.no_doubt = Doubt(*torch.tensor([0.0, 1.0, 0.0]))
+        self.no_verdict = Verdict(*torch.tensor([0.0, 1.0, 0.0]))
         self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
@@ -160,31 +160,31 @@ class TwinsStep(FilterStep):
             variance,
             sample_time,
         )
-        strange = self.no_doubt
+        verdict = self.no_verdict
         if self.guarded:
             known = self.familiarity(state.weights, state.counts, torch.log(variance))
-            strange = self.fallback(hears * (1 - known), state.counts)
+            verdict = self.fallback(hears * (1 - known), state.counts)
             acts, hears = acts * known[:, None], hears * known
         grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None] * self.of_error
         of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members
         of_bias = BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         seen = is_seen.to(predicted.dtype)
         return Predicted(
-            state,
-            mean,
-            covariance,
-            towards,
-            middle,
-            angle,
-            predicted,
-            innovation,
-            seen,
-            variance,
-            (grown, of_members, of_bias),
-            features,
-            acts,
-            hears,
-            strange,
+            state=state,
+            mean=mean,
+            covariance=covariance,
+            towards=towards,
+            middle=middle,
+            angle=angle,
+            predicted=predicted,
+            innovation=innovation,
+            seen=seen,
+            variance=variance,
+            growth=(grown, of_members, of_bias),
+            features=features,
+            acts=acts,
+            hears=hears,
+            verdict=verdict,
         )
 
     def update(self, prior: Predicted, action: Tensor) -> tuple[Output, FilterState]:
@@ -204,8 +204,8 @@ class TwinsStep(FilterStep):
         covariance = prior.covariance + grows[:, :, None] * self.unit
         towards = prior.towards + grows * seen_as
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
-        told = variance * prior.strange.narrower
-        counts_as = prior.strange.bound(innovation, doubt + told)
+        told = variance * prior.verdict.narrower
+        counts_as = prior.verdict.bound(innovation, doubt + told)
         gain = counts_as * torch.sigmoid(torch.log(doubt / told) + on_gain[:, 0])
         mean = prior.mean + towards * (gain * innovation / doubt)[:, None]
         shrink = (prior.seen * counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
@@ -225,8 +225,8 @@ class TwinsStep(FilterStep):
         trust = towards * (1 - doubt[:, None] * shrink) - column
         with_bias, own = trust @ self.of_bias, column @ self.of_bias
         sure = prior.hears.clamp(min=UNHEARD) ** 2 / bias_variance
-        heard = with_bias / (own + variance / (sure + prior.strange.even))
-        believed = bias * root * sure / (sure + prior.strange.even)
+        heard = with_bias / (own + variance / (sure + prior.verdict.even))
+        believed = bias * root * sure / (sure + prior.verdict.even)
         bend = prior.middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)

@@ -109,6 +109,40 @@ def test_a_longer_run_that_is_stopped_ends_with_the_same_bytes(setting, tmp_path
     assert files(tmp_path / "stopped") == files(tmp_path / "whole")
 
 
+@pytest.mark.parametrize("plan", [dict(episodes=1), dict(horizon=2048), dict(horizon=2048, episodes=64)])
+def test_what_is_not_known_yet_is_kept_too(setting, tmp_path, monkeypatch, plan):
+    """One update in all, or an episode that ends before the first."""
+    short = dataclasses.replace(PLAN, **plan)
+    longer = dataclasses.replace(short, episodes=short.episodes + 64)
+    for name in ("whole", "stopped"):
+        train_policy(*setting, short, tmp_path / name)
+        assert all(row.split(",")[2] == "" for row in rows(tmp_path / name)[1:2])
+    train_policy(*setting, longer, tmp_path / "whole")
+    stop_at(setting, tmp_path / "stopped", 1, monkeypatch, longer)
+    train_policy(*setting, longer, tmp_path / "stopped")
+    assert files(tmp_path / "stopped") == files(tmp_path / "whole")
+
+
+def test_a_run_that_cannot_go_on_stays_what_it_is(setting, tmp_path, monkeypatch):
+    train_policy(*setting, PLAN, tmp_path)
+    policy = (tmp_path / "policy.onnx").read_bytes()
+    good = (tmp_path / STATE).read_bytes()
+    (tmp_path / STATE).write_bytes(good[:-9])
+    with pytest.raises(ValueError, match="damaged"):
+        train_policy(*setting, LONGER, tmp_path)
+    (tmp_path / STATE).write_bytes(good)
+    with monkeypatch.context() as patch:
+        patch.setattr("rl.training.__version__", "0.0.0")
+        with pytest.raises(ValueError, match="is not of this version: choose another `folder`"):
+            train_policy(*setting, LONGER, tmp_path)
+    stop_at(setting, tmp_path, 5, monkeypatch, LONGER)
+    assert (tmp_path / "policy.onnx").read_bytes() == policy
+    train_policy(*setting, PLAN, tmp_path)  # stopped on its way, it is the shorter run still
+    assert (tmp_path / "policy.onnx").read_bytes() == policy
+    train_policy(*setting, LONGER, tmp_path)
+    assert (tmp_path / "policy.onnx").read_bytes() != policy
+
+
 def test_no_run_becomes_shorter_and_none_grows_without_its_checkpoint(setting, tmp_path):
     train_policy(*setting, PLAN, tmp_path)
     before = files(tmp_path)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from small_twins import generator, small_source, small_step
 
-from rl.twins.fallback import BOUND, HEAVY, Doubt, Fallback
+from rl.twins.fallback import BOUND, HEAVY, Fallback, Verdict
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
 from rl.twins.recogniser import Recogniser
@@ -46,6 +46,15 @@ def test_the_variance_of_the_middle_is_that_of_the_law(kind, low, high):
     assert low - 0.02 <= found <= high
 
 
+@pytest.mark.parametrize("scale", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("samples", [50, 150, 400])
+def test_residuals_of_a_normal_law_have_no_tails_however_narrow(scale, samples):
+    """R may be overstated, and residuals behind an update are narrower than the noise."""
+    residual = scale * torch.as_tensor(generator(4).standard_normal((300, samples)), dtype=torch.float32)
+    counts = Recogniser().bins(residual, torch.zeros_like(residual)).sum(dim=1)
+    assert Fallback().narrower(counts).mean() > 0.95
+
+
 @pytest.mark.parametrize("kind", ["gaussian", "laplace", "student-t", "uniform", "salt-and-pepper"])
 def test_symmetric_noise_is_found_symmetric(kind):
     assert Fallback().symmetry(histograms(kind, 400)).mean() > 0.6
@@ -65,9 +74,9 @@ def test_a_mirrored_histogram_is_perfectly_symmetric_and_few_counts_say_nothing(
 def test_an_innovation_moves_by_its_bound_at_most():
     innovation = torch.tensor([-10.0, -1.0, 0.0, 2.9, 3.1, 1e6])
     one = torch.ones(6)
-    moved = innovation * Doubt(one, one, one).bound(innovation, 4.0 * one)
+    moved = innovation * Verdict(one, one, one).bound(innovation, 4.0 * one)
     np.testing.assert_allclose(moved, innovation.clamp(-2 * BOUND, 2 * BOUND), rtol=1e-5)
-    heard = Doubt(0 * one, one, one).bound(innovation, 4.0 * one)
+    heard = Verdict(0 * one, one, one).bound(innovation, 4.0 * one)
     assert (heard == 1).all()
 
 

@@ -25,15 +25,18 @@ _ABSENT = object()
 @contextlib.contextmanager
 def open_run(
     folder: Path, configuration: dict[str, Any], files: Sequence[str], grows: str = ""
-) -> Iterator[None]:
+) -> Iterator[bool]:
     """Context manager: a run folder of this configuration, in which no other process is at work.
 
     Args:
         folder: made if it is not there.
         configuration: what the run depends on.
-        files: that the run makes, beside `config.yaml` and `progress.csv`; the first is what it is for.
+        files: that the run makes, beside `config.yaml` and `progress.csv`.
         grows: name of a number, as in `training.episodes`: a run that has a checkpoint and differs in nothing
-            but having less of it becomes this one, and loses the first file until it is made anew.
+            but having less of it may become this one. It stays what it is until `write_configuration`.
+
+    Yields:
+        Whether it is such a shorter run.
 
     Raises:
         ValueError: another run is at work in it, it holds one of another configuration, or files of these
@@ -41,17 +44,20 @@ def open_run(
     """
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
-        if grows and _may_grow(folder / CONFIGURATION_FILE, configuration, grows):
-            # In this order: stopped between the two, the shorter run makes its file again.
-            (folder / files[0]).unlink(missing_ok=True)
-            write_whole(folder / CONFIGURATION_FILE, _text(configuration))
-        claim_folder(folder, configuration, (CURVE_FILE, *files))
-        yield
+        shorter = bool(grows) and _may_grow(folder / CONFIGURATION_FILE, configuration, grows)
+        if not shorter:
+            claim_folder(folder, configuration, (CURVE_FILE, *files))
+        yield shorter
+
+
+def write_configuration(folder: Path, configuration: dict[str, Any]) -> None:
+    """Write the `config.yaml` of a run, which says from then on what the folder holds."""
+    write_whole(folder / CONFIGURATION_FILE, _text(configuration))
 
 
 def _may_grow(path: Path, configuration: dict[str, Any], name: str) -> bool:
     """Return whether the run of a `config.yaml` is this one but for having less of a number."""
-    if not (path.is_file() and path.with_name(CHECKPOINT_FILE).is_file()):
+    if path.is_symlink() or not (path.is_file() and path.with_name(CHECKPOINT_FILE).is_file()):
         return False
     if _differences(path, _text(configuration)) != [name]:
         return False
