@@ -29,7 +29,7 @@ from twin.preset.randomization import Ranges
 from twin.reduced.following import check_members
 
 VALIDATIONS = 12  # over the lesson of the gain
-_COSTS = {"simulation": 25, "recogniser": 15, "analytic": 55, "ppo": 55, "interval": 5}
+_COSTS = {"simulation": 25, "recogniser": 15, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
