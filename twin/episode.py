@@ -216,3 +216,15 @@ class Episode:
             for field in dataclasses.fields(self)
             if field.name not in ("metadata", "attachments")
         }
+
+
+def without_holes(time: Array, angle: Array) -> Array:
+    """Return a measured angle (N,) with each NaN linear between its neighbours, level at the ends.
+
+    Raises:
+        ValueError: it is NaN throughout.
+    """
+    known = ~np.isnan(angle)
+    if not known.any():
+        raise InputError("no angle is measured: a measured record needs one")
+    return np.where(known, angle, np.interp(time, time[known], angle[known]))

@@ -2,7 +2,9 @@
 
 import dataclasses
 import json
+import os
 import struct
+import tracemalloc
 
 import mutated
 import pytest
@@ -135,6 +137,21 @@ def test_run_of_zeros_is_passed_over(tmp_path):
     assert found.chunks_lost == 2
     hole = f"bytes {starts[3]} to {starts[5]} hold no whole record: no record has opcode 0"
     assert found.faults[0] == hole
+
+
+def test_zeros_behind_all_that_is_whole_take_no_memory(tmp_path):
+    """As where a file system had given the file its size before the power went."""
+    path = tmp_path / "a.mcap"
+    path.write_bytes(SPLIT[: offsets(SPLIT, CHUNK)[3]])
+    os.truncate(path, 2**31)
+    tracemalloc.start()
+    found = recover_episode(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    chunks = messages_of_chunks(SPLIT)
+    check(found, whole_samples(chunks, {*range(3, len(chunks))}), None)
+    assert found.chunks == 3
+    assert most < 2**26
 
 
 def test_damaged_attachment_is_left_out(tmp_path):

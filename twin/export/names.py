@@ -2,11 +2,14 @@
 
 import collections
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from twin.errors import InputError, MissingFileError
 from twin.recording import episode_files
+
+_NOT_ITS_NAME = re.compile(r"\.mcap(\.partial(\.\d+)?)?$")  # a killed recording is NAME.mcap.partial
 
 
 def named_files(paths: Sequence[Path]) -> dict[str, Path]:
@@ -22,7 +25,7 @@ def named_files(paths: Sequence[Path]) -> dict[str, Path]:
         if not path.exists():
             raise MissingFileError(f"no file or folder {path}")
     files = [file for path in paths for file in episode_files(path)]
-    parts = [(*Path(os.path.realpath(file)).parent.parts, file.name.removesuffix(".mcap")) for file in files]
+    parts = [(*Path(os.path.realpath(file)).parent.parts, _NOT_ITS_NAME.sub("", file.name)) for file in files]
     twice = [file for file, count in collections.Counter(parts).items() if count > 1]
     if twice:
         raise InputError(f"{files[parts.index(twice[0])]} is given twice")

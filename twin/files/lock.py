@@ -49,7 +49,7 @@ def _claimed(folder: Path, until: float) -> int:
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             # Another folder may have taken the name while this one was waited for.
-            if _lock(descriptor) and os.path.samestat(os.fstat(descriptor), os.stat(folder)):
+            if lock_file(descriptor) and os.path.samestat(os.fstat(descriptor), os.stat(folder)):
                 return descriptor
         except BaseException:
             os.close(descriptor)
@@ -60,10 +60,15 @@ def _claimed(folder: Path, until: float) -> int:
         time.sleep(_PAUSE)
 
 
-def _lock(descriptor: int) -> bool:
-    """Lock an open folder; returns False if another process holds it."""
-    import fcntl
+def lock_file(descriptor: int) -> bool:
+    """Lock an open file or folder until it is closed; returns False if another process holds it.
 
+    Where the system or the file system has no such locks, nothing is locked and the answer is True.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows has none
+        return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

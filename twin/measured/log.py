@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import __version__
-from twin.episode import Episode
+from twin.episode import Episode, without_holes
 from twin.errors import InputError
 from twin.measured.csv_columns import CsvColumns, average_repeats, hold
 from twin.measured.csv_reader import read_columns
@@ -134,7 +134,7 @@ def log_of(
         are = "is" if len(planes) == 1 else "are both"
         raise InputError(f"{path}: {names} {are} measured {seen.sum()} times, a record needs two")
     count, wires = len(instants), 2 * len(planes)
-    bends = [_without_holes(instants, angle) for angle in measured.T]
+    bends = [without_holes(instants, angle) for angle in measured.T]
     _, tension = average_repeats(time, tension)
     if sheath_bend_column is not None:
         _, sheath_bends = average_repeats(time, sheath_bends)
@@ -205,12 +205,6 @@ def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
         "lateral_angle_unit": plane.angle_unit,
         "reverse_lateral_angle": form.reverse_lateral_angle,
     }
-
-
-def _without_holes(time: Array, angle: Array) -> Array:
-    """Return an angle (N,) with each NaN linear between its neighbours, level at the ends."""
-    known = ~np.isnan(angle)
-    return np.where(known, angle, np.interp(time, time[known], angle[known]))
 
 
 def _in_time_order(

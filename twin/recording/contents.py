@@ -12,7 +12,7 @@ from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import parse_json
 from twin.files.shown import shown
 from twin.recording.mcap_file.records import HEAD, Budget, FileRecord, parse, unpack
-from twin.recording.messages import REQUIRED_TOPICS, SCHEMAS, decode
+from twin.recording.messages import SCHEMAS, decode, required_topics
 from twin.recording.writer import METADATA_RECORD
 
 PASSED_OVER = ("/scene", "/camera/")
@@ -171,8 +171,18 @@ class Contents:
         """
         self.check_topics()
         self._check_joints()
-        arrays = decode(self.times, self.payloads, hidden=hidden)
+        arrays = decode(self.times, self.payloads, hidden=hidden, measured=self.is_measured)
         return Episode(**arrays, metadata=metadata, attachments=self.attachments)
+
+    @property
+    def is_measured(self) -> bool:
+        """True where the metadata says that a real endoscope left this file, live or in a log."""
+        return (self.items or {}).get("source") == '"measured"'
+
+    @property
+    def required_topics(self) -> tuple[str, ...]:
+        """Topics that the file must have to hold an episode."""
+        return required_topics(measured=self.is_measured)
 
     def check_topics(self) -> None:
         """Check that the topics of an episode are described, with the right encoding and schema.
@@ -180,7 +190,7 @@ class Contents:
         Raises:
             ValueError: a topic is missing or of another schema.
         """
-        for topic in REQUIRED_TOPICS:
+        for topic in self.required_topics:
             if topic not in self.topics.values():
                 raise InputError(f"topic {topic} is missing")
         for topic, encoding, schema in self._channels.values():

@@ -67,3 +67,23 @@ class Tension(_message.Message):
     tension_c_n: float
     tension_d_n: float
     def __init__(self, tension_a_n: _Optional[float] = ..., tension_b_n: _Optional[float] = ..., tension_c_n: _Optional[float] = ..., tension_d_n: _Optional[float] = ...) -> None: ...
+
+class Estimate(_message.Message):
+    __slots__ = ("bend_deg", "low_deg", "high_deg")
+    BEND_DEG_FIELD_NUMBER: _ClassVar[int]
+    LOW_DEG_FIELD_NUMBER: _ClassVar[int]
+    HIGH_DEG_FIELD_NUMBER: _ClassVar[int]
+    bend_deg: float
+    low_deg: float
+    high_deg: float
+    def __init__(self, bend_deg: _Optional[float] = ..., low_deg: _Optional[float] = ..., high_deg: _Optional[float] = ...) -> None: ...
+
+class Health(_message.Message):
+    __slots__ = ("faults", "alarms", "source")
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
+    ALARMS_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    faults: _containers.RepeatedScalarFieldContainer[str]
+    alarms: _containers.RepeatedScalarFieldContainer[str]
+    source: str
+    def __init__(self, faults: _Optional[_Iterable[str]] = ..., alarms: _Optional[_Iterable[str]] = ..., source: _Optional[str] = ...) -> None: ...

@@ -1,9 +1,17 @@
-"""Estimates of the bending angle among the messages of an episode."""
+"""Messages of what an estimator makes of an episode or a live stream: its estimates, and its health."""
 
+import math
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from twin.recording.endotwin_pb2 import Measurement
+from twin.recording.endotwin_pb2 import Estimate
+from twin.recording.endotwin_pb2 import Health as HealthMessage
+
+if TYPE_CHECKING:
+    from twin.runtime.reading import Reading
+
+HEALTH_TOPIC = "/health"
+"""Topic of what a running estimator found wrong with a sample."""
 
 
 def estimate_topic(method: str) -> str:
@@ -11,6 +19,26 @@ def estimate_topic(method: str) -> str:
     return "/estimate/" + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")
 
 
-def estimate_message(bend_deg: float) -> Any:
-    """Return a message of one estimate: an angle [deg], in the schema of `/measurement`."""
-    return Measurement(bend_deg=bend_deg)
+def estimate_message(bend_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:
+    """Return a message of one estimate.
+
+    Args:
+        bend_deg: the angle [deg].
+        low_deg: lower end of its 95 % interval, left out unless it is finite [deg].
+        high_deg: upper end of it, likewise [deg].
+    """
+    message = Estimate(bend_deg=bend_deg)
+    if math.isfinite(low_deg):
+        message.low_deg = low_deg
+    if math.isfinite(high_deg):
+        message.high_deg = high_deg
+    return message
+
+
+def health_message(reading: "Reading") -> Any:
+    """Return a message of what was wrong with one sample: faults and alarms by name, and the source."""
+    return HealthMessage(
+        faults=[str(fault.name).lower() for fault in reading.health],
+        alarms=[str(alarm.name).lower() for alarm in reading.alarms],
+        source=reading.source.value,
+    )

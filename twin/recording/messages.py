@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
-from twin.episode import WIRES
+from twin.episode import WIRES, without_holes
 from twin.errors import InputError
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
 from twin.recording.poses import LATERAL_HINGE
@@ -36,8 +36,16 @@ SCHEMAS: dict[str, Any] = {
 }
 """Message class of each topic of an episode."""
 
-REQUIRED_TOPICS = ("/command", "/truth", "/measurement")
-"""Topics that every episode has; a measured log has no others."""
+TRUTH_TOPIC = "/truth"
+"""Topic of the true angle and the hidden state; a live recording has none."""
+
+REQUIRED_TOPICS = ("/command", TRUTH_TOPIC, "/measurement")
+"""Topics that every episode has but a live recording; a measured log has no others."""
+
+
+def required_topics(*, measured: bool) -> tuple[str, ...]:
+    """Return the topics that an episode must have; of a real endoscope, the truth may not be known."""
+    return tuple(topic for topic in REQUIRED_TOPICS if not (measured and topic == TRUTH_TOPIC))
 
 
 LARGEST_TIME = 2**63 - 1  # [ns] MCAP could hold twice that; signed clocks of its readers could not
@@ -66,7 +74,11 @@ def to_nanoseconds(time: Array) -> list[int]:
 
 
 def decode(
-    times: Mapping[str, Sequence[int]], payloads: Mapping[str, Sequence[bytes]], *, hidden: bool = True
+    times: Mapping[str, Sequence[int]],
+    payloads: Mapping[str, Sequence[bytes]],
+    *,
+    hidden: bool = True,
+    measured: bool = False,
 ) -> dict[str, Array]:
     """Decode the serialised messages of each topic into the arrays of an episode, by field name.
 
@@ -74,6 +86,8 @@ def decode(
         times: nanoseconds of the messages of each topic.
         payloads: the messages of each topic, in the same order.
         hidden: False leaves out the wires, as if they were not recorded.
+        measured: True for a record of a real endoscope, which may have no `/truth`: `bend` is then the
+            measured angle, linear where it is missing and level at the ends.
 
     Returns:
         Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded;
@@ -82,10 +96,10 @@ def decode(
 
     Raises:
         ValueError: a topic is missing, topics differ in their times (`/measurement` may have fewer), or
-            messages of a topic differ in what they hold.
+            messages of a topic differ in what they hold; or nothing was measured, nor is the truth known.
         google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
     """
-    for topic in REQUIRED_TOPICS:
+    for topic in required_topics(measured=measured):
         if topic not in times:
             raise InputError(f"topic {topic} is missing")
     count = len(times["/command"])
@@ -98,7 +112,7 @@ def decode(
             raise InputError(f"the messages of {topic} are not at the times of those of /command")
 
     commands = [Command.FromString(payload) for payload in payloads["/command"]]
-    truths = [Truth.FromString(payload) for payload in payloads["/truth"]]
+    truths = [Truth.FromString(payload) for payload in payloads.get(TRUTH_TOPIC, [])]
     measurements = [Measurement.FromString(payload) for payload in payloads["/measurement"]]
     joints = [JointStates.FromString(payload).joints for payload in payloads.get("/joint_states", [])]
     own, sideways = _hinges(joints, count)
@@ -106,10 +120,12 @@ def decode(
     measured_bend[_places(times["/measurement"], times["/command"])] = np.radians(
         [message.bend_deg for message in measurements]
     )
+    time = np.array(times["/command"], dtype=float) / 1e9
+    known = np.radians([message.bend_deg for message in truths])
     arrays = {
-        "time": np.array(times["/command"], dtype=float) / 1e9,
+        "time": time,
         "pull": np.array([message.pull_mm for message in commands]) / 1e3,
-        "bend": np.radians([message.bend_deg for message in truths]),
+        "bend": known if len(truths) == count else without_holes(time, measured_bend),
         "measured_bend": measured_bend,
         "joint_angle": own,
         "pulley": _optional(truths, "pulley_mm") / 1e3,
@@ -125,7 +141,7 @@ def decode(
     if sideways.shape[1] > 0:
         lateral["lateral_joint_angle"] = sideways
     wires = wire_names(lateral.values())
-    if not hidden:
+    if not hidden or not truths:
         nothing = np.empty((count, len(wires), 0))
         return arrays | lateral | {"wire_tension": nothing, "sheath_friction": nothing}
     slack_mm = _wires(truths, "wire_slack_{}_mm", wires)

@@ -9,7 +9,7 @@ from twin.episode import Episode
 from twin.errors import InputError
 from twin.recording.contents import TOPICS, Contents, from_json
 from twin.recording.mcap_file.records import mcap_bytes
-from twin.recording.messages import LARGEST_TIME, REQUIRED_TOPICS
+from twin.recording.messages import LARGEST_TIME
 from twin.recording.reader import one_line, whole_contents, whole_episode
 from twin.recording.salvage import Salvage
 
@@ -73,7 +73,7 @@ def recover_episode(path: str | Path) -> Recovered:
         ValueError: it is not an MCAP file, or no metadata or fewer than two samples are whole.
     """
     path = Path(path)
-    data = mcap_bytes(path)
+    data = mcap_bytes(path, cut=True)
     try:
         contents = whole_contents(data)
         episode = whole_episode(contents)
@@ -155,8 +155,9 @@ def _expected(salvage: Salvage, metadata: dict[str, Any]) -> int | None:
 def _keep_whole_samples(salvage: Salvage) -> Iterator[str]:
     """Keep only the messages of complete samples, in the order of time; yields the faults of the others."""
     contents = salvage.contents
-    for topic in sorted(({*REQUIRED_TOPICS, *contents.topics.values()} & TOPICS) - {*contents.times}):
-        if topic in REQUIRED_TOPICS:
+    required = contents.required_topics
+    for topic in sorted(({*required, *contents.topics.values()} & TOPICS) - {*contents.times}):
+        if topic in required:
             raise InputError(f"no message of topic {topic} is whole")
         yield f"no message of topic {topic} is whole"
     # Reversed, so that the first message at a time is the one that stays.

@@ -3,6 +3,7 @@
 import itertools
 import json
 import operator
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -96,10 +97,7 @@ class EpisodeWriter:
         """
         if self._complete:
             raise InputError(f"{self.path} already holds an episode: one file, one episode")
-        metadata = {name: _to_json(name, episode.metadata[name]) for name in sorted(episode.metadata)}
-        from twin.recording.facts import check_facts  # pydantic: loaded when a file is written
-
-        check_facts({name: json.loads(text) for name, text in metadata.items()})  # what is not read back
+        metadata = metadata_texts(episode.metadata)
         nanoseconds = to_nanoseconds(episode.time)
         streams = streams_of(episode, nanoseconds[0])
         self._container.add_metadata(METADATA_RECORD, metadata)
@@ -164,6 +162,19 @@ def write_episode(path: str | Path, episode: Episode) -> Path:
     with EpisodeWriter(path) as writer:
         writer.write(episode)
     return writer.path
+
+
+def metadata_texts(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """Return metadata as it is stored: each item as JSON, in the order of the names.
+
+    Raises:
+        ValueError: an item is not JSON, or a known key is not of its kind.
+    """
+    texts = {name: _to_json(name, metadata[name]) for name in sorted(metadata)}
+    from twin.recording.facts import check_facts  # pydantic: loaded when a file is written
+
+    check_facts({name: json.loads(text) for name, text in texts.items()})  # what is not read back
+    return texts
 
 
 def _to_json(name: str, value: Any) -> str:

@@ -6,6 +6,7 @@ Of an episode, the records of all samples whose messages have the same layouts a
 import dataclasses
 import functools
 import itertools
+import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
@@ -35,6 +36,8 @@ _HEAD = np.dtype(
 )
 """Header of a message record, before the data."""
 
+_HEAD_FIELDS = struct.Struct("<BQHIQQ")  # the same, of one message
+
 _NOT_COUNTED = 9  # opcode and length of a record, which its length leaves out [bytes]
 
 
@@ -51,25 +54,47 @@ class ChunkContent:
     index: dict[int, Integers]
 
 
+class GrowingChunk:
+    """Chunk that messages are added to one by one, in the order of their log times.
+
+    Attributes:
+        size: size of its records, before compression [bytes].
+    """
+
+    def __init__(self) -> None:
+        """Begin without a message."""
+        self.size = 0
+        self._pieces: list[bytes] = []
+        self._index: dict[int, list[tuple[int, int]]] = {}
+
+    def add(self, channel: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
+        """Add a message; times are in nanoseconds."""
+        length = _HEAD.itemsize - _NOT_COUNTED + len(data)
+        head = _HEAD_FIELDS.pack(Opcode.MESSAGE, length, channel, sequence, log_time, publish_time)
+        self._index.setdefault(channel, []).append((log_time, self.size))
+        self._pieces += [head, data]
+        self.size += len(head) + len(data)
+
+    def content(self) -> ChunkContent:
+        """Return what is to be written."""
+        index = {channel: np.array(rows) for channel, rows in self._index.items()}
+        return ChunkContent(b"".join(self._pieces), index)
+
+
 def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[ChunkContent]:
     """Group messages into chunks.
 
     Args:
         messages: channel, sequence number, nanoseconds and data of each, in the order of time.
     """
-    pieces: list[bytes] = []
-    index: dict[int, list[tuple[int, int]]] = {}
-    size = 0
+    chunk = GrowingChunk()
     for channel, sequence, time, data in messages:
-        head = _heads(channel, len(data), np.array([sequence]), np.array([time])).tobytes()
-        index.setdefault(channel, []).append((time, size))
-        pieces += [head, data]
-        size += len(head) + len(data)
-        if size >= CHUNK_SIZE:
-            yield _content(pieces, index)
-            pieces, index, size = [], {}, 0
-    if pieces:
-        yield _content(pieces, index)
+        chunk.add(channel, sequence, time, time, data)
+        if chunk.size >= CHUNK_SIZE:
+            yield chunk.content()
+            chunk = GrowingChunk()
+    if chunk.size:
+        yield chunk.content()
 
 
 def sample_chunks(
@@ -179,7 +204,3 @@ def _heads(channel: int, data_size: int, sequence: Integers, times: Integers) ->
     heads["sequence"] = sequence
     heads["log_time"] = heads["publish_time"] = times
     return heads.view(np.uint8).reshape(len(times), _HEAD.itemsize)
-
-
-def _content(pieces: Sequence[bytes], index: dict[int, list[tuple[int, int]]]) -> ChunkContent:
-    return ChunkContent(b"".join(pieces), {channel: np.array(rows) for channel, rows in index.items()})

@@ -5,11 +5,11 @@ are in them, CRCs over each chunk, the whole data section and the summary, and a
 """
 
 import zlib
-from typing import Any, BinaryIO
+from collections.abc import Iterable
+from typing import Any, Protocol
 
 import numpy as np
 import zstandard
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -30,16 +30,24 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
+from twin.recording.descriptors import schema_data
 from twin.recording.mcap_file.chunks import ChunkContent
 from twin.recording.mcap_file.records import MAGIC
 
 _CRC = 4  # [bytes]
 
 
+class Writable(Protocol):
+    """File that bytes are appended to."""
+
+    def write(self, data: bytes, /) -> int:
+        """Append bytes, all of them; returns their number."""
+
+
 class Container:
     """MCAP file that is being written, front to back."""
 
-    def __init__(self, file: BinaryIO, library: str) -> None:
+    def __init__(self, file: Writable, library: str) -> None:
         """Write the start of the file.
 
         Args:
@@ -52,7 +60,10 @@ class Container:
         self._compressor = zstandard.ZstdCompressor()
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[str, Channel] = {}
-        self._chunks: list[ChunkIndex] = []
+        # As bytes, a seventh of the objects: a live recording gets a chunk every second, for days.
+        self._chunk_indexes = RecordBuilder()
+        self._chunk_count = 0
+        self._times: tuple[int, int] | None = None  # first and last log time of all messages [ns]
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
@@ -103,19 +114,20 @@ class Container:
         index_offsets = {
             channel: self._add_message_index(channel, rows) for channel, rows in content.index.items()
         }
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=length,
-                chunk_start_offset=offset,
-                compression=chunk.compression,
-                compressed_size=len(data),
-                message_end_time=end,
-                message_index_length=self._offset - index_start,
-                message_index_offsets=index_offsets,
-                message_start_time=start,
-                uncompressed_size=chunk.uncompressed_size,
-            )
-        )
+        ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression=chunk.compression,
+            compressed_size=len(data),
+            message_end_time=end,
+            message_index_length=self._offset - index_start,
+            message_index_offsets=index_offsets,
+            message_start_time=start,
+            uncompressed_size=chunk.uncompressed_size,
+        ).write(self._chunk_indexes)
+        self._chunk_count += 1
+        first, last = self._times or (start, end)
+        self._times = min(first, start), max(last, end)
 
     def _add_message_index(self, channel: int, rows: NDArray[np.int64]) -> int:
         """Add times and places (messages, 2) of the messages of a channel; returns where that begins."""
@@ -135,18 +147,16 @@ class Container:
         start = self._offset
         summary, offsets = RecordBuilder(), RecordBuilder()
         for opcode, records in (
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
+            (Opcode.SCHEMA, _joined(self._schemas.values())),
+            (Opcode.CHANNEL, _joined(self._channels.values())),
+            (Opcode.STATISTICS, _joined([self._statistics()])),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes.end()),
+            (Opcode.ATTACHMENT_INDEX, _joined(self._attachments)),
+            (Opcode.METADATA_INDEX, _joined(self._metadata)),
         ):
-            begin = summary.count
-            for record in records:
-                record.write(summary)
             if records:
-                SummaryOffset(opcode, start + begin, summary.count - begin).write(offsets)
+                SummaryOffset(opcode, start + summary.count, len(records)).write(offsets)
+                summary.write(records)
         offset_start = start + summary.count
         section = summary.end() + offsets.end()
         # The CRC covers the footer too, up to itself: its last field.
@@ -155,14 +165,15 @@ class Container:
         self._write(section + _bytes_of(Footer(start, offset_start, crc)) + MAGIC)
 
     def _statistics(self) -> Statistics:
+        first, last = self._times or (0, 0)
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=last,
+            message_start_time=first,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
@@ -170,9 +181,7 @@ class Container:
     def _schema(self, descriptor: Any) -> int:
         name = descriptor.full_name
         if name not in self._schemas:
-            files = FileDescriptorSet()
-            _add_file(files, descriptor.file, set())
-            data = files.SerializeToString(deterministic=True)
+            data = schema_data(descriptor)
             self._schemas[name] = Schema(len(self._schemas) + 1, data, "protobuf", name)
             self._add(self._schemas[name])
         return int(self._schemas[name].id)
@@ -189,18 +198,12 @@ class Container:
         self._offset += len(data)
 
 
+def _joined(records: Iterable[McapRecord]) -> bytes:
+    return b"".join(map(_bytes_of, records))
+
+
 def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()
     return data
-
-
-def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:
-    """Add the descriptor of a .proto file after those of its imports: the schema is self-contained."""
-    if file.name in known:
-        return
-    known.add(file.name)
-    for dependency in file.dependencies:
-        _add_file(files, dependency, known)
-    file.CopyToProto(files.file.add())

@@ -5,7 +5,7 @@ import struct
 import zlib
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -57,6 +57,8 @@ _LARGEST_RATIO = 64
 _SMALLEST_RECORD_LIMIT = 200_000
 _FEWEST_BYTES_PER_RECORD = 8
 
+_BLOCK = 2**20  # [bytes]
+
 MOST_BYTES = 4 * 2**30
 """Size of a file that is read: it is taken into memory whole."""
 
@@ -98,8 +100,13 @@ class Budget:
         self.bytes -= size
 
 
-def mcap_bytes(path: Path) -> bytes:
+def mcap_bytes(path: Path, *, cut: bool = False) -> bytes:
     """Read a file and check that it begins as an MCAP file does.
+
+    Args:
+        path: of the file.
+        cut: take a large file into memory even if it is cut off, as a recording is whose process was killed;
+            without the zeros behind it, which a file system leaves where the power failed.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -112,20 +119,33 @@ def mcap_bytes(path: Path) -> bytes:
         ends = [file.read(len(MAGIC))]
         if size > MOST_BYTES:
             raise InputError(f"{path} has {size} bytes: an MCAP file of at most {MOST_BYTES} is read")
-        if size > _SMALLEST_LIMIT:
+        if size > _SMALLEST_LIMIT and not cut:
             file.seek(size - len(MAGIC))
             ends.append(file.read(len(MAGIC)))
         data = ends[0]
         if all(end == MAGIC for end in ends):
             file.seek(0)
-            data = file.read(size)
+            data = _read_cut(file, size) if cut else file.read(size)
     if not data:
         raise InputError(f"{path} is cut off: it is empty")
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
         raise InputError(f"{path} is not an MCAP file: it does not begin with the MCAP mark")
-    if ends[-1] != MAGIC and size > _SMALLEST_LIMIT:
+    if ends[-1] != MAGIC and not cut and size > _SMALLEST_LIMIT:
         raise InputError(f"{path} is cut off: it does not end with the MCAP mark")
     return data
+
+
+def _read_cut(file: BinaryIO, size: int) -> bytes:
+    """Return at most `size` bytes of a file, without whole blocks of zeros at its end."""
+    pieces: list[bytes] = []
+    zeros = bytes(_BLOCK)
+    kept = 0  # number of pieces up to the last one that holds something
+    for start in range(0, size, _BLOCK):
+        piece = file.read(min(_BLOCK, size - start))
+        empty = piece == zeros[: len(piece)]
+        pieces.append(zeros if empty and len(piece) == _BLOCK else piece)  # one object for all of them
+        kept = kept if empty else len(pieces)
+    return b"".join(pieces[:kept])
 
 
 def record_at(data: bytes, offset: int, end: int) -> FileRecord:

@@ -1,0 +1,305 @@
+"""A live stream is recorded as it came: readers of MCAP and our own find all of it in a file of its own."""
+
+import io
+import json
+import math
+import os
+import threading
+
+import numpy as np
+import pytest
+from live_streams import ESTIMATE, METHOD, Sample, good_samples, reading, record, sample
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from recorded import messages, of_kind, records_of
+
+from twin.estimation.health import Health
+from twin.recording import read_episode, read_metadata, recover_episode, write_episode
+from twin.recording.endotwin_pb2 import Estimate, Measurement
+from twin.recording.live import FLUSH_S, SIGN, LiveRecording
+from twin.recording.live_messages import LiveMessages
+from twin.recording.mcap_file.chunks import GrowingChunk
+from twin.recording.mcap_file.container import Container
+from twin.runtime.reading import Alarm, Reading, Source
+
+SAMPLES = good_samples(3000)
+
+
+def nanoseconds(samples):
+    return [round(one.time_s * 1e9) for one in samples]
+
+
+def test_an_independent_reader_finds_all_that_was_added(tmp_path):
+    record(tmp_path / "a.mcap", SAMPLES)
+    seen = messages(tmp_path / "a.mcap")
+    assert set(seen) == {"/command", "/measurement", ESTIMATE, "/health"}
+    measured = [one for one in SAMPLES if not math.isnan(one.measurement_deg)]
+    for topic, samples in (
+        ("/command", SAMPLES),
+        (ESTIMATE, SAMPLES),
+        ("/health", SAMPLES),
+        ("/measurement", measured),
+    ):
+        assert [message.log_time for message, _ in seen[topic]] == nanoseconds(samples)
+        assert [message.publish_time for message, _ in seen[topic]] == nanoseconds(samples)
+    assert [message.sequence for message, _ in seen["/command"]] == list(range(len(SAMPLES)))
+    assert [decoded.pull_mm for _, decoded in seen["/command"]] == [one.pull_mm for one in SAMPLES]
+    assert [decoded.bend_deg for _, decoded in seen["/measurement"]] == [
+        one.measurement_deg for one in measured
+    ]
+    estimates = [(decoded.bend_deg, decoded.low_deg, decoded.high_deg) for _, decoded in seen[ESTIMATE]]
+    assert estimates == [one.reading[:3] for one in SAMPLES]
+    assert {(tuple(d.faults), tuple(d.alarms), d.source) for _, d in seen["/health"]} == {
+        ((), (), "advanced")
+    }
+
+
+def test_faults_and_alarms_are_told_by_name_and_an_interval_without_end_is_left_out(tmp_path):
+    bad = Reading(
+        -3.0, -math.inf, math.nan, Source.BLEND, Health.GAP | Health.OUTLIER, Alarm.RANGE | Alarm.STUCK
+    )
+    record(tmp_path / "a.mcap", [Sample(0.0, 1.0, 2.0, bad), Sample(0.1, 1.0, 2.0, reading())])
+    seen = messages(tmp_path / "a.mcap")
+    health, estimate = seen["/health"][0][1], seen[ESTIMATE][0][1]
+    assert (list(health.faults), list(health.alarms)) == (["gap", "outlier"], ["range", "stuck"])
+    assert health.source == "blend"
+    assert estimate.bend_deg == -3.0
+    assert not estimate.HasField("low_deg")
+    assert not estimate.HasField("high_deg")
+    assert seen[ESTIMATE][1][1].HasField("low_deg")
+
+
+def test_it_is_read_as_a_measured_log(tmp_path):
+    samples = good_samples(3000, start_s=1_795_438_574.5)
+    record(tmp_path / "a.mcap", samples, metadata={"sensor": "FBG", "seed": 7})
+    episode = read_episode(tmp_path / "a.mcap")
+    assert episode.is_measured
+    assert read_metadata(tmp_path / "a.mcap") == episode.metadata
+    assert episode.metadata["method"] == METHOD
+    assert (episode.metadata["sensor"], episode.metadata["seed"]) == ("FBG", 7)
+    np.testing.assert_allclose(episode.time, [one.time_s for one in samples], rtol=0, atol=3e-7)
+    np.testing.assert_allclose(episode.pull_mm, [one.pull_mm for one in samples], rtol=1e-12)
+    wanted = np.array([one.measurement_deg for one in samples])
+    np.testing.assert_allclose(episode.measured_bend_deg, wanted, rtol=1e-12)
+    known = ~np.isnan(wanted)
+    filled = np.interp(episode.time, episode.time[known], wanted[known])
+    np.testing.assert_allclose(episode.bend_deg, filled, rtol=1e-9, atol=1e-9)
+    assert episode.bend_deg[-1] == episode.bend_deg[-2]  # level after the last measurement
+    without = read_episode(tmp_path / "a.mcap", hidden=False)
+    np.testing.assert_array_equal(without.bend, episode.bend)
+    again = read_episode(write_episode(tmp_path / "b.mcap", episode))
+    np.testing.assert_allclose(again.bend, episode.bend, rtol=1e-12)
+
+
+def test_a_simulated_episode_without_truth_is_still_refused(tmp_path):
+    record(tmp_path / "a.mcap", SAMPLES[:50], metadata={"source": "simulated"})
+    with pytest.raises(ValueError, match="topic /truth is missing"):
+        read_episode(tmp_path / "a.mcap")
+
+
+def test_a_record_without_any_measurement_is_no_episode(tmp_path):
+    record(tmp_path / "a.mcap", [sample(k / 50, measurement_deg=math.nan) for k in range(9)])
+    assert len(messages(tmp_path / "a.mcap")["/command"]) == 9
+    with pytest.raises(ValueError, match=r"a\.mcap holds no whole episode: topic /measurement is missing"):
+        read_episode(tmp_path / "a.mcap")
+
+
+def test_an_absurd_value_is_recorded_as_the_estimator_took_it(tmp_path):
+    """The last pull is held, an angle is missing; what is only an outlier is what the sensor saw."""
+    wrong = [math.nan, math.inf, -1e300, 10**400]
+    samples = [
+        sample(0.0, math.nan, 1.0, Health.NO_PULL | Health.WAITING),
+        sample(0.1, 3.0, 2.0),
+        *(sample(0.2 + k / 10, value, value) for k, value in enumerate(wrong)),
+        sample(0.6, 150.0, 3.0, Health.IMPLAUSIBLE_PULL),
+        sample(0.7, 4.0, 500.0, Health.OUTLIER),
+    ]
+    made = record(tmp_path / "a.mcap", samples)
+    assert (made.samples, made.ignored) == (7, 1)
+    seen = messages(tmp_path / "a.mcap")
+    assert [decoded.pull_mm for _, decoded in seen["/command"]] == [3.0] * 6 + [4.0]
+    assert [decoded.bend_deg for _, decoded in seen["/measurement"]] == [2.0, 3.0, 500.0]
+    assert len(seen["/health"]) == 8
+    assert len(read_episode(tmp_path / "a.mcap").time) == 7
+
+
+def test_it_grows_under_a_name_of_its_own_and_is_indexed_in_the_end(tmp_path):
+    path = tmp_path / "a.mcap"
+    with LiveRecording(path, METHOD) as recording:
+        assert recording.partial == tmp_path / "a.mcap.partial"
+        for one in SAMPLES:
+            recording.add(one)
+        assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.partial"]
+    recording.close()  # once more: nothing happens
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+    with path.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary.statistics.message_count == 3 * 3000 + 2250
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count >= 1
+    times = summary.statistics.message_start_time, summary.statistics.message_end_time
+    assert times == (0, round(SAMPLES[-1].time_s * 1e9))
+
+
+def test_samples_are_in_the_file_within_a_second_even_if_none_follow(tmp_path):
+    """By what an independent reader finds in the growing file; it waits as long as a busy machine needs."""
+    with LiveRecording(tmp_path / "a.mcap", METHOD) as recording:
+        recording.add(SAMPLES[0])
+        for _ in range(100):
+            threading.Event().wait(FLUSH_S / 5)
+            if of_kind(growing(recording.partial), Chunk):
+                break
+        (chunk,) = of_kind(growing(recording.partial), Chunk)
+        assert chunk.message_start_time == 0
+
+
+def growing(path):
+    """All whole records so far; the library raises where a file has no end."""
+    found = []
+    try:
+        for one in StreamReader(io.BytesIO(path.read_bytes()), emit_chunks=True, validate_crcs=True).records:
+            found.append(one)
+    except EndOfFile:
+        pass
+    return found
+
+
+def test_an_error_in_the_block_leaves_a_whole_file_and_is_told(tmp_path):
+    def interrupted():
+        yield from SAMPLES[:2]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        record(tmp_path / "a.mcap", interrupted())
+    assert len(read_episode(tmp_path / "a.mcap").time) == 2
+    assert os.listdir(tmp_path) == ["a.mcap"]
+
+
+def test_a_recording_replaces_its_like_when_it_is_whole(tmp_path):
+    path = tmp_path / "a.mcap"
+    record(path, SAMPLES[:100])
+    before = path.read_bytes()
+    with LiveRecording(path, METHOD) as recording:
+        for one in SAMPLES[:200]:
+            recording.add(one)
+        assert path.read_bytes() == before
+    assert len(read_episode(path).time) == 200
+
+
+def test_a_recording_of_nothing_leaves_what_was_there(tmp_path):
+    path = tmp_path / "a.mcap"
+    record(path, [])
+    assert os.listdir(tmp_path) == []
+    record(path, SAMPLES[:100])
+    record(path, [sample(math.nan)])
+    assert len(read_episode(path).time) == 100
+    assert os.listdir(tmp_path) == ["a.mcap"]
+
+
+@pytest.mark.parametrize("foreign", ["text", "episode", "folder", "link"])
+def test_what_no_recording_left_is_not_replaced(tmp_path, foreign):
+    path = tmp_path / "a.mcap"
+    if foreign == "text":
+        path.write_text("thesis")
+    elif foreign == "episode":
+        record(tmp_path / "b.mcap", SAMPLES[:9])
+        write_episode(path, read_episode(tmp_path / "b.mcap"))
+        (tmp_path / "b.mcap").unlink()
+    elif foreign == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to(tmp_path / "elsewhere")
+    before = path.read_bytes() if path.is_file() else None
+    with pytest.raises(ValueError, match=r"a\.mcap "):
+        record(path, SAMPLES[:9])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+    assert (path.read_bytes() if path.is_file() else None) == before
+
+
+def test_a_file_that_takes_the_name_meanwhile_stays_and_so_does_the_recording(tmp_path):
+    path = tmp_path / "a.mcap"
+
+    def samples():
+        yield from SAMPLES[:50]
+        path.write_text("thesis")
+
+    with pytest.raises(ValueError, match=r"a\.mcap is there and no such command made it"):
+        record(path, samples())
+    assert path.read_text() == "thesis"
+    assert len(read_episode(tmp_path / "a.mcap.partial").time) == 50  # whole, under the other name
+
+
+@pytest.mark.parametrize(
+    ("metadata", "text"),
+    [({"seed": -1}, "seed"), ({"x": object()}, "'x' is not JSON"), ({"x": math.nan}, "'x' is not JSON")],
+)
+def test_wrong_metadata_is_refused_before_anything_is_made(tmp_path, metadata, text):
+    with pytest.raises(ValueError, match=text):
+        record(tmp_path / "a.mcap", SAMPLES, metadata=metadata)
+    assert os.listdir(tmp_path) == []
+
+
+def test_full_disk_is_one_error_and_what_was_written_is_readable(small_disk):
+    disk = small_disk(128)
+    path, added = disk / "a.mcap", []
+
+    def samples():
+        rng = np.random.default_rng(0)
+        for k in range(200_000):
+            added.append(k)
+            yield sample(k / 50, *rng.normal(size=2))
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        record(path, samples())
+    assert caught.value.filename == str(path) + ".partial"
+    assert "recover_episode" in caught.value.strerror
+    recovered = recover_episode(path.with_name("a.mcap.partial"))
+    assert 500 < recovered.samples < len(added) < 200_000
+    np.testing.assert_allclose(recovered.episode.time, np.arange(recovered.samples) / 50, atol=1e-9)
+    assert os.listdir(disk) == ["a.mcap.partial"]
+
+
+def test_full_disk_at_the_very_end_is_told_by_close(small_disk):
+    disk = small_disk(16)
+    recording = LiveRecording(disk / "a.mcap", METHOD).__enter__()
+    for one in good_samples(900):  # fewer than are written at once
+        recording.add(one)
+    with pytest.raises(OSError, match="No space left"):
+        recording.close()
+    recording.close()
+    assert os.listdir(disk) == ["a.mcap.partial"]
+
+
+def test_chunk_index_takes_few_bytes_in_memory_and_in_the_file(tmp_path):
+    """A chunk each `FLUSH_S`: less than 0.6 MB an hour."""
+    with (tmp_path / "a.mcap").open("wb") as file:
+        container = Container(file, SIGN)
+        schemas = LiveMessages(METHOD).schemas
+        channels = [container.add_channel(topic, kind.DESCRIPTOR) for topic, kind in schemas.items()]
+        for k in range(100):
+            chunk = GrowingChunk()
+            for channel in channels:
+                chunk.add(channel, k, k, k, b"x")
+            container.add_chunk(chunk.content())
+        index = container._chunk_indexes.count
+        container.finish()
+    assert len(records_of((tmp_path / "a.mcap").read_bytes())) > 100
+    assert index / 100 * 3600 / FLUSH_S < 0.6e6
+
+
+def test_old_estimates_are_read_by_the_new_message():
+    found = Estimate.FromString(Measurement(bend_deg=12.25).SerializeToString())
+    assert found.bend_deg == 12.25
+    assert not found.HasField("low_deg")
+
+
+def test_metadata_stands_before_the_first_message(tmp_path):
+    record(tmp_path / "a.mcap", SAMPLES[:9], metadata={"run": {"noise_variance": 0.1}})
+    found = records_of((tmp_path / "a.mcap").read_bytes())
+    kinds = [type(one).__name__ for one in found]
+    assert kinds.index("Metadata") < kinds.index("Chunk")
+    assert kinds.count("Channel") == 8  # four, and once more in the summary
+    assert kinds.index("Chunk") > kinds.index("Channel")
+    texts = found[kinds.index("Metadata")].metadata
+    assert json.loads(texts["run"]) == {"noise_variance": 0.1}

@@ -1,0 +1,236 @@
+"""A viewer of another library sees a live stream: by the schemas that it is sent, what was added."""
+
+import base64
+import contextlib
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+import psutil
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from live_streams import ESTIMATE, METHOD, Sample, good_samples, reading, sample
+from repository import ENVIRONMENT
+
+from twin.errors import MissingExtraError
+from twin.estimation.health import Health
+from twin.recording.live_messages import LiveMessages
+from twin.runtime.reading import Alarm, Reading, Source
+
+pytest.importorskip("foxglove")
+client = pytest.importorskip("websockets.sync.client")
+
+from scripts.live import BACKLOG, LiveViewer  # noqa: E402
+
+PROTOCOL = "foxglove.sdk.v1"
+MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, log time [ns]
+TOPICS = {"/command", "/measurement", ESTIMATE, "/health"}
+
+
+class Client:
+    """Viewer of its own: WebSocket by `websockets`, messages by the schemas that it is told."""
+
+    def __init__(self, url: str):
+        self.socket = client.connect(url, subprotocols=[PROTOCOL]).__enter__()
+        self.channels: dict[str, dict] = {}
+        while not self.channels.keys() >= TOPICS:
+            told = json.loads(self.socket.recv(timeout=20))
+            self.channels |= {channel["topic"]: channel for channel in told.get("channels", [])}
+
+    def subscribe(self, viewer: LiveViewer, topics: set[str]) -> None:
+        """Subscribe, and wait until the server knows of it: of topics that nobody else has subscribed to."""
+        self.ids = {number: topic for number, topic in enumerate(sorted(topics), start=1)}
+        wanted = [{"id": number, "channelId": self.channels[t]["id"]} for number, t in self.ids.items()]
+        self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        for _ in range(1000):
+            if all(viewer._channels[topic].has_sinks() for topic in topics):
+                return
+            time.sleep(0.02)
+        raise AssertionError("nobody has subscribed")
+
+    def estimate_beside_others(self, viewer: LiveViewer, bend_deg: float) -> float:
+        """Return an estimate that is shown again and again, where others have subscribed to it already."""
+        for k in range(500):
+            viewer.add(Sample(1e6 + k, 1.0, 2.0, reading(bend_deg)))
+            with contextlib.suppress(TimeoutError):
+                return self.receive(timeout=0.1)[2].bend_deg
+        raise AssertionError("no estimate has come")
+
+    def receive(self, timeout: float = 20) -> tuple[str, int, object]:
+        """Return topic, log time and decoded message of the next one."""
+        while isinstance(data := self.socket.recv(timeout=timeout), str):
+            pass
+        opcode, number, log_time = MESSAGE.unpack_from(data)
+        assert opcode == 1
+        return self.ids[number], log_time, self.decode(self.ids[number], data[MESSAGE.size :])
+
+    def decode(self, topic: str, data: bytes) -> object:
+        channel = self.channels[topic]
+        assert channel["encoding"] == channel["schemaEncoding"] == "protobuf"
+        files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"]))
+        pool = descriptor_pool.DescriptorPool()
+        for file in files.file:
+            pool.Add(file)
+        kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
+        return kind.FromString(data)
+
+
+@pytest.fixture
+def viewer():
+    with LiveViewer(port=0, method=METHOD) as made:
+        yield made
+
+
+def test_a_viewer_sees_the_numbers_that_were_added(viewer):
+    assert viewer.url == f"ws://127.0.0.1:{viewer.port}"
+    seen = Client(viewer.url)
+    assert seen.socket.subprotocol == PROTOCOL
+    assert set(seen.channels) == TOPICS
+    seen.subscribe(viewer, TOPICS)
+    samples, found = good_samples(100), {topic: [] for topic in TOPICS}
+    for one in samples:
+        viewer.add(one)
+    for _ in range(3 * 100 + 75):
+        topic, log_time, message = seen.receive()
+        found[topic].append((log_time, message))
+    assert [time for time, _ in found["/command"]] == [round(one.time_s * 1e9) for one in samples]
+    assert [message.pull_mm for _, message in found["/command"]] == [one.pull_mm for one in samples]
+    estimates = [(message.bend_deg, message.low_deg, message.high_deg) for _, message in found[ESTIMATE]]
+    assert estimates == [one.reading[:3] for one in samples]
+    angles = [message.bend_deg for _, message in found["/measurement"]]
+    assert angles == [one.measurement_deg for one in samples if one.measurement_deg == one.measurement_deg]
+
+
+def test_a_viewer_sees_what_is_wrong(viewer):
+    seen = Client(viewer.url)
+    seen.subscribe(viewer, {"/health"})
+    viewer.add(sample(1.0))
+    alarmed = Reading(1.0, 0.0, 2.0, Source.FALLBACK, Health.LATE, Alarm.DISAGREEMENT | Alarm.RATE)
+    viewer.add(Sample(0.5, 1.0, 2.0, alarmed))
+    assert seen.receive()[1] == 10**9
+    _, log_time, health = seen.receive()
+    assert log_time == 10**9
+    assert (list(health.faults), list(health.alarms)) == (["late"], ["disagreement", "rate"])
+    assert health.source == "fallback"
+
+
+def test_viewers_may_come_and_go(viewer):
+    for k in range(5):
+        viewer.add(sample(k / 10))
+    first, second = Client(viewer.url), Client(viewer.url)
+    first.subscribe(viewer, {ESTIMATE})
+    viewer.add(Sample(1.0, 1.0, 2.0, reading(7.25)))
+    assert first.receive()[2].bend_deg == 7.25
+    first.socket.socket.shutdown(socket.SHUT_RDWR)  # gone without a word
+    second.subscribe(viewer, {ESTIMATE})
+    assert second.estimate_beside_others(viewer, -7.25) == -7.25
+
+
+STALLED = """
+import json, os, signal, sys
+from websockets.sync.client import connect
+with connect(sys.argv[1], subprotocols=["foxglove.sdk.v1"]) as socket:
+    channels = []
+    while len(channels) < 4:
+        channels += json.loads(socket.recv()).get("channels", [])
+    wanted = [{"id": one["id"], "channelId": one["id"]} for one in channels]
+    socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+    print("subscribed", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_viewer_that_hangs_neither_blocks_nor_fills_the_memory(viewer):
+    """Far more than the backlog and all buffers of the system hold; the others see all of the end."""
+    words = [sys.executable, "-c", STALLED, viewer.url]
+    stalled = subprocess.Popen(words, env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert stalled.stdout.readline().strip() == b"subscribed"
+        for _ in range(1000):
+            if viewer._channels["/command"].has_sinks():
+                break
+            time.sleep(0.02)
+        os.kill(stalled.pid, signal.SIGSTOP)
+        process, one = psutil.Process(), sample(0.0)
+        for k in range(20_000):  # 80,000 messages
+            viewer.add(one._replace(time_s=k / 50))
+        before = process.memory_info().rss
+        for k in range(20_000, 80_000):
+            viewer.add(one._replace(time_s=k / 50))
+        # 240,000 messages of 40 to 60 bytes and what holds each would be more than 20 MB.
+        assert process.memory_info().rss - before < 8 * 2**20
+        other = Client(viewer.url)
+        other.subscribe(viewer, {ESTIMATE})
+        assert other.estimate_beside_others(viewer, 7.25) == 7.25
+        closing = threading.Thread(target=viewer.close)
+        closing.start()
+        closing.join(30)
+        assert not closing.is_alive()
+    finally:
+        stalled.kill()
+        stalled.wait()
+
+
+def test_backlog_is_seconds_of_a_usual_stream():
+    assert BACKLOG / len(LiveMessages(METHOD).schemas) / 50 > 5
+
+
+def test_a_port_in_use_is_said_in_one_line(viewer):
+    with pytest.raises(ValueError, match=f"cannot listen on 127.0.0.1, port {viewer.port}: Address already"):
+        LiveViewer(port=viewer.port, method=METHOD)
+
+
+@pytest.mark.parametrize("port", [-1, 65_536])
+def test_a_port_that_is_none_is_refused(port):
+    with pytest.raises(ValueError, match=rf"port = {port}: must be from 0 to 65535"):
+        LiveViewer(port=port, method=METHOD)
+
+
+def test_a_host_that_is_none_of_this_machine_is_refused():
+    with pytest.raises(ValueError, match=r"cannot listen on 192\.0\.2\.1, port 0: "):
+        LiveViewer("192.0.2.1", 0, METHOD)
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(
+        MissingExtraError, match=r"a live viewer needs foxglove: pip install 'endotwin\[live\]'"
+    ):
+        LiveViewer(port=0, method=METHOD)
+
+
+def test_a_process_with_a_viewer_that_hangs_ends():
+    code = """
+import subprocess, sys, os, signal, time
+from live_streams import sample
+from scripts.live import LiveViewer
+viewer = LiveViewer(port=0)
+words = [sys.executable, "-c", sys.argv[1], viewer.url]
+pipe = subprocess.PIPE
+stalled = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+stalled.stdout.readline()
+os.kill(stalled.pid, signal.SIGSTOP)
+for k in range(80_000):
+    viewer.add(sample(k / 50))
+viewer.close()
+print(stalled.pid, flush=True)
+"""
+    support = os.path.dirname(__import__("live_streams").__file__)
+    environment = ENVIRONMENT | {"PYTHONPATH": f"{ENVIRONMENT['PYTHONPATH']}{os.pathsep}{support}"}
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, STALLED], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    stalled = int(process.stdout.readline())
+    try:
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 0
+        assert said == b""
+    finally:
+        process.kill()
+        os.kill(stalled, signal.SIGKILL)
