@@ -1,8 +1,9 @@
-"""Measurements of what learns: the cost of PPO's environment, and of one sample of RAM (twins)."""
+"""Measurements of what learns: cost of PPO's environment, of a sample of RAM (twins), of a live stream."""
 
 import statistics
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,17 @@ from numpy.typing import NDArray
 
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
 from rl.options import TrainingOptions
-from rl.training import new_ppo
+from rl.training import new_ppo, train_policy
 from rl.twins.graph import export_twins
 from rl.twins.records import draw_members
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
+from twin.benchmark import runtime
 from twin.benchmark.measurements import Measurement, Size
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.benchmark.speed import in_turn
+from twin.benchmark.stream import stream
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned import ram_twins
@@ -104,8 +107,18 @@ def one_sample(preset: Preset, size: Size) -> Result:
     )
 
 
+def with_policy(measure: Callable[[Path], dict[str, Result]]) -> dict[str, Result]:
+    """Measure something with the paper's RAM; one that has learned little takes as long."""
+    options = TrainingOptions(episodes=16, environments=8, horizon=256, minibatch=64, seed=1)
+    with tempfile.TemporaryDirectory() as folder:
+        records = [model_record(PAPER_MODEL, T)]
+        return measure(train_policy(records, ActiveModel(PAPER_MODEL, T), options, Path(folder)))
+
+
 OF_LEARNING: dict[str, Measurement] = {
     "ppo": lambda *_: ppo(),
     "ram_twins_online": lambda preset, size, _: one_sample(preset, size),
+    "run": lambda *_: with_policy(stream),
+    "runtime": lambda *_: with_policy(runtime.one_sample),
 }
 """Each measurement by its name; those of the twin are in `twin.benchmark.measurements`."""

@@ -25,9 +25,17 @@ Array = NDArray[np.float64]
 Curve = list[tuple[float, ...]]
 """Rows of `progress.csv`: samples done, the mean reward per sample [deg^2] of the episodes that ended there,
 the figures of the latest update (`UPDATE`), and of each action its mean and its deviation over them."""
-UPDATE = ("policy_loss", "value_loss", "entropy_loss", "kl", "clip_fraction", "exploration")
-"""Figures of an update of PPO: its losses, minus the entropy of its actions, the divergence of Kullback and
-Leibler from the policy before, the share of samples that were clipped, and the deviation of exploration."""
+UPDATE = {
+    "policy_loss": "train/policy_gradient_loss",
+    "value_loss": "train/value_loss",
+    "entropy_loss": "train/entropy_loss",
+    "kl": "train/approx_kl",
+    "clip_fraction": "train/clip_fraction",
+    "exploration": "train/std",
+}
+"""Figures of an update of PPO, each with its name in stable-baselines3: losses, minus the entropy of the
+actions, the divergence of Kullback and Leibler from the policy before, the share of samples clipped, and the
+deviation of exploration."""
 
 CHECKPOINT = "training checkpoint"
 """Kind of its state."""
@@ -80,7 +88,7 @@ def reseed(seed: int, samples: int) -> None:
 
 def curve_columns(environment: ReplayedEnvironment) -> list[str]:
     """Return the names of what a row of the curve holds."""
-    return ["samples", "mean_reward", *UPDATE, *action_columns(environment.agent.action_size)]
+    return ["samples", "mean_reward", *UPDATE, *action_columns(len(environment.agent.applied))]
 
 
 def save_checkpoint(
@@ -111,16 +119,15 @@ def save_checkpoint(
         "counters": np.array(counters, dtype=np.float64),
         **_finite("curve", np.array(curve, dtype=np.float64).reshape(-1, len(curve_columns(environment)))),
         **_finite("update", np.array(update, dtype=np.float64)),
-        "actions": actions.reshape(-1, environment.num_envs, environment.agent.action_size),
+        "actions": actions.reshape(-1, environment.num_envs, len(environment.agent.applied)),
     }
     learned = adam_state(ppo.policy, ppo.policy.optimizer)
     write_state(path, CHECKPOINT, key, arrays | {name: of.numpy() for name, of in learned.items()})
 
 
-def _finite(name: str, values: Array | None = None) -> dict[str, Array]:
+def _finite(name: str, values: Array) -> dict[str, Array]:
     """Return an array as two, as a state holds no NaN: its numbers, and 1 where they are known."""
-    given = np.zeros(0) if values is None else values
-    return {name: np.nan_to_num(given), f"{name} known": np.isfinite(given).astype(float)}
+    return {name: np.nan_to_num(values), f"{name} known": np.isfinite(values).astype(float)}
 
 
 def _with_unknown(saved: dict[str, Array], name: str) -> Array:
@@ -148,13 +155,12 @@ def load_checkpoint(
     damaged = damaged_state(path)
     begin_moments(ppo.policy, ppo.policy.optimizer)
     expected = adam_state(ppo.policy, ppo.policy.optimizer)
-    if {"counters", "actions", *_finite("curve"), *_finite("update")} - set(saved) or not fits(
-        saved, expected
-    ):
+    named = {"counters", "actions", "curve", "curve known", "update", "update known"}
+    if named - set(saved) or not fits(saved, expected):
         raise damaged
     counters, actions = saved["counters"], saved["actions"]
     curve, latest = (_with_unknown(saved, name) for name in ("curve", "update"))
-    each = (environment.num_envs, environment.agent.action_size)
+    each = (environment.num_envs, len(environment.agent.applied))
     shapes = counters.shape, curve.shape[1:], actions.shape[1:], latest.shape
     if shapes != ((3,), (len(curve_columns(environment)),), each, (len(UPDATE),)):
         raise damaged

@@ -1,38 +1,31 @@
 """The estimation task as environments: one for Gymnasium, and one batched over many episodes for training."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from rl.policy import AGENTS
 from rl.shared_environment import SharedEnvironment
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.direct import DIRECT, make_agent
 from twin.estimation.learned.policy import Agent
-from twin.estimation.learned.ram import RAM, ReinforcementActiveModel
+from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
-AGENTS: dict[str | None, Callable[[ActiveModel], Agent]] = {
-    RAM.agent: ReinforcementActiveModel,
-    DIRECT.agent: make_agent,
-}
-"""Agents that a policy steers, by their words on the command line."""
 _OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
 
 
 def _observation_space(agent: Agent) -> gymnasium.spaces.Box:
-    return gymnasium.spaces.Box(
-        -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (agent.observation_size,), np.float32
-    )
+    return gymnasium.spaces.Box(-_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (len(agent.sensed),), np.float32)
 
 
 def _action_space(agent: Agent) -> gymnasium.spaces.Box:
-    return gymnasium.spaces.Box(-1.0, 1.0, (agent.action_size,), np.float32)
+    return gymnasium.spaces.Box(-1.0, 1.0, (len(agent.applied),), np.float32)
 
 
 class BatchEnvironment(SharedEnvironment):
@@ -52,7 +45,7 @@ class BatchEnvironment(SharedEnvironment):
         self.reward_scale = reward_scale
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin a new episode in every environment; returns (count, observation_size)."""
+        """Begin a new episode in every environment; returns (count, sensed)."""
         self.record, self.measurement, initial = self.task.draw(self.num_envs, self.rng)
         self.agent.reset(self.task.pull_mm[self.record, 0], initial)
         self.sample = 1
@@ -67,19 +60,11 @@ class BatchEnvironment(SharedEnvironment):
         reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
         self.episode_return += reward
         self.sample += 1
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        done = np.zeros(self.num_envs, dtype=bool)
         # All records have one length and all episodes began together, so they end together.
-        if self.sample == self.task.pull_mm.shape[1]:
-            done[:] = True
-            last = self._last_observation
-            for index, info in enumerate(infos):
-                info["TimeLimit.truncated"] = True
-                info["terminal_observation"] = last[index]
-                info["episode"] = {"r": float(self.episode_return[index]), "l": self.sample - 1, "t": 0.0}
-            observation = self.reset()
-        else:
-            observation = self._observe()
+        ended = self.sample == self.task.pull_mm.shape[1]
+        infos = self._infos(ended, self._last_observation, self.sample - 1)
+        observation = self.reset() if ended else self._observe()
+        done = np.full(self.num_envs, ended)
         return observation, (self.reward_scale * reward).astype(np.float32), done, infos
 
     def _observe(self) -> NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from rl.options import TrainingOptions
 from rl.recurrent_graph import export_recurrent
-from rl.run import run_configuration
 from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
@@ -74,10 +74,9 @@ def train_gru(
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
-    configuration = run_configuration(records, active_model, training)
     path = folder / TRAINING.file
 
-    def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
+    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
         rng = np.random.default_rng(training.seed)
         pull, bend = stack_records(records)
         task = TrainingTask(pull, bend, training.noise, training.noise_level)
@@ -102,9 +101,9 @@ def train_gru(
             scale**2,
             on_progress,
         )
-        return curve, lambda: export_recurrent(network, 1, TRAINING.agent, configuration, path)
+        return curve, lambda described: export_recurrent(network, 1, TRAINING.agent, described, path)
 
-    return train_once(path, configuration, training.seed, train)
+    return train_once(path, records, active_model, training, train)
 
 
 def _draw(

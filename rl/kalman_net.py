@@ -7,6 +7,7 @@ bounded gains, clipped gradients and a history that ends with its window guard a
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from rl.export import export_module
 from rl.options import TrainingOptions, share_of
-from rl.run import run_configuration
 from rl.supervised import descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
@@ -113,10 +113,9 @@ def train_kalman_net(
         ValueError: the model is not affine, or the folder holds a run of another configuration.
     """
     check_affine(active_model.model)
-    configuration = run_configuration(records, active_model, training)
     path = folder / TRAINING.file
 
-    def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
+    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
         network = GainNetwork(training.hidden)
         task = TrainingTask(
             *stack_records(records), training.noise, training.noise_level, training.initial_error_deg
@@ -134,16 +133,16 @@ def train_kalman_net(
             unit,
             on_progress,
         )
-        return curve, lambda: export_module(
+        return curve, lambda described: export_module(
             network,
             {"seen": torch.zeros(2, FEATURES), "memory": torch.zeros(1, 2, network.hidden)},
             ["said", "remembered"],
             {"seen": [0], "memory": [1]},
-            {"agent": TRAINING.agent, "hidden": network.hidden, **configuration},
+            {"agent": TRAINING.agent, "hidden": network.hidden, **described},
             path,
         )
 
-    return train_once(path, configuration, training.seed, train)
+    return train_once(path, records, active_model, training, train)
 
 
 def _windows(

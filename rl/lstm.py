@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from rl.options import TrainingOptions
 from rl.recurrent_graph import export_recurrent
-from rl.run import run_configuration
 from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.errors import InputError
@@ -77,10 +77,9 @@ def train_lstm(
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
-    configuration = run_configuration(records, active_model, training)
     path = folder / TRAINING.file
 
-    def train() -> tuple[Sequence[tuple[int, float]], Callable[[], None]]:
+    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
         rng = np.random.default_rng(training.seed)
         task = TrainingTask(*stack_records(records), training.noise, training.noise_level)
         network = LstmNetwork(training.hidden)
@@ -104,9 +103,9 @@ def train_lstm(
             training.sequences * window,
             on_progress=on_progress,
         )
-        return curve, lambda: export_recurrent(network, STATES, TRAINING.agent, configuration, path)
+        return curve, lambda described: export_recurrent(network, STATES, TRAINING.agent, described, path)
 
-    return train_once(path, configuration, training.seed, train)
+    return train_once(path, records, active_model, training, train)
 
 
 def _draw(

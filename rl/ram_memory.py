@@ -4,26 +4,20 @@ import functools
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rl.options import TRAINING_STROKE_MM
 from rl.trainers import OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_memory
 from rl.twins.memory_step import MemoryStep
-from rl.twins.records import SAMPLE_TIME, TwinRecords
+from rl.twins.nominal import nominal_records
+from rl.twins.records import TwinRecords
 from rl.twins.run import Learner, scaled_to_options, train_on_twins
-from rl.twins.sequences import STRIDES, Prediction, by_model
+from rl.twins.sequences import Prediction, by_model
 from rl.twins.settings import SimulatedTraining
 from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 from twin.hysteresis import ColemanHodgdon, model_to_dict
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced import simulate
-from twin.signals.excitation import SIGNALS, command
-
-_SECONDS = 60.0
-_MODEL = 210  # what the seed is used for
 
 
 def train_ram_memory(
@@ -54,14 +48,7 @@ def nominal_model(preset: Preset, seed: int) -> ColemanHodgdon:
     Raises:
         FloatingPointError: the endoscope found no equilibrium.
     """
-    low, high = TRAINING_STROKE_MM
-    records = []
-    for number, kind in enumerate(SIGNALS):
-        rng = np.random.default_rng([seed, _MODEL, number])
-        pull = command(kind, (low * 1e-3, high * 1e-3), _SECONDS, SAMPLE_TIME, rng)
-        bend_deg = simulate(preset, pull, SAMPLE_TIME).bend_deg
-        records.append((pull[:: STRIDES[0]] * 1e3, bend_deg[:: STRIDES[0]]))
-    return identify_coleman_hodgdon(records, seed)[0]
+    return identify_coleman_hodgdon(nominal_records(preset, TRAINING_STROKE_MM, seed), seed)[0]
 
 
 register_trainer(

@@ -1,6 +1,5 @@
 """Training of RAM (twins): simulated twins of a preset, then three lessons, into one run folder."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ from rl.trainers import OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
 from rl.twins.learning import learn_noise, learn_what_is_familiar
 from rl.twins.records import TwinRecords, draw_members
-from rl.twins.run import Learner, OnShare, scaled_to_options, train_on_twins
+from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins
 from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
@@ -40,9 +39,7 @@ def train_ram_twins(
     def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
         export_twins(step, settings.members, description | {"members": members_to_dict(members)}, path)
 
-    def explore(
-        step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: Callable[[int], None]
-    ) -> None:
+    def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
         from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3
 
         learn_by_ppo(step, source, settings, on_share, on_weights)

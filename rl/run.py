@@ -13,6 +13,9 @@ from rl.trainers import Records
 from twin.estimation.active_model import ActiveModel
 from twin.files.atomic import write_whole
 from twin.files.run_folder import CURVE_FILE
+from twin.hysteresis import ColemanHodgdon
+from twin.runtime.deployment import KEY as DEPLOYMENT
+from twin.runtime.deployment import prepare_deployment
 
 
 def run_configuration(records: Records, active_model: ActiveModel, settings: Any) -> dict[str, Any]:
@@ -53,3 +56,14 @@ def write_curve(
 def action_columns(count: int) -> list[str]:
     """Return the names of columns with mean and standard deviation of each action."""
     return [f"action_{number + 1}{part}" for number in range(count) for part in ("", "_deviation")]
+
+
+def with_deployment(
+    configuration: dict[str, Any], records: Records, active_model: ActiveModel, seed: int
+) -> dict[str, Any]:
+    """Return what a trained file says of itself: its configuration, and what it is deployed with."""
+    model = active_model.model
+    if not isinstance(model, ColemanHodgdon):
+        return configuration
+    deployment = prepare_deployment(records, model, active_model.sample_time, seed)
+    return {**configuration, DEPLOYMENT: deployment.to_dict()}

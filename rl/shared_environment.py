@@ -13,6 +13,7 @@ class SharedEnvironment(VecEnv):
     """Many episodes side by side that share all but their state, and one source of random numbers `rng`."""
 
     rng: np.random.Generator
+    episode_return: NDArray[np.float64]
 
     def __init__(self, count: int, observations: gymnasium.spaces.Box, actions: gymnasium.spaces.Box):
         self.render_mode = None  # asked for by the next line
@@ -21,6 +22,25 @@ class SharedEnvironment(VecEnv):
     def step_async(self, actions: NDArray[np.float32]) -> None:
         """Take (count, action_size) actions."""
         self.actions = np.asarray(actions, dtype=float)
+
+    def _infos(self, ended: bool, seen: NDArray[np.float32], length: int) -> list[dict[str, Any]]:
+        """Return what stable-baselines3 is told of a step; episodes end together, truncated.
+
+        Args:
+            ended: whether they do so now.
+            seen: (count, observation_size) the last observations.
+            length: of the episodes, in samples.
+        """
+        if not ended:
+            return [{} for _ in range(self.num_envs)]
+        return [
+            {
+                "TimeLimit.truncated": True,
+                "terminal_observation": last,
+                "episode": {"r": float(total), "l": length, "t": 0.0},
+            }
+            for last, total in zip(seen, self.episode_return, strict=True)
+        ]
 
     def close(self) -> None:
         """Nothing to release."""

@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
-from rl.run import write_curve
+from rl.run import run_configuration, with_deployment, write_curve
+from rl.trainers import Records
 from twin.errors import DivergedError
+from twin.estimation.active_model import ActiveModel
 from twin.files.run_folder import open_run
 
 Array = NDArray[np.float64]
@@ -62,17 +64,20 @@ def sequence_settings(options: TrainingOptions) -> SequenceTraining:
 
 def train_once(
     path: Path,
-    configuration: dict[str, Any],
-    seed: int,
-    train: Callable[[], tuple[Sequence[tuple[int, float]], Callable[[], None]]],
+    records: Records,
+    active_model: ActiveModel,
+    training: Any,
+    train: Callable[[], tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]],
 ) -> Path:
     """Train into the folder of a file (`config.yaml`, `progress.csv` and the file), unless it is there.
 
     Args:
         path: the file, which is there when the run is finished.
-        configuration: what the run depends on.
-        seed: of the weights; `train` makes its own numbers.
-        train: returns the mean reward [deg^2] after so many samples, and what writes the file.
+        records: of the training set.
+        active_model: the filter or model that is learned beside.
+        training: a dataclass of settings; its `seed` is that of the weights, `train` makes its own numbers.
+        train: returns the mean reward [deg^2] after so many samples, and what writes the file with what it
+            says of itself.
 
     Returns:
         The file.
@@ -80,13 +85,15 @@ def train_once(
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
+    configuration = run_configuration(records, active_model, training)
     with open_run(path.parent, configuration, (path.name,)), no_folder_of_compiled_code():
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
-            torch.manual_seed(seed)
+            torch.manual_seed(training.seed)
             curve, export = train()
             write_curve(path.parent, curve)
-            export()  # the last: where the file is, the run is finished
+            # The last: where the file is, the run is finished.
+            export(with_deployment(configuration, records, active_model, training.seed))
     return path
 
 

@@ -14,6 +14,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from rl.checkpoint import (
+    UPDATE,
     Curve,
     ReplayedEnvironment,
     check_finite,
@@ -23,10 +24,9 @@ from rl.checkpoint import (
     save_checkpoint,
 )
 from rl.compiled_code import no_folder_of_compiled_code
-from rl.environment import AGENTS
 from rl.options import TrainingOptions, check_memory
-from rl.policy import export_policy
-from rl.run import run_configuration, write_curve
+from rl.policy import AGENTS, export_policy
+from rl.run import run_configuration, with_deployment, write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
 from twin.errors import InputError
@@ -42,18 +42,6 @@ Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
 GROWS = "training.episodes"
 """Number that a finished run may be given more of: it goes on from where it ended."""
-_OF_LOGGER = tuple(
-    f"train/{name}"
-    for name in (
-        "policy_gradient_loss",
-        "value_loss",
-        "entropy_loss",
-        "approx_kl",
-        "clip_fraction",
-        "std",
-    )
-)
-"""Names that stable-baselines3 has for the figures of `rl.checkpoint.UPDATE`."""
 
 
 def train_policy(
@@ -103,12 +91,12 @@ def train_policy(
             key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
             run = _Run(folder, key, ppo, training, environment, on_progress)
             run.curve, run.update = load_checkpoint(checkpoint, key, ppo, environment)
-            if shorter:
-                _check_goes_on(ppo, run)
+            _check_goes_on(ppo, run, shorter)
             _learn(ppo, run)
             run.save()  # what goes on from here is a longer training
             run.write()
-            export_policy(ppo, training.agent, configuration, policy_path)
+            description = with_deployment(configuration, records, active_model, training.seed)
+            export_policy(ppo, training.agent, description, policy_path)
             if shorter:  # the last: until then it is the shorter run, which may go on again
                 write_configuration(folder, configuration)
             if on_progress:
@@ -123,13 +111,13 @@ def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
     return configuration | {part: kept}
 
 
-def _check_goes_on(ppo: PPO, run: "_Run") -> None:
-    """Refuse to go on from nothing, or from beyond the end.
+def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
+    """Refuse to go on from nothing where there was a shorter run, or from beyond the end.
 
     Raises:
         ValueError: the checkpoint is of another version, or of a run that has gone further.
     """
-    if not ppo.num_timesteps:
+    if shorter and not ppo.num_timesteps:
         raise InputError(
             f"{run.folder} holds a shorter run, whose {CHECKPOINT_FILE} is not of this version: "
             "choose another `folder`"
@@ -149,7 +137,6 @@ def _learn(ppo: PPO, run: "_Run") -> None:
     if ppo.num_timesteps < run.total:
         reseed(run.training.seed, ppo.num_timesteps)
         learn(ppo, run.total - ppo.num_timesteps, run, reset=False)
-    check_finite(ppo)
 
 
 def learn(ppo: PPO, samples: int, callback: BaseCallback, reset: bool = True) -> None:
@@ -236,8 +223,8 @@ class _Run(BaseCallback):
     def _meet_update(self) -> None:
         """Take the figures of the latest update, if there has been one."""
         told = self.logger.name_to_value
-        if _OF_LOGGER[0] in told:
-            self.update = [float(told[name]) for name in _OF_LOGGER]
+        if told.keys() >= set(UPDATE.values()):
+            self.update = [float(told[name]) for name in UPDATE.values()]
 
     def _on_step(self) -> bool:
         rewards = [

@@ -15,7 +15,7 @@ from twin.evaluation.score import MOST_TRAININGS
 from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon
 
-_OF_SEED = ("members", "model")
+_OF_SEED = ("members", "model", "deployment", "reference")
 """Parts of a file that depend on the seed, beside what is learned."""
 
 

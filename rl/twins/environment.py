@@ -12,14 +12,13 @@ from rl.supervised import tensor32
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.features import SCALARS
 from rl.twins.filter_step import ALL
-from rl.twins.learning import filter_sequences
+from rl.twins.learning import EXPLORING, filter_sequences
 from rl.twins.recogniser import LAWS
 from rl.twins.sequences import STRIDES, SequenceSource
 from rl.twins.settings import SimulatedTraining
 from rl.twins.step import ACTIONS, TwinsStep
 
 LARGEST_ACTION = 3.0  # tanh(3) = 0.995 of what an action reaches
-_EXPLORING = 205  # what the seed of a training is used for
 
 Array32 = NDArray[np.float32]
 
@@ -60,7 +59,7 @@ class TwinsEnvironment(SharedEnvironment):
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Restart the random numbers of all sequences."""
-        self.rng = np.random.default_rng(None if seed is None else [seed, _EXPLORING])
+        self.rng = np.random.default_rng(None if seed is None else [seed, EXPLORING])
         return [seed] * self.num_envs
 
     def reset(self) -> Array32:
@@ -75,12 +74,8 @@ class TwinsEnvironment(SharedEnvironment):
         """Apply the actions; sequences end together, truncated, and others begin."""
         reward = self._advance(tensor32(self.actions))
         self.episode_return += reward
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         ended = self.sample == self.length
-        if ended:
-            for info, seen, total in zip(infos, self.seen, self.episode_return, strict=True):
-                episode = {"r": float(total), "l": self.sample, "t": 0.0}
-                info |= {"TimeLimit.truncated": True, "terminal_observation": seen, "episode": episode}
+        infos = self._infos(ended, self.seen, self.sample)
         observation = self.reset() if ended else self._observe()
         return observation, self.scale * reward, np.full(self.num_envs, ended), infos
 

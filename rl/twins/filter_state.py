@@ -54,7 +54,7 @@ class Predicted(NamedTuple):
         features: (B, LAWS + SCALARS) what the policy sees.
         acts: how far it is listened to.
         hears: how far the recogniser is.
-        verdict: of the fallback.
+        verdict: of the fallback; None while the step learns, when nothing is strange.
     """
 
     state: FilterState
@@ -71,4 +71,4 @@ class Predicted(NamedTuple):
     features: Tensor
     acts: Tensor
     hears: Tensor
-    verdict: Verdict
+    verdict: Verdict | None

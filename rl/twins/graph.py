@@ -14,6 +14,7 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned import ram_memory, ram_twins
 from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
 
+_REFERENCE_STEPS = 8  # that the trained step itself computes, and the file tells
 _BATCH = 3  # of the example that the export traces; any number may come
 
 Tensor = torch.Tensor
@@ -119,4 +120,21 @@ def _export(
     inputs |= {name: of.clone() for name, of in zip(state, step.start(torch.ones(_BATCH)), strict=True)}
     outputs = [*OUTPUTS, *(f"{name}_after" for name in state)]
     free = {name: [0] for name in inputs if name != "parts"}
-    export_module(graph, inputs, outputs, free, description, path)
+    export_module(graph, inputs, outputs, free, description, path, _reference(inputs, state))
+
+
+def _reference(inputs: Mapping[str, Tensor], state: list[str]) -> dict[str, Tensor]:
+    """Return inputs of a few steps, of small angles: single precision holds 1e-5 deg of those alone."""
+    rng = torch.Generator().manual_seed(0)  # of its own: what is drawn for a training stays as it is
+
+    def drawn(*shape: int) -> Tensor:
+        return torch.randn(_REFERENCE_STEPS, *shape, generator=rng)
+
+    given = {name: drawn(*of.shape) for name, of in inputs.items() if name not in state and name != "parts"}
+    for name in given.keys() & {"way_mm", "keep"}:
+        given[name] = torch.sigmoid(given[name])
+    given["measurement_deg"][1, 0] = torch.nan
+    given["variance"] = torch.exp(given["variance"])
+    given["sample_time"] = torch.full_like(given["sample_time"], 0.1)
+    parts = torch.tensor(ALL_PARTS).repeat(_REFERENCE_STEPS, 1)
+    return {name: parts if name == "parts" else given[name] for name in inputs if name not in state}

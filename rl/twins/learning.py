@@ -29,7 +29,7 @@ OnUpdate = Callable[[int, float], None]
 COVERAGE = 0.95
 
 # What one seed is used for beside the records: the streams of these never meet.
-_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION, _FAMILIARITY = range(200, 205)
+_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION, _FAMILIARITY, EXPLORING = range(200, 206)
 
 
 def filter_sequences(

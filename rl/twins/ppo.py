@@ -7,7 +7,6 @@ twins differ by, and the policy drifts. Here they are 25 times as many.
 """
 
 import math
-from collections.abc import Callable
 
 import torch
 from stable_baselines3 import PPO
@@ -16,20 +15,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 from rl.options import TrainingOptions
 from rl.training import learn, new_ppo
 from rl.twins.environment import TwinsEnvironment
+from rl.twins.run import VALIDATIONS, OnShare, OnWeights
 from rl.twins.sequences import SequenceSource
 from rl.twins.settings import PPO_HORIZON, TwinsTraining
 from rl.twins.step import TwinsStep
 
 ENVIRONMENTS, MINIBATCH = 256, 2_560
-RATES = {"untrained": 1e-3, "trained": 2.5e-4}  # of Adam; the lower one is that of Table I
-EXPLORES = {
-    "untrained": 0.15,
-    "trained": 0.1,
-}  # deviation of the actions; 1 is 4 of a gain's logarithm
-VALIDATIONS = 12
-
-OnShare = Callable[[int, int], None]
-OnWeights = Callable[[int], None]
+# From scratch, and from what back-propagation found: the rate of Adam, the latter that of Table I, and the
+# deviation of the actions at the start, of which 1 is 4 of a gain's logarithm.
+FROM_SCRATCH, FROM_THERE = (1e-3, 0.15), (2.5e-4, 0.1)
 
 
 def learn_by_ppo(
@@ -51,9 +45,9 @@ def learn_by_ppo(
     Raises:
         FloatingPointError: the training has diverged.
     """
-    begins = "trained" if len(settings.gain) > 1 else "untrained"
+    rate, explores = FROM_THERE if "analytic" in settings.gain else FROM_SCRATCH
     options = TrainingOptions(
-        learning_rate=RATES[begins],
+        learning_rate=rate,
         environments=ENVIRONMENTS,
         horizon=PPO_HORIZON,
         minibatch=MINIBATCH,
@@ -64,7 +58,7 @@ def learn_by_ppo(
     with torch.no_grad():
         for theirs, own in _shared(ppo, step):
             theirs.copy_(own)
-        ppo.policy.log_std.fill_(math.log(EXPLORES[begins]))
+        ppo.policy.log_std.fill_(math.log(explores))
     learn(ppo, settings.ppo_samples, _Watch(step, settings.ppo_samples, on_share, on_weights))
 
 

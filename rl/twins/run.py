@@ -16,24 +16,30 @@ from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation
-from rl.twins.records import TwinRecords, simulate_records
-from rl.twins.sequences import Prediction, SequenceSource, split_records
+from rl.twins.nominal import nominal_records
+from rl.twins.records import SAMPLE_TIME, TwinRecords, simulate_records
+from rl.twins.sequences import STRIDES, Prediction, SequenceSource, split_records
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
+from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced.following import check_members
+from twin.runtime.deployment import KEY as DEPLOYMENT
+from twin.runtime.deployment import prepare_deployment
 
-VALIDATIONS = 12  # over the lesson of the gain
+VALIDATIONS = 12  # over each lesson of the gain
 _COSTS = {"simulation": 25, "recogniser": 15, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
 """Told how much of a part is done, of how much."""
+OnWeights = Callable[[int], None]
+"""Told after how many samples of a part the step has the weights that it has."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Learner:
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
         export: writes the trained step with a description to a path.
         prepare: a lesson before that of the gain.
-        explore: the lesson of PPO; it tells its progress, and after how many samples a step has its weights.
+        explore: the lesson of PPO.
         guard: a lesson behind it, of what is like the training and what is not.
     """
 
@@ -55,7 +61,7 @@ class Learner:
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
     prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
-    explore: Callable[[Any, SequenceSource, OnShare, Callable[[int], None]], None] | None = None
+    explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
 
     def parts(self, gain: Sequence[str]) -> list[str]:
@@ -179,7 +185,10 @@ def _train(
         learner.guard(step, source)
     show = shown.of("interval")
     learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
-    description = {"agent": learner.training.agent, **configuration}
+    nominal = nominal_records(preset, settings.stroke_mm, settings.seed)
+    sample_time = SAMPLE_TIME * STRIDES[0]
+    deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
+    description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict()}
     learner.export(step, description, path)  # the last: where the file is, the run is finished
     keeper.remove()
 

@@ -28,7 +28,7 @@ from typing import Any
 
 import torch
 
-from rl.twins.fallback import Fallback, Verdict
+from rl.twins.fallback import Fallback
 from rl.twins.familiarity import Familiarity
 from rl.twins.features import SCALARS, Features, recent
 from rl.twins.filter_state import STATISTICS, FilterState, Predicted
@@ -78,7 +78,6 @@ class TwinsStep(FilterStep):
         self.recogniser = Recogniser()
         self.familiarity, self.fallback = Familiarity(), Fallback()
         self.guarded = False  # while it learns, everything is heard
-        self.no_verdict = Verdict(*torch.tensor([0.0, 1.0, 0.0]))
         self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
@@ -160,7 +159,7 @@ class TwinsStep(FilterStep):
             variance,
             sample_time,
         )
-        verdict = self.no_verdict
+        verdict = None
         if self.guarded:
             known = self.familiarity(state.weights, state.counts, torch.log(variance))
             verdict = self.fallback(hears * (1 - known), state.counts)
@@ -204,11 +203,15 @@ class TwinsStep(FilterStep):
         covariance = prior.covariance + grows[:, :, None] * self.unit
         towards = prior.towards + grows * seen_as
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
-        told = variance * prior.verdict.narrower
-        counts_as = prior.verdict.bound(innovation, doubt + told)
+        told, counts_as = variance, prior.seen
+        certain: Tensor | float = 0.0  # of b = 0, by the fallback
+        if prior.verdict is not None:
+            told = variance * prior.verdict.narrower
+            counts_as = prior.seen * prior.verdict.bound(innovation, doubt + told)
+            certain = prior.verdict.even
         gain = counts_as * torch.sigmoid(torch.log(doubt / told) + on_gain[:, 0])
         mean = prior.mean + towards * (gain * innovation / doubt)[:, None]
-        shrink = (prior.seen * counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
+        shrink = (counts_as / (doubt + told * torch.exp(on_noise[:, 0])))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 
         root = torch.sqrt(variance)
@@ -225,8 +228,8 @@ class TwinsStep(FilterStep):
         trust = towards * (1 - doubt[:, None] * shrink) - column
         with_bias, own = trust @ self.of_bias, column @ self.of_bias
         sure = prior.hears.clamp(min=UNHEARD) ** 2 / bias_variance
-        heard = with_bias / (own + variance / (sure + prior.verdict.even))
-        believed = bias * root * sure / (sure + prior.verdict.even)
+        heard = with_bias / (own + variance / (sure + certain))
+        believed = bias * root * sure / (sure + certain)
         bend = prior.middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)

@@ -90,7 +90,7 @@ def test_oracle_replaces_the_measurement_in_phi_alone(active_model, noisy):
     plain, oracle = ReinforcementActiveModel(active_model), ReinforcementActiveModel(active_model)
     for agent, truth in ((plain, None), (oracle, 55.0)):
         agent.reset(pull[:1], measurement[:, 0])
-        agent.observe(pull[1], pull[0], measurement[:, 1], truth)
+        agent.sense(pull[1], pull[0], measurement[:, 1], truth)
     np.testing.assert_array_equal(plain.belief.mean, oracle.belief.mean)
     np.testing.assert_allclose(oracle.residual, 55.0 - oracle.belief.mean[0])
 
@@ -118,13 +118,13 @@ def test_log_scale_is_inverted_and_odd(angle):
     assert to_log_scale(np.array(-angle)) == -value
 
 
-@pytest.mark.parametrize("kind", [ReinforcementActiveModel, lambda active_model: DirectEstimator()])
+@pytest.mark.parametrize("kind", [ReinforcementActiveModel, DirectEstimator])
 def test_without_a_measurement_nothing_is_corrected(active_model, kind):
     agent, pull = kind(active_model), np.full(2, 3.0)
     agent.reset(pull, np.array([50.0, 60.0]))
     observation = agent.observe(pull, pull, np.array([np.nan, 55.0]))
     assert observation[0, 0] == 0
     assert observation[1, 0] != 0
-    estimate = agent.act(np.zeros((2, agent.action_size)))
+    estimate = agent.act(np.zeros((2, len(agent.applied))))
     assert estimate[0] == 50.0
     assert np.isfinite(estimate).all()

@@ -18,6 +18,8 @@ from twin.estimation.load import load_estimator, model_of
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import trainings
 from twin.preset import load_preset, load_ranges
+from twin.runtime import load_runtime
+from twin.runtime.deployment import Deployment
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
@@ -72,6 +74,40 @@ def test_it_runs_where_neither_torch_nor_mujoco_can_be_imported(trained):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.strip() == "True", done.stderr[-500:]
+
+
+def test_its_file_is_all_that_a_runtime_needs(trained, records, model):
+    runtime = load_runtime(trained, noise_variance=0.2, initial_bend_deg=60.0)
+    pull, bend = records[0]
+    readings = [runtime.push(0.1 * k, pull[k], bend[k]) for k in range(100)]
+    assert all(reading.low_deg <= reading.bend_deg <= reading.high_deg for reading in readings)
+    assert runtime.fallback.estimator.measurement_variance == 0.2
+    low, high = Deployment.from_dict(read_trained_file(trained).description["deployment"]).pull_mm
+    if trainings()[read_trained_file(trained).agent].on_twins:
+        assert load_runtime(trained, sample_time=0.02).fallback.estimator.sample_time == 0.02
+        assert (low, high) == pytest.approx((-4.8, 4.8), abs=0.1)
+    else:
+        assert runtime.fallback.estimator.model == model
+        assert low < pull.min() < pull.max() < high
+        with pytest.raises(
+            ValueError, match=r"sample_time = 0.02: .* was trained at 0.1 s, and runs at no other"
+        ):
+            load_runtime(trained, sample_time=0.02)
+
+
+def test_a_runtime_refuses_what_holds_no_fallback_and_numbers_that_cannot_be(trained, tmp_path):
+    with pytest.raises(ValueError, match="noise_variance = 0: must be positive"):
+        load_runtime(trained, noise_variance=0.0)
+    with pytest.raises(ValueError, match="sample_time = -1: must be positive"):
+        load_runtime(trained, sample_time=-1.0)
+    older = onnx.load(trained)
+    (described,) = [item for item in older.metadata_props if item.key == "endotwin"]
+    values = json.loads(described.value)
+    del values["deployment"]
+    described.value = json.dumps(values)
+    onnx.save(older, tmp_path / "older.onnx")
+    with pytest.raises(ValueError, match="holds no fallback: an earlier version wrote it; train again"):
+        load_runtime(tmp_path / "older.onnx")
 
 
 def test_what_is_no_trained_file_is_refused_in_one_line(tmp_path, trained):

@@ -14,7 +14,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel
 from twin.estimation.bias import BiasedActiveModel
 from twin.estimation.constant_gain import ConstantGain
-from twin.estimation.health import Health
+from twin.estimation.health import Health, StreamLimits
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.robust import RobustActiveModel
@@ -262,3 +262,10 @@ def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
         assert is_sound(stream._state)
     assert (stream.refused, stream.restarts) == (3, 1)
     assert Health.RESTARTED in stream.health
+
+
+def test_what_is_always_too_far_goes_before_what_is_never_too_far():
+    stream = OnlineEstimator(PLAIN, T, 60.0, StreamLimits(outlier_deg=10.0, outlier_most_deg=2.0))
+    stream.push(0.0, 3.0, 60.0)
+    stream.push(0.1, 3.0, 65.0)
+    assert stream.health == Health.OUTLIER

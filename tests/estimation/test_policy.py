@@ -7,7 +7,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
 from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.direct import make_agent
+from twin.estimation.learned.direct import DirectEstimator
 from twin.estimation.learned.policy import OracleRun, PolicyEstimator
 from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.online import OnlineEstimator
@@ -16,14 +16,15 @@ from twin.evaluation.method import as_method
 SEEDS = 8
 
 
-AGENTS = {"ram": ReinforcementActiveModel, "direct": make_agent}
+AGENTS = {"ram": ReinforcementActiveModel, "direct": DirectEstimator}
 
 
 def steered(action, active_model, agent="ram"):
     """An estimator whose policy says one action, whatever it sees."""
 
-    def policy(observation):
-        return np.tile(np.float32(action), (len(observation), 1)).astype(float)
+    def policy(sensed):
+        said = np.tile(np.float32(action), (len(sensed), 1)).astype(float)
+        return AGENTS[agent].amounts(said)
 
     return PolicyEstimator(policy, active_model, AGENTS[agent])
 

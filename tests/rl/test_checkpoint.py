@@ -9,8 +9,8 @@ import pytest
 from pickles import planted_pickle, planted_zip
 
 from rl.checkpoint import CHECKPOINT, UPDATE, ReplayedEnvironment
-from rl.environment import AGENTS
 from rl.options import TrainingOptions
+from rl.policy import AGENTS
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.task import TrainingTask, stack_records
@@ -143,6 +143,16 @@ def test_a_run_that_cannot_go_on_stays_what_it_is(setting, tmp_path, monkeypatch
     assert (tmp_path / "policy.onnx").read_bytes() != policy
 
 
+def test_a_checkpoint_that_has_gone_further_is_not_taken_for_the_shorter_run(setting, tmp_path, monkeypatch):
+    train_policy(*setting, PLAN, tmp_path)
+    stop_at(setting, tmp_path, 5, monkeypatch, LONGER)
+    (tmp_path / "policy.onnx").unlink()
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match="has gone on to 6912 samples already: ask for more than 4272"):
+        train_policy(*setting, PLAN, tmp_path)
+    assert files(tmp_path) == before
+
+
 def test_no_run_becomes_shorter_and_none_grows_without_its_checkpoint(setting, tmp_path):
     train_policy(*setting, PLAN, tmp_path)
     before = files(tmp_path)
@@ -246,9 +256,9 @@ def test_replayed_actions_bring_an_environment_back(setting, agent):
 
     first.reset()
     for _ in range(100):  # past the end of a round
-        act(first, rng.uniform(-1, 1, (3, first.agent.action_size)).astype(np.float32))
+        act(first, rng.uniform(-1, 1, (3, len(first.agent.applied))).astype(np.float32))
     second.replay(first.rounds, np.array(first.actions_so_far, dtype=float))
     for _ in range(100):
-        action = rng.uniform(-1, 1, (3, first.agent.action_size)).astype(np.float32)
+        action = rng.uniform(-1, 1, (3, len(first.agent.applied))).astype(np.float32)
         for one, other in zip(act(first, action), act(second, action), strict=True):
             np.testing.assert_array_equal(one, other)

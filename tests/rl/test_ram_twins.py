@@ -116,7 +116,7 @@ def test_the_recogniser_learns_a_mean_that_no_filter_sees():
     counts = torch.full((64, 56), 1.0)
     _, mean, _ = step.recogniser(counts, torch.log(drawn.variance))
     wanted = (drawn.bias_deg / torch.sqrt(drawn.variance)).mean()
-    assert abs(float(mean.mean() - wanted)) < 0.3
+    assert (mean.mean() - wanted).abs().item() < 0.3
 
 
 def test_the_interval_holds_the_truth_as_often_as_it_says():

@@ -10,9 +10,9 @@ import torch
 from stable_baselines3 import PPO
 
 from rl import training
-from rl.environment import AGENTS, BatchEnvironment
+from rl.environment import BatchEnvironment
 from rl.options import TrainingOptions, check_memory
-from rl.policy import export_policy, load_policy
+from rl.policy import AGENTS, export_policy, load_policy
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.task import TrainingTask, stack_records
@@ -48,19 +48,23 @@ def test_run_folder_holds_policy_configuration_and_curve(run_folder):
     assert samples == sorted(set(samples))
 
 
-def test_exported_policy_equals_its_network(records, active_model, tmp_path):
-    environment = BatchEnvironment(TrainingTask(*stack_records(records)), AGENTS["ram"](active_model), 2, 0)
-    ppo = PPO("MlpPolicy", environment, seed=5, device="cpu")
+@pytest.mark.parametrize("name", AGENTS)
+def test_exported_policy_equals_its_network_between_the_scales_of_its_agent(
+    name, records, active_model, tmp_path
+):
+    agent = AGENTS[name](active_model)
+    ppo = PPO("MlpPolicy", BatchEnvironment(TrainingTask(*stack_records(records)), agent, 2, 0), seed=5)
     with torch.no_grad():  # as it begins, its actions are all but zero
         ppo.policy.action_net.weight.mul_(100)
     exported = tmp_path / "policy.onnx"
-    export_policy(ppo, "ram", {"active_model": {}}, exported)
-    observation = np.linspace(-3, 3, 50, dtype=np.float32)[:, None]
-    expected, _ = ppo.predict(observation, deterministic=True)
+    export_policy(ppo, name, {"active_model": {}}, exported)
+    sensed = np.linspace(-30, 30, 50 * len(agent.sensed), dtype=np.float32).reshape(50, -1)
+    said, _ = ppo.predict(agent.scaled(sensed).astype(np.float32), deterministic=True)
+    expected = agent.amounts(said.astype(float))
     session = onnxruntime.InferenceSession(str(exported))
     for count in (1, 7, 50):  # any batch
-        (action,) = session.run(None, {"observation": observation[:count]})
-        np.testing.assert_allclose(action, expected[:count], atol=1e-6)
+        (applied,) = session.run(None, {"sensed": sensed[:count]})
+        np.testing.assert_allclose(applied, expected[:count], rtol=1e-5, atol=1e-6)
 
 
 def test_policy_carries_the_filter_that_it_was_trained_beside(run_folder, active_model):

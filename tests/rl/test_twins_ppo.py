@@ -69,7 +69,7 @@ def test_it_learns_the_policy_alone_and_hands_over_its_weights():
     step = small_step()
     before = {name: values.clone() for name, values in step.state_dict().items()}
     told = []
-    learn_by_ppo(step, small_source(), shorter(ppo_samples=51_200), ignore, told.append)
+    learn_by_ppo(step, small_source(), shorter(gain=("ppo",), ppo_samples=51_200), ignore, told.append)
     after = step.state_dict()
     changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
     assert changed == {"policy"}
@@ -81,7 +81,7 @@ def test_it_unlearns_a_policy_that_trusts_nothing():
     step = small_step()
     with torch.no_grad():
         step.policy[-1].bias[0] = -0.5  # tanh(-0.5) * 5: a gain of a tenth of what is best
-    settings = shorter(ppo_samples=76_800, sequences=64)
+    settings = shorter(gain=("ppo",), ppo_samples=76_800, sequences=64)
     before = validation(step, small_source(), settings).loss
     learn_by_ppo(step, small_source(), settings, ignore, ignore)
     assert validation(step, small_source(), settings).loss < before - 0.03
@@ -122,7 +122,7 @@ def test_a_policy_that_became_worse_is_not_what_is_kept(tmp_path, monkeypatch):
     kept = []
     monkeypatch.setattr("rl.twins.ppo.learn_by_ppo", spoil)
     monkeypatch.setattr(
-        "rl.ram_twins.export_twins", lambda step, *_: kept.append(float(step.policy[-1].bias[0]))
+        "rl.ram_twins.export_twins", lambda step, *_: kept.append(step.policy[-1].bias[0].item())
     )
     train_ram_twins(*twins(), shorter(gain=("analytic", "ppo")), tmp_path)
     assert kept[0] > -1
@@ -133,14 +133,14 @@ def test_weights_that_are_no_numbers_are_told_as_divergence():
     with torch.no_grad():
         step.policy[-1].bias[1] = torch.nan
     with pytest.raises(FloatingPointError, match="the training has diverged"):
-        learn_by_ppo(step, small_source(), shorter(ppo_samples=25_600), ignore, ignore)
+        learn_by_ppo(step, small_source(), shorter(gain=("ppo",), ppo_samples=25_600), ignore, ignore)
 
 
 def test_the_same_seed_gives_the_same_policy():
     weights = []
     for _ in range(2):
         step = small_step()
-        learn_by_ppo(step, small_source(), shorter(ppo_samples=25_600), ignore, ignore)
+        learn_by_ppo(step, small_source(), shorter(gain=("ppo",), ppo_samples=25_600), ignore, ignore)
         weights.append(step.policy[-1].weight.detach().clone())
     torch.testing.assert_close(*weights, rtol=0, atol=0)
 

@@ -15,6 +15,8 @@ from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import Belief, condition, propagate
 from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.estimation.single import SingleForm
+from twin.estimation.two_states import TwoStatesForm
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
@@ -77,6 +79,17 @@ class ActiveModel(Estimator[Belief]):
     def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
         """Predict and update by one sample."""
         return self.update(self.predict(state, pull_mm, previous_pull_mm), measurement_deg)
+
+    def single(self) -> SingleForm[Any]:
+        """Return the filter on one stream; one of another algebra, or on another model, has no plain form."""
+        told = np.asarray(self.measurement_variance, dtype=float)
+        methods = ("start", "step", "predict", "update", "bend_deg")
+        is_own = all(getattr(type(self), name) is getattr(ActiveModel, name) for name in methods)
+        if not (is_own and isinstance(self.model, ColemanHodgdon) and told.size == 1):
+            return super().single()
+        return TwoStatesForm(
+            self.model, self.sample_time, self.process_variance, told.item(), self.initial_variance
+        )
 
     def bend_deg(self, state: Belief) -> Array:
         """Return the (B,) mean of the angle [deg]."""

@@ -6,12 +6,13 @@ estimator predicts and does not update. A pull that is NaN is taken to stand whe
 
 import abc
 import dataclasses
-from typing import Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.estimation.single import SingleForm
 
 Array = NDArray[np.float64]
 State = TypeVar("State")
@@ -36,6 +37,11 @@ class Estimator(abc.ABC, Generic[State]):
     @property
     def states_interval(self) -> bool:
         """True if it states a 95 % interval with every estimate."""
+        return False
+
+    @property
+    def has_physics(self) -> bool:
+        """True if it predicts by twins of the endoscope, not by a model of hysteresis."""
         return False
 
     def with_sensor(self, sensor: Sensor) -> Self:
@@ -74,6 +80,12 @@ class Estimator(abc.ABC, Generic[State]):
             measurement_deg: (B,) measured angle, NaN where there is none [deg].
         """
 
+    def single(self) -> SingleForm[Any]:
+        """Return the estimator on one stream; on plain numbers, where it has such a form."""
+        from twin.estimation.array_form import ArrayForm  # here, as it is made of this class
+
+        return ArrayForm(self)
+
     @abc.abstractmethod
     def bend_deg(self, state: State) -> Array:
         """Return the (B,) estimate that a state holds [deg]."""
@@ -105,6 +117,8 @@ class Estimator(abc.ABC, Generic[State]):
             (B, N) estimated angle and half of its 95 % interval [deg]; None for that where it states none.
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
+        if measurement.shape[1] == 1 and (form := self.single()).plain:
+            return _estimate_one(form, pull[:, 0], measurement[:, 0], float(initial[0])), None
         state = self.start(pull[0], initial)
         estimate = np.empty_like(measurement)
         estimate[0] = initial
@@ -117,6 +131,16 @@ class Estimator(abc.ABC, Generic[State]):
             if half_width is not None:
                 half_width[k] = self.half_width_deg(state)
         return estimate.T, None if half_width is None else half_width.T
+
+
+def _estimate_one(form: SingleForm[Any], pull_mm: Array, measurement_deg: Array, initial_deg: float) -> Array:
+    """Return the (1, N) estimates of one record, the same bits as on a live stream."""
+    pulls, state = pull_mm.tolist(), form.start(float(pull_mm[0]), initial_deg)
+    estimate = [initial_deg]
+    for k, measured in enumerate(measurement_deg.tolist()[1:], start=1):
+        state = form.step(state, pulls[k], pulls[k - 1], measured)
+        estimate.append(form.bend_deg(state))
+    return np.array([estimate])
 
 
 def time_first(

@@ -10,6 +10,8 @@ from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_training
 from twin.hysteresis import HysteresisModel
 
+SAME_S = 1e-9  # by which two sample times may differ
+
 
 def load_estimator(path: str | Path) -> Estimator[Any]:
     """Read a trained estimator of any kind: a policy, a network, a learned gain.
@@ -32,6 +34,28 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return training.load(path)
+
+
+def load_estimator_at(path: Path, sample_time: float | None) -> tuple[Any, float]:
+    """Return a trained estimator at a sample time, and that time [s].
+
+    Args:
+        path: the file that training wrote.
+        sample_time: T [s]; that of the training, if not given.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, not a file that training wrote, or runs at another sample time alone.
+    """
+    estimator: Any = load_estimator(path)
+    trained = float(estimator.sample_time)
+    if sample_time is None or abs(sample_time - trained) < SAME_S:
+        return estimator, trained
+    if not hasattr(estimator, "at"):
+        raise InputError(
+            f"sample_time = {sample_time:g}: {path} was trained at {trained:g} s, and runs at no other"
+        )
+    return estimator.at(sample_time), sample_time
 
 
 def model_of(path: str | Path) -> HysteresisModel:

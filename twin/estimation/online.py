@@ -6,6 +6,7 @@ It drives the same `start` and `step` as whole records do: an even stream gives 
 import math
 import numbers
 import reprlib
+import sys
 from typing import Any, Generic
 
 import numpy as np
@@ -16,7 +17,6 @@ from twin.estimation.estimator import Estimator, State
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.outlier_gate import OutlierGate
 from twin.estimation.residual_watch import ResidualWatch
-from twin.estimation.soundness import is_sound
 from twin.estimation.stream_clock import StreamClock, samples_within
 
 GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
@@ -27,7 +27,7 @@ HOLD_LIMIT_S = 1.0  # a pull may have moved on for so long while it was held
 FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two that were refused agree
 REFUSED_STEPS = 3  # in a row, after which the estimator begins anew
 GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
-LIES = Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL | Health.NO_PULL
+LIES = (Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL | Health.NO_PULL).value
 WILD = 10.0  # times the limit of a measurement, beyond which no estimate is sound
 
 
@@ -89,7 +89,8 @@ class OnlineEstimator(Generic[State]):
         self.estimator = estimator
         self.sample_time = sample_time
         self.bend_deg = initial_bend_deg
-        self.health = Health.GOOD
+        self.form = estimator.single()
+        self._faults = 0
         self.pushed = self.ignored = self.waiting = self.first = self.steps = self.filled = 0
         self.missing_measurements = self.implausible_measurements = self.outliers = 0
         self.held_pulls = self.implausible_pulls = 0
@@ -97,6 +98,11 @@ class OnlineEstimator(Generic[State]):
         self._state: State | None = None  # until the first pull
         self._pull_mm = math.nan
         self._held_s = 0.0  # since the last pull
+        self._gap_s = GAP_SAMPLES * sample_time
+        self._wild_deg = WILD * self.limits.bend_deg
+        self._most_deg, self._most_mm = (
+            min(most, sys.float_info.max) for most in (self.limits.bend_deg, self.limits.pull_mm)
+        )
         self._refused_in_a_row = 0
         self._trusted: State | None = None  # before the latest stretch of good samples
         self._latest_good: State | None = None  # behind it
@@ -109,6 +115,33 @@ class OnlineEstimator(Generic[State]):
         self._watch = ResidualWatch(sample_time)
         self._enough = enough
         self._lies = self._since_lie = 0
+
+    @property
+    def health(self) -> Health:
+        """Faults of the last sample."""
+        return Health(self._faults) if self._faults else Health.GOOD
+
+    @property
+    def faults(self) -> int:
+        """Faults of the last sample as a number: an operation on flags takes as long as a filter's step."""
+        return self._faults
+
+    @property
+    def state(self) -> State | None:
+        """State of the estimator; None until the stream begins."""
+        return self._state
+
+    @property
+    def pull_mm(self) -> float:
+        """Pulling distance that the estimator has stepped to [mm]; NaN until the stream begins."""
+        return self._pull_mm
+
+    @property
+    def half_width_deg(self) -> float:
+        """Half of the 95 % interval of the estimate [deg]; NaN where none is stated."""
+        if self._state is None or not self.form.states_interval:
+            return math.nan
+        return self.form.half_width_deg(self._state)
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
         """Take in one sample and return the estimate at it [deg].
@@ -134,71 +167,69 @@ class OnlineEstimator(Generic[State]):
             time_s, pull_mm = _number("time_s", time_s), _number("pull_mm", pull_mm)
             measurement_deg = _number("measurement_deg", measurement_deg)
         self.pushed += 1
-        self.health = Health.GOOD
+        self._faults = 0
         elapsed_s = self._clock.elapsed(time_s)
-        if self._clock.fault:
-            self.health |= self._clock.fault
+        if self._clock.fault is not Health.GOOD:
+            self._faults |= self._clock.fault.value
             if math.isnan(elapsed_s):
                 self.ignored += 1
                 return self.bend_deg
             self.clock_resets += 1
-        measurement_deg = self._plausible_measurement(measurement_deg)
-        pull_mm = self._plausible_pull(pull_mm)
-        with np.errstate(all="ignore"):  # a step that overflows is refused
-            if self._state is None:
-                self._begin(pull_mm)
-            else:
-                self.steps += 1
-                self._advance(elapsed_s, pull_mm, measurement_deg)
-        self._leave_lies_behind()
-        self._good_in_a_row = 0 if self.health else self._good_in_a_row + 1
+        if not abs(measurement_deg) <= self._most_deg:
+            measurement_deg = self._plausible_measurement(measurement_deg)
+        if not abs(pull_mm) <= self._most_mm:
+            pull_mm = self._plausible_pull(pull_mm)
+        if self._state is None:
+            self._begin(pull_mm)
+        else:
+            self.steps += 1
+            self._advance(elapsed_s, pull_mm, measurement_deg)
+        if self._faults or self._lies:
+            self._leave_lies_behind()
+        self._good_in_a_row = 0 if self._faults else self._good_in_a_row + 1
         if self._good_in_a_row == self._stretch:
             self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self._state, 0
         return self.bend_deg
 
     def _plausible_measurement(self, measurement_deg: float) -> float:
-        """Return a measurement; NaN where there is none within the limits."""
-        if abs(measurement_deg) <= self.limits.bend_deg and not math.isinf(measurement_deg):
-            return measurement_deg
+        """Return NaN in the place of a measurement that is not within the limits."""
         if math.isfinite(measurement_deg):
             self.implausible_measurements += 1
-            self.health |= Health.IMPLAUSIBLE_MEASUREMENT
+            self._faults |= Health.IMPLAUSIBLE_MEASUREMENT.value
         else:
             self.missing_measurements += 1
-            self.health |= Health.NO_MEASUREMENT
+            self._faults |= Health.NO_MEASUREMENT.value
         return math.nan
 
     def _plausible_pull(self, pull_mm: float) -> float:
-        """Return a pull; NaN where there is none within the limits."""
-        if abs(pull_mm) <= self.limits.pull_mm and not math.isinf(pull_mm):
-            return pull_mm
+        """Return NaN in the place of a pull that is not within the limits."""
         if math.isfinite(pull_mm):
             self.implausible_pulls += 1
-            self.health |= Health.IMPLAUSIBLE_PULL
+            self._faults |= Health.IMPLAUSIBLE_PULL.value
         else:
             self.held_pulls += 1
-            self.health |= Health.NO_PULL
+            self._faults |= Health.NO_PULL.value
         return math.nan
 
     def _begin(self, pull_mm: float) -> None:
         if math.isnan(pull_mm):  # nothing can be held: the stream has not begun
             self.waiting += 1
-            self.health |= Health.WAITING
+            self._faults |= Health.WAITING.value
             return
         self.first = 1
         self._pull_mm = pull_mm
-        self._state = self.estimator.start(np.array([pull_mm]), np.array([self.bend_deg]))
+        self._state = self.form.start(pull_mm, self.bend_deg)
 
     def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
         """Step to a sample whose stamp, pull and measurement are each within their limits, or NaN."""
         self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
-        if math.isnan(pull_mm):
+        if pull_mm != pull_mm:  # NaN
             pull_mm = self._pull_mm
         else:
             reach = self.limits.pull_jump_mm + self.limits.pull_speed_mm_s * self._held_s
             if abs(pull_mm - self._pull_mm) > reach:
                 self.implausible_pulls += 1
-                self.health |= Health.IMPLAUSIBLE_PULL
+                self._faults |= Health.IMPLAUSIBLE_PULL.value
                 self._held_s -= min(elapsed_s, self._held_s)  # a wrong pull makes no other one likelier
                 tolerance = FAR_PULLS_AGREE * reach
                 if self._far_pulls.believes(pull_mm, tolerance, Refused(pull_mm, measurement_deg)):
@@ -210,47 +241,48 @@ class OnlineEstimator(Generic[State]):
                 self._held_s = 0.0
                 self._far_pulls.clear()
 
-        self._fill(elapsed_s, pull_mm)
-        if math.isnan(measurement_deg):
+        way_mm = abs(pull_mm - self._pull_mm)
+        if elapsed_s > self._gap_s or way_mm > self.limits.pull_jump_mm:
+            self._fill(elapsed_s, pull_mm, way_mm)
+        if measurement_deg != measurement_deg:  # NaN
             self._gate.widen(elapsed_s)
         elif self._gate.passes(abs(measurement_deg - self.bend_deg)):
             self._outliers.clear()
         else:
             self.outliers += 1
-            self.health |= Health.OUTLIER
+            self._faults |= Health.OUTLIER.value
             refused = Refused(pull_mm, measurement_deg)
             believed = self._outliers.believes(measurement_deg, self._gate.agreement_deg, refused)
             if believed and self._restart(self._outliers):
                 return
             measurement_deg = math.nan
         self._step(pull_mm, measurement_deg)
-        if not math.isnan(measurement_deg) and self._watch.is_astray(measurement_deg - self.bend_deg):
+        if measurement_deg == measurement_deg and self._watch.is_astray(measurement_deg - self.bend_deg):
             self._begin_anew(pull_mm, self.bend_deg + self._watch.offset_deg)
 
-    def _fill(self, elapsed_s: float, pull_mm: float) -> None:
+    def _fill(self, elapsed_s: float, pull_mm: float, way_mm: float) -> None:
         """Predict the samples of a gap, and all of a way that is too long for one step."""
         samples = elapsed_s / self.sample_time
         between = 0
-        if samples > GAP_SAMPLES:
+        if elapsed_s > self._gap_s:
             between = round(min(samples, FILL_LIMIT_S / self.sample_time + 1, FILL_LIMIT_SAMPLES + 1)) - 1
             self.filled += between
-            self.health |= Health.GAP
-        way, longest = abs(pull_mm - self._pull_mm), self.limits.pull_jump_mm
+            self._faults |= Health.GAP.value
+        longest = self.limits.pull_jump_mm
         if not between:
             longest += self.limits.pull_speed_mm_s * self.sample_time
-        if way > longest * (between + 1):
-            between = min(math.ceil(way / WALK_MM), FILL_LIMIT_SAMPLES)
+        if way_mm > longest * (between + 1):
+            between = min(math.ceil(way_mm / WALK_MM), FILL_LIMIT_SAMPLES)
         for pull in np.linspace(self._pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
             self._step(pull, math.nan)
 
     def _step(self, pull_mm: float, measurement_deg: float) -> None:
         assert self._state is not None
-        before, now, measured = (np.array([value]) for value in (self._pull_mm, pull_mm, measurement_deg))
-        if self._take(self.estimator.step(self._state, now, before, measured), pull_mm):
+        if self._take(self.form.step(self._state, pull_mm, self._pull_mm, measurement_deg), pull_mm):
             self._refused_in_a_row = 0
             return
         self.refused += 1
-        self.health |= Health.REFUSED
+        self._faults |= Health.REFUSED.value
         self._refused_in_a_row += 1
         if self._refused_in_a_row >= REFUSED_STEPS:
             bend_deg = self.bend_deg if math.isnan(measurement_deg) else measurement_deg
@@ -258,8 +290,8 @@ class OnlineEstimator(Generic[State]):
 
     def _take(self, state: State, pull_mm: float) -> bool:
         """Go on from a state, if it is sound."""
-        bend_deg = float(self.estimator.bend_deg(state)[0])
-        sound = abs(bend_deg) <= WILD * self.limits.bend_deg and is_sound(state)
+        bend_deg = self.form.bend_deg(state)
+        sound = abs(bend_deg) <= self._wild_deg and self.form.is_sound(state)
         if sound:
             self._state, self.bend_deg, self._pull_mm = state, bend_deg, pull_mm
         return sound
@@ -279,7 +311,7 @@ class OnlineEstimator(Generic[State]):
 
     def _leave_lies_behind(self) -> None:
         """Begin anew behind a stretch of lies: what of it passed the gate may have been learned from."""
-        if self.health & LIES:
+        if self._faults & LIES:
             self._lies, self._since_lie = self._lies + 1, 0
             self._watch.doubt()
         elif self._lies:
@@ -291,18 +323,17 @@ class OnlineEstimator(Generic[State]):
 
     def _begin_anew(self, pull_mm: float, bend_deg: float) -> None:
         most = self.limits.bend_deg
-        angle = np.array([min(max(bend_deg, -most), most)])
-        pull, trusted = np.array([pull_mm]), self._trusted
-        if trusted is None:
-            begun = self.estimator.start(pull, angle)
+        angle = min(max(bend_deg, -most), most)
+        if self._trusted is None:
+            begun = self.form.start(pull_mm, angle)
         else:
-            begun = self.estimator.resume(trusted, pull, angle)
+            begun = self.form.resume(self._trusted, pull_mm, angle)
         self._take(begun, pull_mm)
         self._refused_in_a_row = 0
         self._held_s = 0.0
         self._watch.clear()
         self.restarts += 1
-        self.health |= Health.RESTARTED
+        self._faults |= Health.RESTARTED.value
 
 
 def _number(name: str, value: Any) -> float:

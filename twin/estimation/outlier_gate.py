@@ -23,6 +23,7 @@ class OutlierGate:
         self._forget = 1 - math.exp(-sample_time / FORGET_S)
         self._learn = 1 - math.exp(-sample_time / LEARN_S)
         self._usual_deg = FIRST_DEG
+        self._near_deg = min(limits.outlier_deg, limits.outlier_most_deg)  # the gate is never narrower
 
     @property
     def width_deg(self) -> float:
@@ -37,7 +38,7 @@ class OutlierGate:
 
     def passes(self, distance_deg: float) -> bool:
         """Return whether a measurement so far from the last estimate is believed; if so, learn from it."""
-        if distance_deg > self.width_deg:
+        if distance_deg > self._near_deg and distance_deg > self.width_deg:
             return False
         further = distance_deg - self._usual_deg
         self._usual_deg += further * (self._learn if further > 0 else self._forget)

@@ -193,8 +193,10 @@ def _register(
     )
 
 
+AM_TUNED = "AM-tuned"
+"""Name of the tuned active model in tables."""
 _register(
-    "AM-tuned",
+    AM_TUNED,
     30,
     TUNED,
     in_paper_suite=True,

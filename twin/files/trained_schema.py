@@ -10,7 +10,11 @@ LARGEST_HIDDEN = 1024
 MOST_MEMBERS = 512
 """Twins inside of an estimator at most."""
 
+MOST_NUMBERS = 4096
+"""Numbers of one array of reference steps at most."""
+
 Variance = Annotated[float, Field(ge=0, le=1e9)]
+Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class ActiveModelFile(BaseModel):
@@ -31,6 +35,29 @@ class ActiveModelFile(BaseModel):
     process_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
     measurement_variance: Annotated[float, Field(gt=0, le=1e9)]
     initial_variance: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+
+
+Limits = Annotated[tuple[Finite, Finite], Field(strict=False)]
+
+
+class DeploymentFile(BaseModel):
+    """Companions of a trained estimator in its deployment; see `twin.runtime.deployment.Deployment`.
+
+    Attributes:
+        fallback: parameters of the trusted filter.
+        pull_mm: lowest and highest pulling distance [mm].
+        bend_deg: lowest and highest angle [deg].
+        pull_speed_mm_s: of the fastest command [mm / s].
+        bend_speed_deg_s: of the fastest motion [deg / s].
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    fallback: dict[str, Any]
+    pull_mm: Limits
+    bend_deg: Limits
+    pull_speed_mm_s: Annotated[float, Field(ge=0, le=1e9)]
+    bend_speed_deg_s: Annotated[float, Field(ge=0, le=1e9)]
 
 
 class MembersFile(BaseModel):
@@ -62,3 +89,31 @@ class TrainedDescription(BaseModel):
 
     agent: Annotated[str, Field(max_length=40)]
     hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
+
+
+class NumbersFile(BaseModel):
+    """One array of the reference.
+
+    Attributes:
+        shape: of it, steps first.
+        values: in the order of C; None stands for NaN.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    shape: Annotated[list[Annotated[int, Field(ge=1, le=MOST_NUMBERS)]], Field(min_length=1, max_length=4)]
+    values: Annotated[list[float | None], Field(min_length=1, max_length=MOST_NUMBERS)]
+
+
+class ReferenceFile(BaseModel):
+    """Reference steps as a trained file holds them.
+
+    Attributes:
+        inputs: of each step, by name; states are those that the step before returned, zeros in the first.
+        outputs: that the trained network returned, by name.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    inputs: Annotated[dict[str, NumbersFile], Field(min_length=1, max_length=20)]
+    outputs: Annotated[dict[str, NumbersFile], Field(min_length=1, max_length=20)]

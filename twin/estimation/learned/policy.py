@@ -1,15 +1,16 @@
 """A policy that steers an agent: reinforcement learning as an estimator, run by ONNX Runtime.
 
 An agent is a batch of B running estimators. Training, evaluation and the online form all drive the same two
-calls per sample: `observe` takes the command and the measurement and returns what the policy sees, `act`
-takes what the policy says and returns the estimate. No agent sees the true angle, but in an oracle run.
+calls per sample: one takes the command and the measurement, the other takes what the policy makes of them
+and returns the estimate. No agent sees the true angle, but in an oracle run.
 """
 
+import abc
 import copy
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,39 +21,79 @@ from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
+from twin.estimation.single import SingleForm
 from twin.files.shown import shown
 
 Array = NDArray[np.float64]
 POLICY_FILE = "policy.onnx"
 
 
-class Agent(Protocol):
-    """A batch of estimators that a policy steers."""
+class Agent(abc.ABC):
+    """A batch of estimators that a policy steers.
 
-    observation_size: int
-    action_size: int
+    Its two halves are what the deployed graph takes and returns, `sense` and `apply`, in physical quantities,
+    and what the network inside of that graph sees and says, `observe` and `act`, on scales that it can learn.
+
+    Attributes:
+        sensed: what the graph takes, name and unit of each number.
+        applied: what the graph returns, likewise.
+    """
+
+    sensed: ClassVar[Mapping[str, str]]
+    applied: ClassVar[Mapping[str, str]]
+
+    @abc.abstractmethod
+    def __init__(self, active_model: ActiveModel):
+        """Make an agent of a filter, where it has one inside."""
 
     @property
+    @abc.abstractmethod
     def bend_deg(self) -> Array:
         """(B,) estimates [deg]."""
 
+    @abc.abstractmethod
     def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
         """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
 
-    def observe(
+    @abc.abstractmethod
+    def sense(
         self,
         pull_mm: Array,
         previous_pull_mm: Array,
         measurement_deg: Array,
         oracle_deg: Array | None = None,
     ) -> Array:
-        """Take in one sample and return the (B, observation_size) observation.
+        """Take in one sample and return (B, sensed).
 
         `oracle_deg` replaces the measurement in the residual by the truth: only an oracle run gives it.
         """
 
+    @staticmethod
+    @abc.abstractmethod
+    def scaled(sensed: Array) -> Array:
+        """Return the (B, sensed) observation of the network."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def amounts(action: Array) -> Array:
+        """Return (B, applied), what (B, applied) actions in [-1, 1] stand for; others are clipped."""
+
+    @abc.abstractmethod
+    def apply(self, amounts: Array) -> Array:
+        """Apply (B, applied) and return the (B,) estimates [deg]."""
+
+    @staticmethod
+    def single(active_model: ActiveModel, policy: Callable[[Array], Array]) -> SingleForm[Any] | None:
+        """Return agent and policy on one stream on plain numbers; None without such a form."""
+        return None
+
+    def observe(self, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Array:
+        """Take in one sample and return what the network sees of it."""
+        return self.scaled(self.sense(pull_mm, previous_pull_mm, measurement_deg))
+
     def act(self, action: Array) -> Array:
-        """Apply (B, action_size) actions in [-1, 1] and return the (B,) estimates [deg]."""
+        """Apply what the network says and return the (B,) estimates [deg]."""
+        return self.apply(self.amounts(action))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,10 +106,10 @@ class Policy:
 
     network: TrainedFile
 
-    def __call__(self, observation: Array) -> Array:
-        """Return (B, action_size) actions in [-1, 1] for (B, observation_size) observations."""
-        (action,) = self.network.run(observation=observation)
-        return action.astype(float)
+    def __call__(self, sensed: Array) -> Array:
+        """Return (B, applied) of the agent for its (B, sensed)."""
+        (applied,) = self.network.run(sensed=sensed)
+        return applied.astype(float)
 
     @property
     def agent_name(self) -> str:
@@ -92,7 +133,9 @@ def load_policy(path: Path) -> Policy:
     policy = Policy(network)
     try:
         names = [part.name for part in (*network.session.get_inputs(), *network.session.get_outputs())]
-        if names != ["observation", "action"]:
+        if names == ["observation", "action"]:
+            raise InputError("an earlier version wrote it, without its scales: train again")
+        if names != ["sensed", "applied"]:
             raise InputError(f"its inputs and outputs are {shown(names)}")
         _ = policy.active_model
     except ValueError as error:
@@ -105,14 +148,14 @@ class PolicyEstimator(Estimator[Agent]):
     """A trained policy steers an agent; a filter inside the agent is told R.
 
     Attributes:
-        policy: trained.
+        policy: trained: what an agent senses to what it applies.
         active_model: filter inside the agent, and what else the agent is made of.
-        make_agent: returns an agent of the kind that the policy steers.
+        make_agent: kind of agent that the policy steers.
     """
 
     policy: Callable[[Array], Array]
     active_model: ActiveModel
-    make_agent: Callable[[ActiveModel], Agent]
+    make_agent: type[Agent]
 
     @property
     def sample_time(self) -> float:
@@ -137,11 +180,15 @@ class PolicyEstimator(Estimator[Agent]):
         measurement_deg: Array,
         oracle_deg: Array | None = None,
     ) -> Agent:
-        """Observe one sample and act; `oracle_deg` as in `Agent.observe`."""
+        """Sense one sample and apply what the policy says; `oracle_deg` as in `Agent.sense`."""
         agent = copy.copy(state)  # an agent replaces its arrays and never writes into them
-        observation = agent.observe(pull_mm, previous_pull_mm, measurement_deg, oracle_deg)
-        agent.act(self.policy(observation))
+        agent.apply(self.policy(agent.sense(pull_mm, previous_pull_mm, measurement_deg, oracle_deg)))
         return agent
+
+    def single(self) -> SingleForm[Any]:
+        """Return the estimator on one stream; on plain numbers, where its agent has such a form."""
+        form = self.make_agent.single(self.active_model, self.policy)
+        return super().single() if form is None else form
 
     def bend_deg(self, state: Agent) -> Array:
         """Return the (B,) estimate [deg]."""
@@ -177,7 +224,7 @@ class OracleRun:
         return estimate.T
 
 
-def load_steered(path: Path, agent: str, make_agent: Callable[[ActiveModel], Agent]) -> PolicyEstimator:
+def load_steered(path: Path, agent: str, make_agent: type[Agent]) -> PolicyEstimator:
     """Read a trained policy of an agent, beside the filter that it was trained with.
 
     Raises:
@@ -188,9 +235,7 @@ def load_steered(path: Path, agent: str, make_agent: Callable[[ActiveModel], Age
     return _steered(path, policy, policy.active_model, agent, make_agent)
 
 
-def build_steered(
-    knowledge: Knowledge, agent: str, make_agent: Callable[[ActiveModel], Agent]
-) -> PolicyEstimator:
+def build_steered(knowledge: Knowledge, agent: str, make_agent: type[Agent]) -> PolicyEstimator:
     """Return the trained policy of an agent, beside the active model of what is known."""
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
     path = knowledge.file_of(agent)
@@ -202,15 +247,14 @@ def _steered(
     policy: Policy,
     active_model: ActiveModel,
     agent: str,
-    make_agent: Callable[[ActiveModel], Agent],
+    make_agent: type[Agent],
 ) -> PolicyEstimator:
     """Return the estimator of a policy, once it takes and returns what the agent does."""
     if policy.agent_name != agent:
         raise InputError(f"{path} holds the agent {shown(policy.agent_name)}, not {agent!r}")
-    kind = make_agent(active_model)
     try:
         check_network(
-            policy.network, {"observation": (2, kind.observation_size)}, {"action": (2, kind.action_size)}
+            policy.network, {"sensed": (2, len(make_agent.sensed))}, {"applied": (2, len(make_agent.applied))}
         )
     except ValueError as error:
         raise InputError(f"{path} is not a policy of the agent {agent!r}: {error}") from error

@@ -138,6 +138,11 @@ class RamTwins(Estimator[TwinsState]):
         return state.bend_deg
 
     @property
+    def has_physics(self) -> bool:
+        """True: its members are twins."""
+        return True
+
+    @property
     def states_interval(self) -> bool:
         """True if it runs whole: without one of its parts, nobody has trained an interval."""
         return self.parts == ALL_PARTS

@@ -1,0 +1,133 @@
+"""The active model in plain arithmetic, on one stream or on many (Kalman 1960; eqs. 4-9 of the paper).
+
+Two states, the angle and the model's error, and an affine model of hysteresis: every number of the filter is
+a few products. They are written out here, on floats for one stream, where NumPy needs ten times as long to
+begin as to calculate, and on arrays for the many candidates of a search.
+"""
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.single import SingleForm
+from twin.estimation.soundness import LARGEST, ROUNDING
+from twin.hysteresis import ColemanHodgdon
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+
+class TwoStates(NamedTuple):
+    """Belief of one filter, and what its last measurement told.
+
+    Attributes:
+        bend_deg: angle [deg].
+        error: of the model [deg / s].
+        p: variance of the angle [deg^2].
+        r: covariance of both [deg^2 / s].
+        q: variance of the error [deg^2 / s^2].
+        innovation_deg: measurement minus prediction; zero without a measurement [deg].
+        expected: variance of the innovation that the belief expected, R included [deg^2].
+    """
+
+    bend_deg: float
+    error: float
+    p: float
+    r: float
+    q: float
+    innovation_deg: float = 0.0
+    expected: float = 1.0
+
+
+def predicted(
+    p: Number, r: Number, q: Number, keep: Number, sample_time: float, noise: tuple[Number, Number]
+) -> tuple[Number, Number, Number]:
+    """Return the covariance p, r, q one sample later: F P F^T + Q with F = [[keep, T], [0, 1]].
+
+    Args:
+        p: variance of the angle.
+        r: covariance of angle and error.
+        q: variance of the error.
+        keep: derivative of a step of the model with respect to the angle.
+        sample_time: T [s].
+        noise: diagonal of Q.
+    """
+    q_bend, q_error = noise
+    drift = sample_time * q
+    spread = keep * (keep * p + 2 * sample_time * r) + sample_time * drift
+    return spread + q_bend, keep * r + drift, q + q_error
+
+
+def updated(
+    p: Number, r: Number, q: Number, variance: float | Number
+) -> tuple[Number, Number, Number, Number, Number, Number]:
+    """Return both gains, the covariance p, r, q behind a measurement of the angle, and S.
+
+    p R / S is p - K p without its rounding, so that no variance becomes negative.
+
+    Args:
+        p: variance of the angle.
+        r: covariance of angle and error.
+        q: variance of the error.
+        variance: R of the measurement.
+    """
+    expected = p + variance
+    of_bend, of_error = p / expected, r / expected
+    return of_bend, of_error, of_bend * variance, of_error * variance, q - of_error * r, expected
+
+
+class TwoStatesForm(SingleForm[TwoStates]):
+    """The active model on Coleman-Hodgdon, on one stream."""
+
+    def __init__(
+        self,
+        model: ColemanHodgdon,
+        sample_time: float,
+        process_variance: tuple[float, float],
+        measurement_variance: float,
+        initial_variance: tuple[float, float],
+    ):
+        """Take what `ActiveModel` is told, as plain numbers."""
+        self.a, self.b, self.c = (
+            float(np.asarray(value)) for value in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm)
+        )
+        self.sample_time = sample_time
+        self.noise = process_variance
+        self.variance = measurement_variance
+        self.first = initial_variance
+
+    def start(self, pull_mm: float, bend_deg: float) -> TwoStates:
+        """Return the belief at the first sample, with no known error of the model."""
+        return TwoStates(bend_deg, 0.0, self.first[0], 0.0, self.first[1])
+
+    def step(
+        self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
+    ) -> TwoStates:
+        """Predict and update by one sample."""
+        bend, error, p, r, q, _, _ = state
+        increment = pull_mm - previous_pull_mm
+        forget = self.a * abs(increment)
+        bend += forget * (self.b * pull_mm - bend) + self.c * increment + error * self.sample_time
+        p, r, q = predicted(p, r, q, 1.0 - forget, self.sample_time, self.noise)
+        innovation = measurement_deg - bend
+        if innovation != innovation:  # NaN: nothing was measured
+            return TwoStates(bend, error, p, r, q, 0.0, p + self.variance)
+        of_bend, of_error, p, r, q, expected = updated(p, r, q, self.variance)
+        bend += of_bend * innovation
+        return TwoStates(bend, error + of_error * innovation, p, r, q, innovation, expected)
+
+    def bend_deg(self, state: TwoStates) -> float:
+        """Return the mean of the angle [deg]."""
+        return state[0]
+
+    def is_sound(self, state: TwoStates) -> bool:
+        """Return whether every number is possible, and the covariance positive."""
+        bend, error, p, r, q, innovation, _ = state
+        return (
+            0.0 < p < LARGEST
+            and 0.0 < q < LARGEST
+            and p * q - r * r > -ROUNDING * p * q
+            and -LARGEST < bend < LARGEST
+            and -LARGEST < error < LARGEST
+            and -LARGEST < innovation < LARGEST
+        )
