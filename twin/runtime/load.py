@@ -1,0 +1,56 @@
+"""Loading one trained file into a running, assured estimator."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.estimation.estimator import Sensor
+from twin.estimation.health import StreamLimits
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.load import load_estimator_at
+from twin.estimation.registry import method_specs
+from twin.runtime.assured import AssuredEstimator
+from twin.runtime.deployment import KEY, Deployment
+
+
+def load_runtime(
+    path: str | Path,
+    *,
+    sample_time: float | None = None,
+    noise_variance: float | None = None,
+    initial_bend_deg: float = 0.0,
+    limits: StreamLimits | None = None,
+) -> AssuredEstimator:
+    """Read a trained file and return its estimator, ready for the first sample.
+
+    Args:
+        path: the file that training wrote.
+        sample_time: T [s]; that of the training, if not given. What was trained on twins runs at any.
+        noise_variance: R of the sensor [deg^2]; that of the training, if not given.
+        initial_bend_deg: estimate at the first sample [deg].
+        limits: beyond which a sample is not believed.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, not a file that training wrote, or cannot run at this sample time.
+    """
+    path = Path(path)
+    file = read_trained_file(path)
+    if KEY not in file.description:
+        raise InputError(f"{path} holds no fallback: an earlier version wrote it; train again")
+    try:
+        deployment = Deployment.from_dict(file.description[KEY])
+    except ValueError as error:
+        raise InputError(f"{path} cannot be deployed: {error}") from error
+    if sample_time is not None and not 0 < sample_time < math.inf:
+        raise InputError(f"sample_time = {sample_time:g}: must be positive and finite")
+    if noise_variance is None:
+        noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
+    if not 0 < noise_variance < math.inf:
+        raise InputError(f"noise_variance = {noise_variance:g}: must be positive and finite")
+    estimator, T = load_estimator_at(path, sample_time)
+    advanced = estimator.with_sensor(Sensor(noise_variance))
+    method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
+    return AssuredEstimator(method, advanced, deployment, T, noise_variance, initial_bend_deg, limits)

@@ -1,0 +1,144 @@
+"""Monitor of a trained estimator: what speaks against it, sample by sample.
+
+The fallback foretells each measurement; so does the trained estimator, moved on by what the fallback says of
+the motion. Whoever foretells worse is farther from the truth, whatever constant the sensor may be off by.
+"""
+
+import math
+
+from twin.runtime.deployment import Deployment
+from twin.runtime.reading import Alarm
+from twin.runtime.stuck_sensor import StuckSensor
+
+WINDOW_S = 2.5  # of the averages
+LASTING_S = 1.0  # for which estimates must disagree
+TIMEOUT_S, TIMEOUT_SAMPLES = 1.0, 5  # without a measurement
+WORSE = 2.0  # times the mean square innovation of the fallback
+NOISE_SHARE = 0.5  # of R, beyond which it must be worse
+OFFSET = (
+    4.0  # standard deviations of the sensor that its mean innovation may be: more than any noise's mean here
+)
+FAR = 3.0  # standard deviations by which both may disagree beyond what they say
+SPIKE = 6.0  # standard deviations that a measurement may be off by
+MOST = 16.0  # variances that one innovation counts in the averages
+FASTER = 2.0  # times the fastest of the training
+BEYOND = 0.5  # share of the angles of the training by which an estimate may leave them
+LARGEST_HALF_WIDTH_DEG = 90.0
+
+DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE | Alarm.COMMAND | Alarm.INTERVAL
+"""Alarms that speak against the trained estimator, not against the sample."""
+
+
+class Monitor:
+    """Averages of one stream, and the limits that it is held to."""
+
+    def __init__(self, deployment: Deployment, sample_time: float, noise_variance: float):
+        """Begin with nothing known.
+
+        Args:
+            deployment: what the estimator was trained on.
+            sample_time: T [s].
+            noise_variance: R [deg^2].
+        """
+        self.stuck = StuckSensor()
+        self._sample_time, self._variance = sample_time, noise_variance
+        self._noise_deg = math.sqrt(noise_variance)
+        self._learn = 1 - math.exp(-sample_time / WINDOW_S)
+        self._lasting = max(round(LASTING_S / sample_time), 2)
+        self._timeout = max(round(TIMEOUT_S / sample_time), TIMEOUT_SAMPLES)
+        self._window = max(round(WINDOW_S / sample_time), 3)
+        self._low_mm, self._high_mm = deployment.pull_mm
+        low, high = deployment.bend_deg
+        beyond = BEYOND * (high - low) + FAR * self._noise_deg
+        self._low_deg, self._high_deg = low - beyond, high + beyond
+        self._speed_mm_s = FASTER * deployment.pull_speed_mm_s
+        self._step_deg = FASTER * deployment.bend_speed_deg_s * sample_time + SPIKE * self._noise_deg + 1.0
+        self._unmeasured = 0
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin new averages: an estimator has begun anew."""
+        self._seen = self._apart = 0
+        self._mean = self._square = self._mean_fallback = 0.0
+        self._square_fallback = self._variance
+        self._before_deg = self._fallback_before_deg = math.nan
+        self.nis = 1.0  # mean square of the fallback's innovations, as a share of what it expects
+
+    def judge(
+        self,
+        bend_deg: float,
+        half_width_deg: float,
+        fallback_deg: float,
+        fallback_half_width_deg: float,
+        innovation_deg: float,
+        expected: float,
+        moved_mm: float,
+        pull_mm: float,
+        elapsed_s: float,
+        measured: bool,
+    ) -> Alarm:
+        """Take in one sample and return what speaks against the trained estimator or the sample.
+
+        Args:
+            bend_deg: its estimate [deg].
+            half_width_deg: half of its 95 % interval [deg].
+            fallback_deg: estimate of the fallback [deg].
+            fallback_half_width_deg: half of its interval [deg].
+            innovation_deg: of the fallback: measurement minus what it foretold [deg].
+            expected: variance of that which the fallback expected [deg^2].
+            moved_mm: way of the command since the sample before [mm].
+            pull_mm: command [mm].
+            elapsed_s: time since then [s].
+            measured: whether the sample had a measurement that was believed.
+        """
+        alarms = 0
+        if not self._low_mm <= pull_mm <= self._high_mm or moved_mm > self._speed_mm_s * elapsed_s + 1e-6:
+            alarms |= _COMMAND
+        if not self._low_deg <= bend_deg <= self._high_deg:
+            alarms |= _RANGE
+        if not 0 <= half_width_deg <= LARGEST_HALF_WIDTH_DEG and self._seen >= self._window:
+            alarms |= _INTERVAL
+        before, fallback_before = self._before_deg, self._fallback_before_deg
+        self._before_deg, self._fallback_before_deg = bend_deg, fallback_deg
+        if measured:
+            self._unmeasured = 0
+            if before == before:  # not NaN: there was a sample before
+                alarms |= self._compare(before - fallback_before, innovation_deg, expected)
+        else:
+            self._unmeasured += 1
+            if self._unmeasured >= self._timeout:
+                alarms |= _TIMEOUT
+        if self._seen < self._window:
+            return Alarm(alarms & ~_JUDGED | _BEGINNING)
+        if abs(bend_deg - before) > self._step_deg * max(elapsed_s / self._sample_time, 1.0):
+            alarms |= _RATE
+        far = half_width_deg + FAR / 2 * fallback_half_width_deg + FAR * self._noise_deg
+        self._apart = self._apart + 1 if abs(bend_deg - fallback_deg) > far else 0
+        if self._apart >= self._lasting:
+            alarms |= _DISAGREEMENT
+        return Alarm(alarms) if alarms else Alarm.NONE
+
+    def _compare(self, apart_deg: float, innovation_deg: float, expected: float) -> int:
+        """Take in an innovation of the fallback and return what it says of both estimators and the sample."""
+        self._seen += 1
+        own = innovation_deg - apart_deg  # of the trained one, moved on as the fallback has moved on
+        usual = max(expected, self._square_fallback)
+        if abs(innovation_deg) > SPIKE * math.sqrt(usual) < abs(own):
+            return _INPUT
+        learn = self._learn
+        most = MOST * usual
+        off, off_fallback = own - self._mean, innovation_deg - self._mean_fallback
+        self._mean += learn * off
+        self._mean_fallback += learn * off_fallback
+        self._square += learn * (min(off * off, most) - self._square)
+        self._square_fallback += learn * (min(off_fallback * off_fallback, most) - self._square_fallback)
+        self.nis += learn * (min(innovation_deg * innovation_deg / expected, MOST) - self.nis)
+        worse = self._square > WORSE * self._square_fallback + NOISE_SHARE * self._variance
+        return _INNOVATION if worse or abs(self._mean) > OFFSET * self._noise_deg + 1.0 else 0
+
+
+# Plain numbers: an operation on flags takes a microsecond.
+_INNOVATION, _DISAGREEMENT, _RANGE = (of.value for of in (Alarm.INNOVATION, Alarm.DISAGREEMENT, Alarm.RANGE))
+_RATE, _COMMAND, _INTERVAL = Alarm.RATE.value, Alarm.COMMAND.value, Alarm.INTERVAL.value
+_TIMEOUT, _INPUT, _BEGINNING = Alarm.TIMEOUT.value, Alarm.INPUT.value, Alarm.BEGINNING.value
+_JUDGED = _INNOVATION | _DISAGREEMENT | _RATE  # what needs averages
