@@ -1,0 +1,142 @@
+"""The lines of a live stream: samples in, readings and errors out, each one JSON object; and their schema.
+
+`assets/run_protocol.schema.json` is this module's schema for programs in other languages; `make schema`
+writes it anew.
+"""
+
+import functools
+import json
+import math
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.json_schema import models_json_schema
+
+from twin.errors import InputError
+from twin.estimation.health import Health
+from twin.files.json_text import parse_json_object
+from twin.files.schema import validated
+from twin.runtime.reading import Alarm, Source
+from twin.stream.lines import LONGEST_LINE
+from twin.stream.sample import StreamSample
+
+MOST_VALUES = 100
+"""Values in a line, at any depth; a sample has four."""
+LONGEST_ERROR = 300
+"""Characters of the text of an error."""
+
+_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+SampleFault = Annotated[str, Field(json_schema_extra={"enum": [flag.name for flag in Health]})]
+AlarmName = Annotated[str, Field(json_schema_extra={"enum": [flag.name for flag in Alarm]})]
+SourceName = Annotated[str, Field(json_schema_extra={"enum": [source.value for source in Source]})]
+
+
+class SampleLine(BaseModel):
+    """Line in: one sample."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    time_s: Annotated[Number, Field(description="time stamp, later than the one before [s]")]
+    pull_mm: Annotated[
+        Number | None, Field(description="commanded pulling distance; without it, the last one stands [mm]")
+    ] = None
+    measurement_deg: Annotated[
+        Number | None, Field(description="measured bending angle; without it, it is missing [deg]")
+    ] = None
+
+
+class HealthPart(BaseModel):
+    """Faults of a sample, and reasons not to trust the trained estimator."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    sample: Annotated[list[SampleFault], Field(description="faults of this sample; none, if it is good")]
+    alarms: Annotated[list[AlarmName], Field(description="what speaks against the trained estimator")]
+
+
+class ReadingLine(BaseModel):
+    """Line out: the answer to a sample."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    time_s: Annotated[float, Field(description="time stamp of the sample, as it came [s]")]
+    bend_deg: Annotated[float, Field(description="estimate of the bending angle [deg]")]
+    interval_deg: Annotated[
+        tuple[float, float] | None, Field(description="95 % interval, low and high; null if unknown [deg]")
+    ]
+    source: Annotated[SourceName, Field(description="who made the estimate")]
+    health: HealthPart
+
+
+class ErrorLine(BaseModel):
+    """Line out: the answer to a line that is no sample. The estimator has not seen it."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    error: Annotated[str, Field(max_length=LONGEST_ERROR, description="the fault, in one line")]
+    line: Annotated[int, Field(ge=1, description="number of the line in the stream, empty lines counted")]
+
+
+def read_sample(line: bytes | None) -> tuple[float, float, float]:
+    """Return time stamp, pull and measurement of a line; NaN for those that are missing.
+
+    Args:
+        line: its bytes; None where it was too long to be read.
+
+    Raises:
+        ValueError: it is no sample; the text says why.
+    """
+    if line is None:
+        raise InputError(f"the line is longer than {LONGEST_LINE} bytes")
+    try:
+        values = parse_json_object(line, LONGEST_LINE + 1, MOST_VALUES)
+    except ValueError as error:
+        raise InputError(f"the line {error}".replace(": line 1, column", ", at column")) from None
+    sample = validated(SampleLine, values)
+    pull_mm = math.nan if sample.pull_mm is None else sample.pull_mm
+    measurement_deg = math.nan if sample.measurement_deg is None else sample.measurement_deg
+    return sample.time_s, pull_mm, measurement_deg
+
+
+def reading_line(sample: StreamSample) -> str:
+    """Return the line that answers a sample, without its end."""
+    reading = sample.reading
+    interval = [reading.low_deg, reading.high_deg]
+    values = {
+        "time_s": sample.time_s,
+        "bend_deg": reading.bend_deg,
+        "interval_deg": interval if all(map(math.isfinite, interval)) else None,
+        "source": reading.source.value,
+        "health": {"sample": flag_names(reading.health), "alarms": flag_names(reading.alarms)},
+    }
+    return _ENCODER.encode(values)
+
+
+def error_line(error: ValueError, number: int) -> str:
+    """Return the line that answers one that is no sample, without its end."""
+    return _ENCODER.encode({"error": str(error)[:LONGEST_ERROR], "line": number})
+
+
+@functools.lru_cache(maxsize=4096)
+def flag_names(flags: Health | Alarm) -> list[str]:
+    """Return the names of the flags that are set."""
+    return [str(flag.name) for flag in flags]
+
+
+def protocol_schema() -> dict[str, Any]:
+    """Return the JSON Schema of all lines: any of them is valid, `$defs` holds each kind."""
+    models: tuple[type[BaseModel], ...] = (SampleLine, ReadingLine, ErrorLine)
+    _, definitions = models_json_schema([(model, "serialization") for model in models])
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Lines of `endotwin run`",
+        "description": "One JSON object in each line: samples in, readings and errors out, one for each.",
+        "anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in models],
+        **definitions,
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(protocol_schema(), indent=2))
