@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 OUT ?= out/demo
 BENCHMARK ?= out/benchmark.json
 
-.PHONY: install demo test lint types validate benchmark endurance protobuf clean
+.PHONY: install demo test lint types validate benchmark endurance protobuf schema clean
 
 install: $(STAMP)
 
@@ -49,6 +49,10 @@ endurance: install
 protobuf: install
 	$(BIN)/python -m grpc_tools.protoc -I twin/recording --python_out twin/recording --pyi_out twin/recording \
 	  twin/recording/endotwin.proto
+
+# The lines of `endotwin run`, for programs in other languages.
+schema: install
+	$(BIN)/python -m twin.stream.protocol > assets/run_protocol.schema.json
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

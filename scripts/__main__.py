@@ -16,8 +16,10 @@ VERBS = {
     "identify": "fit a model of hysteresis to records",
     "train": "train a learned method on records",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
+    "run": "run a trained estimator on a log or a live stream, sample by sample",
     "render": "draw a record as PNG or MP4, without a screen",
     "report": "make one self-contained HTML page of a run",
+    "gate": "go or no-go for a policy before it is deployed, with reasons",
     "benchmark": "measure the physics at full size, and the speed",
     "demo": "all of it, end to end",
 }

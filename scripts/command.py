@@ -57,6 +57,8 @@ class Summary:
     """Exit code of the command."""
     table: str = ""
     """Table for a person, printed before the sentence."""
+    to_stderr: bool = False
+    """Print it on stderr: stdout is a stream of something else."""
 
 
 def run_verb(
@@ -96,7 +98,8 @@ def _tell(name: str, summary: Summary, *, as_json: bool) -> int:
     """Print a summary; returns the exit code."""
     if summary.table:
         say(summary.table, sys.stderr if as_json else sys.stdout)
-    if not say(json.dumps(summary.values) if as_json else summary.line):
+    stream = sys.stderr if summary.to_stderr else None
+    if not say(json.dumps(summary.values) if as_json else summary.line, stream):
         complain(f"{name}: the summary cannot be written to standard output; what was made is whole")
         return MISTAKE
     return summary.code

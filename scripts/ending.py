@@ -33,9 +33,28 @@ class Stopped(KeyboardInterrupt):
 
 
 class _Signal:
-    """The signal that has asked for the end, if one has."""
+    """The signal that has asked for the end, if one has, and whether it waits for the end of a step."""
 
     number: int | None = None
+    waits = False
+
+
+class WholeStep:
+    """Context manager: a signal that comes within the block ends the command behind it, not in its middle."""
+
+    def __enter__(self) -> None:
+        """Let signals wait."""
+        _Signal.waits = True
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Let them end the command again; raise what has come meanwhile.
+
+        Raises:
+            Stopped: a signal came within the block, which ended well.
+        """
+        _Signal.waits = False
+        if _Signal.number is not None and kind is None:
+            raise Stopped
 
 
 def leave_at_once(number: int, frame: FrameType | None = None) -> None:
@@ -55,7 +74,7 @@ def stop_at_once() -> Iterator[None]:
 @contextlib.contextmanager
 def stop_by_signals() -> Iterator[None]:
     """Context manager: a signal ends the block by an exception, so that it cleans up; a second, at once."""
-    _Signal.number = None
+    _Signal.number, _Signal.waits = None, False
     hook, sys.unraisablehook = sys.unraisablehook, _deliver_again
     try:
         with _handled_by(_stop):
@@ -81,7 +100,8 @@ def _stop(number: int, frame: FrameType | None) -> None:
     if _Signal.number is not None:
         leave_at_once(number)
     _Signal.number = number
-    raise Stopped
+    if not _Signal.waits:
+        raise Stopped
 
 
 def _deliver_again(unraisable: Any) -> None:
@@ -150,6 +170,24 @@ def say(text: str, stream: TextIO | None = None) -> bool:
     except BrokenPipeError:
         _discard_stdout()
     except (OSError, ValueError):  # a full disk, a closed file
+        _discard_stdout()
+        return False
+    return True
+
+
+def say_at_once(line: str) -> bool:
+    """Write one line of a stream to stdout, and wait until its reader has taken it.
+
+    Returns:
+        False where the reader has gone.
+
+    Raises:
+        OSError: it cannot be written, as on a full disk.
+    """
+    try:
+        sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
         _discard_stdout()
         return False
     return True

@@ -6,6 +6,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 
 import numpy as np
 import pytest
+import small_policy
 from hypothesis import settings
 from models import COLEMAN_HODGDON
 from small_dataset import make
@@ -59,6 +60,13 @@ def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+@pytest.fixture(scope="session")
+def ram_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's RAM, hardly trained: one file for all processes of a run of the tests."""
+    base = tmp_path_factory.getbasetemp()
+    return small_policy.shared((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policy")
 
 
 @pytest.fixture

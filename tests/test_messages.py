@@ -10,6 +10,7 @@ FLAG = re.compile(r"(?<![\w-])--[a-z]")
 ALLOWED = {
     "twin/workers/dask_cluster.py": " --nthreads 1`",  # of a command that is not ours
     "twin/benchmark/start.py": "--help",  # which it measures
+    "twin/benchmark/stream.py": "--",  # of the command that it measures
     "twin/report/page.py": "--",  # commands that made a run, which the page shows
 }
 """Parts of texts that hold a flag and are no message."""

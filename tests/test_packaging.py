@@ -27,7 +27,9 @@ CORE = (
     "twin/measured",
     "twin/preset",
     "twin/recording",
+    "twin/runtime",
     "twin/signals",
+    "twin/stream",
     "twin/workers",
 )
 """What works with the core alone."""

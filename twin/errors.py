@@ -40,6 +40,8 @@ EXTRA_OF = {
     "distributed": "cluster",
     "pyarrow": "parquet",
     "tensorboard": "tensorboard",
+    "foxglove": "live",
+    "filterpy": "benchmark",
 }
 """Extra of EndoTwin that installs a module, by the name that the module is imported by."""
 

@@ -176,10 +176,10 @@ def policy(nodes, sizes=(1, 2), description=DESCRIPTION) -> bytes:
     make, kind = onnx.helper, onnx.TensorProto.FLOAT
     weights = make.make_tensor("w", kind, sizes, [0.1] * (sizes[0] * sizes[1]))
     graph = make.make_graph(
-        [make.make_node("MatMul", ["observation", "w"], ["y"]), *nodes],
+        [make.make_node("MatMul", ["sensed", "w"], ["y"]), *nodes],
         "g",
-        [make.make_tensor_value_info("observation", kind, ["n", sizes[0]])],
-        [make.make_tensor_value_info("action", kind, ["n", sizes[1]])],
+        [make.make_tensor_value_info("sensed", kind, ["n", sizes[0]])],
+        [make.make_tensor_value_info("applied", kind, ["n", sizes[1]])],
         [weights],
     )
     model = make.make_model(graph, opset_imports=[make.make_opsetid("", 20)], ir_version=10)
@@ -188,7 +188,7 @@ def policy(nodes, sizes=(1, 2), description=DESCRIPTION) -> bytes:
 
 
 def node(operator: str, **attributes):
-    return onnx.helper.make_node(operator, ["y"], ["action"], **attributes)
+    return onnx.helper.make_node(operator, ["y"], ["applied"], **attributes)
 
 
 def test_a_trained_file_is_taken(folder):

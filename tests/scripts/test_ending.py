@@ -114,3 +114,18 @@ def test_lines_are_printable_and_keep_both_ends():
     assert len(long) == LONGEST_LINE
     assert long.startswith("file x")
     assert long.endswith("x: the fault")
+
+
+def test_a_signal_waits_for_the_end_of_a_whole_step():
+    body = (
+        "\n    import os, signal"
+        "\n    from scripts.ending import WholeStep"
+        "\n    with WholeStep():"
+        "\n        os.kill(os.getpid(), signal.SIGTERM)"
+        "\n        print('whole', flush=True)"
+        "\n    print('behind', flush=True)"
+    )
+    done = run(body)
+    assert done.returncode == 143
+    assert done.stdout == "whole\n"
+    assert "stopped" in done.stderr

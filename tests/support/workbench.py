@@ -149,6 +149,15 @@ COMMANDS = (
         ("results/ram", *(f"results/ram/{name}" for name in (*TRAINED, "policy.onnx"))),
         slow=True,
     ),
+    Command(
+        "run",
+        "run --policy runs/ram/policy.onnx data/test measured --out made.mcap",
+        ("made.mcap",),
+        kill=True,
+    ),
+    Command(
+        "run into a folder", "run --policy runs/ram/policy.onnx data/test --out made", ("made", "made/*")
+    ),
     Command("render png", f"{RENDER} made.png", ("made.png",), slow=True),
     Command("render mp4", f"{RENDER} made.mp4 --size 160 120 --fps 5", ("made.mp4",), kill=True),
     Command("report", "report . --out made.html", ("made.html",), kill=True, slow=True),

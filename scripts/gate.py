@@ -1,0 +1,106 @@
+"""`endotwin gate`: go or no-go for a trained policy, before it is deployed."""
+
+import dataclasses
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import tyro
+
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_file
+from scripts.progress import Progress
+
+VERDICT_FILE = "gate.json"
+NO_GO = 1
+"""Exit status of a no-go."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Gate:
+    """Say go or no-go for a trained policy on an endoscope, with reasons. Exit status 0 is go, 1 no-go.
+
+    The policy is run on randomised twins that no training has seen, on your logs, on hostile inputs and on
+    streams with faults, beside a tuned filter. A page argues the verdict and says what was not shown.
+    """
+
+    policy: tyro.conf.Positional[Path]
+    """Trained file, as `endotwin train` writes it."""
+    logs: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Logs of this endoscope: folders of MCAP files, or files."""
+    preset: str = "ureteroscope"
+    """Endoscope that the policy is to run on: name of a preset, or a YAML file with ranges."""
+    out: Path = Path("gate.html")
+    """Page to write; gate.json is written beside it."""
+    sample_time: float | None = None
+    """T [s]; that of the training, if not given. Only RAM (twins) and RAM (memory) run at another."""
+    stroke: tuple[float, float] | None = None
+    """Pulls that twins are tried on [mm]; those of the training, if not given, else those of the logs."""
+    quick: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Less of everything, for a first look; the page says so."""
+    seed: int = 0
+    """Of everything that is drawn."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def gate(args: Gate) -> Summary:
+    """Write page and `gate.json`."""
+    out = output_file(
+        args.out, (".html",), beside={VERDICT_FILE: '"verdict"'}, inputs=(args.policy, *args.logs)
+    )
+    from twin.errors import require_extra
+
+    for extra in ("sim", "viz"):
+        require_extra(extra, "endotwin gate")
+    from twin.gate import QUICK, WHOLE, gather, run_gate
+    from twin.gate.page import write_page
+    from twin.gate.run import write_verdict
+    from twin.preset import load_preset, load_ranges
+    from twin.recording import read_dataset
+
+    preset, ranges = load_preset(args.preset), load_ranges(args.preset)
+    material = gather(
+        args.policy,
+        preset,
+        ranges,
+        [episode for path in args.logs for episode in read_dataset(path, hidden=False)],
+        stroke_mm=args.stroke,
+        sample_time=args.sample_time,
+        seed=args.seed,
+        size=QUICK if args.quick else WHOLE,
+    )
+    verdict = run_gate(material, Progress("gate"))
+    write_page(verdict, out, _command(args))
+    write_verdict(verdict, out.with_name(VERDICT_FILE))
+    first = verdict.reasons[0]
+    lines = [f"  {check.word:<14} {check.name}: {check.said}" for check in verdict.checks]
+    shown = first if verdict.go else f"{len(verdict.reasons)} reasons, the first: {first}"
+    return Summary(
+        f"{verdict.word}: {shown}; {out}",
+        {"verdict": verdict.word, "reasons": list(verdict.reasons), "out": str(out)},
+        code=0 if verdict.go else NO_GO,
+        table="\n".join(lines),
+    )
+
+
+def _command(args: Gate) -> str:
+    """Return the command that makes this page again."""
+    words = ["endotwin", "gate", str(args.policy), *map(str, args.logs), "--preset", args.preset]
+    if args.sample_time is not None:
+        words += ["--sample-time", f"{args.sample_time:g}"]
+    if args.stroke is not None:
+        words += ["--stroke", *(f"{end:g}" for end in args.stroke)]
+    if args.quick:
+        words.append("--quick")
+    return shlex.join([*words, "--seed", str(args.seed), "--out", str(args.out)])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb."""
+    return run_verb(Gate, gate, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
