@@ -221,7 +221,7 @@ def test_estimate_is_finite_whatever_comes(estimator, stream):
     for sample in stream:
         assert math.isfinite(live.push(*sample))
     assert live.pushed == len(stream) == live.ignored + live.waiting + live.first + live.steps
-    assert is_sound(live._state)
+    assert is_sound(live.state)
 
 
 @settings(max_examples=30)
@@ -259,7 +259,7 @@ def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
     for k in range(1, 4):
         assert stream.push(k * T, 3.0, 61.0) == (61.0 if k == 3 else 60.0)
         assert Health.REFUSED in stream.health
-        assert is_sound(stream._state)
+        assert is_sound(stream.state)
     assert (stream.refused, stream.restarts) == (3, 1)
     assert Health.RESTARTED in stream.health
 

@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader
 from recorded import messages, of_kind, records_of
 
 from twin.estimation.health import Health
-from twin.recording import read_episode, read_metadata, recover_episode, write_episode
+from twin.recording import live, read_episode, read_metadata, recover_episode, write_episode
 from twin.recording.endotwin_pb2 import Estimate, Measurement
 from twin.recording.live import FLUSH_S, SIGN, LiveRecording
 from twin.recording.live_messages import LiveMessages
@@ -260,7 +260,8 @@ def test_full_disk_is_one_error_and_what_was_written_is_readable(small_disk):
     assert os.listdir(disk) == ["a.mcap.partial"]
 
 
-def test_full_disk_at_the_very_end_is_told_by_close(small_disk):
+def test_full_disk_at_the_very_end_is_told_by_close(small_disk, monkeypatch):
+    monkeypatch.setattr(live, "FLUSH_S", 600.0)  # a slow machine would write before the end
     disk = small_disk(16)
     recording = LiveRecording(disk / "a.mcap", METHOD).__enter__()
     for one in good_samples(900):  # fewer than are written at once

@@ -204,9 +204,9 @@ def check(live: OnlineEstimator[Any], lifted: bool) -> None:
     """Assert that a stream is sound in every number, and that its counters add up."""
     assert math.isfinite(live.bend_deg)
     assert live.pushed == live.ignored + live.waiting + live.first + live.steps
-    for values in numbers_of(live._state):
+    for values in numbers_of(live.state):
         assert np.isfinite(values).all()
-    for covariance in covariances_of(live._state):
+    for covariance in covariances_of(live.state):
         values = np.linalg.eigvalsh(covariance)
         # A lifted state begins with all its angles equal: its first covariances have rank one.
         assert values.min() > (-1e-9 * values.max() if lifted else 0)

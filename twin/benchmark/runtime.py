@@ -1,39 +1,36 @@
 """Time of one sample of a deployed estimator, with policy, fallback and monitor, beside a peer's filter."""
 
-import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from twin.benchmark.result import Result
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.runtime.deployment import KEY, Deployment
 
 SAMPLES = 20_000
 AT_ONCE = 500  # samples of the one, then of the other: both meet the same noise of the machine
 T = 0.1  # [s]
+PERIOD_S = 8.0
+FIRST_DEG = 60.0
 
 
 def one_sample(policy: Path) -> dict[str, Result]:
-    """Measure the runtime of a trained file against filterpy's predict and update alone, in turn."""
+    """Measure the runtime of a trained file against filterpy's predict and update alone, in turn.
+
+    The endoscope is the file's own model, so that the policy is trusted, as in a deployment that goes well.
+    """
     from twin.runtime import load_runtime
 
-    runtime, place = load_runtime(policy), 0
-    filterpy = _filterpy_sample()
-
-    def deployed() -> None:
-        nonlocal place
-        place += 1
-        phase = place * T * 2 * math.pi / 8
-        runtime.push(
-            place * T, 3 + math.sin(phase), noise[place % len(noise)] + 60 + 20 * math.sin(phase - 0.3)
-        )
-
-    noise = np.random.default_rng(1).normal(0, 0.3, 997).tolist()
-    ours, theirs = _in_turn(deployed, filterpy)
+    stream = _own_stream(policy)
+    runtime = load_runtime(policy, initial_bend_deg=FIRST_DEG)
+    ours, theirs = _in_turn(lambda: runtime.push(*next(stream)), _filterpy_sample())
+    trusted = 1 - runtime.fallback_samples / runtime.samples
     median, peer = float(np.median(ours)), float(np.median(theirs))
     late = float(np.percentile(ours, 99))
-    of = f"one sample of {runtime.method} with fallback and monitor"
+    of = f"one sample of {runtime.method} with fallback and monitor, {100 * trusted:.0f} % of them trusted"
     name = "filterpy's EKF, predict and update"
     return {
         "runtime_sample": Result(of, median, "us", f"at most {name}", median <= peer, name, peer),
@@ -43,7 +40,19 @@ def one_sample(policy: Path) -> dict[str, Result]:
     }
 
 
-def _in_turn(*functions: Callable[[], None]) -> list[list[float]]:
+def _own_stream(policy: Path) -> Iterator[tuple[float, float, float]]:
+    """Return samples of the model in a trained file, on half of its trained stroke, with noise."""
+    deployment = Deployment.from_dict(read_trained_file(policy).description[KEY])
+    low, high = deployment.pull_mm
+    time_s = np.arange(SAMPLES + 2 * AT_ONCE) * T
+    pull = (low + high) / 2 + (high - low) / 4 * np.sin(2 * np.pi * time_s / PERIOD_S)
+    bend = deployment.fallback.model.response(pull, FIRST_DEG)
+    deviation = np.sqrt(deployment.fallback.measurement_variance)
+    measurement = bend + np.random.default_rng(1).normal(0, deviation, len(bend))
+    return zip(time_s.tolist(), pull.tolist(), measurement.tolist(), strict=True)
+
+
+def _in_turn(*functions: Callable[[], object]) -> list[list[float]]:
     """Return the times of single calls of each [us], in blocks that take turns; the first block warms up."""
     took: list[list[float]] = [[] for _ in functions]
     for block in range(SAMPLES // AT_ONCE + 1):

@@ -22,12 +22,17 @@ class Refused(NamedTuple):
 
 
 class AgreeingRun:
-    """Samples that were refused one after the other and agree; a run that is long enough is believed."""
+    """Samples that were refused one after the other and agree; a run that is long enough is believed.
+
+    Attributes:
+        begun: whether there is a sample in it.
+    """
 
     def __init__(self, enough: int):
         """Prepare for runs of so many samples."""
         self._samples: collections.deque[Refused] = collections.deque(maxlen=enough)
         self._last = math.nan
+        self.begun = False
 
     def believes(self, value: float, tolerance: float, sample: Refused) -> bool:
         """Take in a refused sample and return whether the run is long enough to be believed.
@@ -41,11 +46,13 @@ class AgreeingRun:
             self._samples.clear()
         self._last = value
         self._samples.append(sample)
+        self.begun = True
         return len(self._samples) == self._samples.maxlen
 
     def clear(self) -> None:
         """Forget the run."""
         self._samples.clear()
+        self.begun = False
 
     def restart(self) -> tuple[Refused, list[Refused]] | None:
         """Return where an estimator begins anew, and the samples behind that it has still to step to.

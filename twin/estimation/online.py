@@ -27,6 +27,7 @@ HOLD_LIMIT_S = 1.0  # a pull may have moved on for so long while it was held
 FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two that were refused agree
 REFUSED_STEPS = 3  # in a row, after which the estimator begins anew
 GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
+_GOOD = Health.GOOD  # looked up once: an attribute of an enumeration takes as long as ten sums
 LIES = (Health.OUTLIER | Health.IMPLAUSIBLE_MEASUREMENT | Health.IMPLAUSIBLE_PULL | Health.NO_PULL).value
 WILD = 10.0  # times the limit of a measurement, beyond which no estimate is sound
 
@@ -41,7 +42,9 @@ class OnlineEstimator(Generic[State]):
     step: `pushed == ignored + waiting + first + steps`. The other counters tell what it had to make good.
 
     Attributes:
-        health: faults of the last sample.
+        faults: of the last sample, as the number of `health`: an operation on flags takes as long as a step.
+        state: state of the estimator; None until the stream begins.
+        pull_mm: pulling distance that the estimator has stepped to [mm]; NaN until the stream begins.
         pushed: samples that came.
         ignored: samples whose time stamp does not count.
         waiting: samples before the first pull.
@@ -90,19 +93,20 @@ class OnlineEstimator(Generic[State]):
         self.sample_time = sample_time
         self.bend_deg = initial_bend_deg
         self.form = estimator.single()
-        self._faults = 0
+        self.faults = 0
         self.pushed = self.ignored = self.waiting = self.first = self.steps = self.filled = 0
         self.missing_measurements = self.implausible_measurements = self.outliers = 0
         self.held_pulls = self.implausible_pulls = 0
         self.refused = self.restarts = self.clock_resets = 0
-        self._state: State | None = None  # until the first pull
-        self._pull_mm = math.nan
+        self.state: State | None = None  # until the first pull
+        self.pull_mm = math.nan
         self._held_s = 0.0  # since the last pull
         self._gap_s = GAP_SAMPLES * sample_time
         self._wild_deg = WILD * self.limits.bend_deg
         self._most_deg, self._most_mm = (
             min(most, sys.float_info.max) for most in (self.limits.bend_deg, self.limits.pull_mm)
         )
+        self._jump_mm, self._speed_mm_s = self.limits.pull_jump_mm, self.limits.pull_speed_mm_s
         self._refused_in_a_row = 0
         self._trusted: State | None = None  # before the latest stretch of good samples
         self._latest_good: State | None = None  # behind it
@@ -119,29 +123,14 @@ class OnlineEstimator(Generic[State]):
     @property
     def health(self) -> Health:
         """Faults of the last sample."""
-        return Health(self._faults) if self._faults else Health.GOOD
-
-    @property
-    def faults(self) -> int:
-        """Faults of the last sample as a number: an operation on flags takes as long as a filter's step."""
-        return self._faults
-
-    @property
-    def state(self) -> State | None:
-        """State of the estimator; None until the stream begins."""
-        return self._state
-
-    @property
-    def pull_mm(self) -> float:
-        """Pulling distance that the estimator has stepped to [mm]; NaN until the stream begins."""
-        return self._pull_mm
+        return Health(self.faults) if self.faults else _GOOD
 
     @property
     def half_width_deg(self) -> float:
         """Half of the 95 % interval of the estimate [deg]; NaN where none is stated."""
-        if self._state is None or not self.form.states_interval:
+        if self.state is None or not self.form.states_interval:
             return math.nan
-        return self.form.half_width_deg(self._state)
+        return self.form.half_width_deg(self.state)
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
         """Take in one sample and return the estimate at it [deg].
@@ -167,10 +156,10 @@ class OnlineEstimator(Generic[State]):
             time_s, pull_mm = _number("time_s", time_s), _number("pull_mm", pull_mm)
             measurement_deg = _number("measurement_deg", measurement_deg)
         self.pushed += 1
-        self._faults = 0
+        self.faults = 0
         elapsed_s = self._clock.elapsed(time_s)
-        if self._clock.fault is not Health.GOOD:
-            self._faults |= self._clock.fault.value
+        if self._clock.fault is not _GOOD:
+            self.faults |= self._clock.fault.value
             if math.isnan(elapsed_s):
                 self.ignored += 1
                 return self.bend_deg
@@ -179,78 +168,80 @@ class OnlineEstimator(Generic[State]):
             measurement_deg = self._plausible_measurement(measurement_deg)
         if not abs(pull_mm) <= self._most_mm:
             pull_mm = self._plausible_pull(pull_mm)
-        if self._state is None:
+        if self.state is None:
             self._begin(pull_mm)
         else:
             self.steps += 1
             self._advance(elapsed_s, pull_mm, measurement_deg)
-        if self._faults or self._lies:
+        if self.faults or self._lies:
             self._leave_lies_behind()
-        self._good_in_a_row = 0 if self._faults else self._good_in_a_row + 1
+        self._good_in_a_row = 0 if self.faults else self._good_in_a_row + 1
         if self._good_in_a_row == self._stretch:
-            self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self._state, 0
+            self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self.state, 0
         return self.bend_deg
 
     def _plausible_measurement(self, measurement_deg: float) -> float:
         """Return NaN in the place of a measurement that is not within the limits."""
         if math.isfinite(measurement_deg):
             self.implausible_measurements += 1
-            self._faults |= Health.IMPLAUSIBLE_MEASUREMENT.value
+            self.faults |= Health.IMPLAUSIBLE_MEASUREMENT.value
         else:
             self.missing_measurements += 1
-            self._faults |= Health.NO_MEASUREMENT.value
+            self.faults |= Health.NO_MEASUREMENT.value
         return math.nan
 
     def _plausible_pull(self, pull_mm: float) -> float:
         """Return NaN in the place of a pull that is not within the limits."""
         if math.isfinite(pull_mm):
             self.implausible_pulls += 1
-            self._faults |= Health.IMPLAUSIBLE_PULL.value
+            self.faults |= Health.IMPLAUSIBLE_PULL.value
         else:
             self.held_pulls += 1
-            self._faults |= Health.NO_PULL.value
+            self.faults |= Health.NO_PULL.value
         return math.nan
 
     def _begin(self, pull_mm: float) -> None:
         if math.isnan(pull_mm):  # nothing can be held: the stream has not begun
             self.waiting += 1
-            self._faults |= Health.WAITING.value
+            self.faults |= Health.WAITING.value
             return
         self.first = 1
-        self._pull_mm = pull_mm
-        self._state = self.form.start(pull_mm, self.bend_deg)
+        self.pull_mm = pull_mm
+        self.state = self.form.start(pull_mm, self.bend_deg)
 
     def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
         """Step to a sample whose stamp, pull and measurement are each within their limits, or NaN."""
         self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
         if pull_mm != pull_mm:  # NaN
-            pull_mm = self._pull_mm
+            pull_mm = self.pull_mm
         else:
-            reach = self.limits.pull_jump_mm + self.limits.pull_speed_mm_s * self._held_s
-            if abs(pull_mm - self._pull_mm) > reach:
+            reach = self._jump_mm + self._speed_mm_s * self._held_s
+            if abs(pull_mm - self.pull_mm) > reach:
                 self.implausible_pulls += 1
-                self._faults |= Health.IMPLAUSIBLE_PULL.value
+                self.faults |= Health.IMPLAUSIBLE_PULL.value
                 self._held_s -= min(elapsed_s, self._held_s)  # a wrong pull makes no other one likelier
                 tolerance = FAR_PULLS_AGREE * reach
                 if self._far_pulls.believes(pull_mm, tolerance, Refused(pull_mm, measurement_deg)):
                     if self._restart(self._far_pulls):
                         return
                 else:
-                    pull_mm = self._pull_mm
+                    pull_mm = self.pull_mm
             else:
                 self._held_s = 0.0
-                self._far_pulls.clear()
+                if self._far_pulls.begun:
+                    self._far_pulls.clear()
 
-        way_mm = abs(pull_mm - self._pull_mm)
-        if elapsed_s > self._gap_s or way_mm > self.limits.pull_jump_mm:
+        way_mm = abs(pull_mm - self.pull_mm)
+        if elapsed_s > self._gap_s or way_mm > self._jump_mm:
             self._fill(elapsed_s, pull_mm, way_mm)
         if measurement_deg != measurement_deg:  # NaN
             self._gate.widen(elapsed_s)
         elif self._gate.passes(abs(measurement_deg - self.bend_deg)):
-            self._outliers.clear()
+            if self._outliers.begun:
+                self._outliers.clear()
         else:
             self.outliers += 1
-            self._faults |= Health.OUTLIER.value
+            self.faults |= Health.OUTLIER.value
             refused = Refused(pull_mm, measurement_deg)
             believed = self._outliers.believes(measurement_deg, self._gate.agreement_deg, refused)
             if believed and self._restart(self._outliers):
@@ -267,22 +258,22 @@ class OnlineEstimator(Generic[State]):
         if elapsed_s > self._gap_s:
             between = round(min(samples, FILL_LIMIT_S / self.sample_time + 1, FILL_LIMIT_SAMPLES + 1)) - 1
             self.filled += between
-            self._faults |= Health.GAP.value
-        longest = self.limits.pull_jump_mm
+            self.faults |= Health.GAP.value
+        longest = self._jump_mm
         if not between:
-            longest += self.limits.pull_speed_mm_s * self.sample_time
+            longest += self._speed_mm_s * self.sample_time
         if way_mm > longest * (between + 1):
             between = min(math.ceil(way_mm / WALK_MM), FILL_LIMIT_SAMPLES)
-        for pull in np.linspace(self._pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
+        for pull in np.linspace(self.pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
             self._step(pull, math.nan)
 
     def _step(self, pull_mm: float, measurement_deg: float) -> None:
-        assert self._state is not None
-        if self._take(self.form.step(self._state, pull_mm, self._pull_mm, measurement_deg), pull_mm):
+        assert self.state is not None
+        if self._take(self.form.step(self.state, pull_mm, self.pull_mm, measurement_deg), pull_mm):
             self._refused_in_a_row = 0
             return
         self.refused += 1
-        self._faults |= Health.REFUSED.value
+        self.faults |= Health.REFUSED.value
         self._refused_in_a_row += 1
         if self._refused_in_a_row >= REFUSED_STEPS:
             bend_deg = self.bend_deg if math.isnan(measurement_deg) else measurement_deg
@@ -293,7 +284,7 @@ class OnlineEstimator(Generic[State]):
         bend_deg = self.form.bend_deg(state)
         sound = abs(bend_deg) <= self._wild_deg and self.form.is_sound(state)
         if sound:
-            self._state, self.bend_deg, self._pull_mm = state, bend_deg, pull_mm
+            self.state, self.bend_deg, self.pull_mm = state, bend_deg, pull_mm
         return sound
 
     def _restart(self, run: AgreeingRun) -> bool:
@@ -311,14 +302,14 @@ class OnlineEstimator(Generic[State]):
 
     def _leave_lies_behind(self) -> None:
         """Begin anew behind a stretch of lies: what of it passed the gate may have been learned from."""
-        if self._faults & LIES:
+        if self.faults & LIES:
             self._lies, self._since_lie = self._lies + 1, 0
             self._watch.doubt()
         elif self._lies:
             self._since_lie += 1
             if self._since_lie >= self._enough:
                 if self._lies >= self._enough and self._trusted is not None:
-                    self._begin_anew(self._pull_mm, self.bend_deg + self._watch.offset_deg)
+                    self._begin_anew(self.pull_mm, self.bend_deg + self._watch.offset_deg)
                 self._lies = 0
 
     def _begin_anew(self, pull_mm: float, bend_deg: float) -> None:
@@ -333,7 +324,7 @@ class OnlineEstimator(Generic[State]):
         self._held_s = 0.0
         self._watch.clear()
         self.restarts += 1
-        self._faults |= Health.RESTARTED.value
+        self.faults |= Health.RESTARTED.value
 
 
 def _number(name: str, value: Any) -> float:

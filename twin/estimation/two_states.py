@@ -104,6 +104,12 @@ class TwoStatesForm(SingleForm[TwoStates]):
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> TwoStates:
         """Predict and update by one sample."""
+        return TwoStates(*self.updated(state, pull_mm, previous_pull_mm, measurement_deg))
+
+    def updated(
+        self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
+    ) -> tuple[float, float, float, float, float, float, float]:
+        """Return the numbers of the state one sample later, before they are named: names cost time."""
         bend, error, p, r, q, _, _ = state
         increment = pull_mm - previous_pull_mm
         forget = self.a * abs(increment)
@@ -111,10 +117,10 @@ class TwoStatesForm(SingleForm[TwoStates]):
         p, r, q = predicted(p, r, q, 1.0 - forget, self.sample_time, self.noise)
         innovation = measurement_deg - bend
         if innovation != innovation:  # NaN: nothing was measured
-            return TwoStates(bend, error, p, r, q, 0.0, p + self.variance)
+            return bend, error, p, r, q, 0.0, p + self.variance
         of_bend, of_error, p, r, q, expected = updated(p, r, q, self.variance)
         bend += of_bend * innovation
-        return TwoStates(bend, error + of_error * innovation, p, r, q, innovation, expected)
+        return bend, error + of_error * innovation, p, r, q, innovation, expected
 
     def bend_deg(self, state: TwoStates) -> float:
         """Return the mean of the angle [deg]."""

@@ -16,6 +16,9 @@ TRUST_S = 5.0  # without an alarm, after which the trained estimator is taken ag
 BLEND_S = 0.5  # from one to the other
 NORMAL_95 = 1.96
 UNKNOWN_DEG = 180.0
+# Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
+_ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
+_INPUT, _DISTRUSTED = Alarm.INPUT.value, DISTRUSTED.value
 
 
 class AssuredEstimator:
@@ -96,11 +99,11 @@ class AssuredEstimator:
         self.samples += 1
         state = fallback.state
         if not isinstance(state, TwoStates):  # the stream has not begun
-            return self._tell(bend, UNKNOWN_DEG, Source.ADVANCED, Alarm.BEGINNING)
+            return self._tell(bend, UNKNOWN_DEG, _ADVANCED, Alarm.BEGINNING.value)
         if fallback.ignored != ignored:  # nothing is known that was not known before
             last = self.reading
             return self._tell(
-                last.bend_deg, (last.high_deg - last.low_deg) / 2, last.source, last.alarms | Alarm.INPUT
+                last.bend_deg, (last.high_deg - last.low_deg) / 2, last.source, last.alarms.value | _INPUT
             )
         before_s, self._time_s = self._time_s, float(time_s)
         elapsed = self._time_s - before_s
@@ -109,14 +112,14 @@ class AssuredEstimator:
         faults = advanced.faults | fallback.faults
         alarms, half_width, fallback_half_width = self._judge(state, elapsed, bend, fallback_deg, faults)
         if stuck:
-            alarms |= Alarm.STUCK
-        if alarms is Alarm.NONE and self._trusted and self._weight == 1.0:  # as it should be
+            alarms |= Alarm.STUCK.value
+        if alarms == 0 and self._trusted and self._weight == 1.0:  # as it should be
             self._bad = 0
-            return self._tell(bend, half_width, Source.ADVANCED, alarms)
+            return self._tell(bend, half_width, _ADVANCED, alarms)
         self._decide(alarms)
         weight = self._weight = self._moved(elapsed, faults)
         if weight == 1.0:
-            return self._tell(bend, half_width, Source.ADVANCED, alarms)
+            return self._tell(bend, half_width, _ADVANCED, alarms)
         self.fallback_samples += 1
         if weight == 0.0:
             return self._tell(fallback_deg, fallback_half_width, Source.FALLBACK, alarms)
@@ -126,15 +129,14 @@ class AssuredEstimator:
 
     def _judge(
         self, state: TwoStates, elapsed_s: float, bend: float, fallback_deg: float, faults: int
-    ) -> tuple[Alarm, float, float]:
+    ) -> tuple[int, float, float]:
         """Return the alarms, and half of both intervals [deg]."""
         advanced, fallback, monitor = self.advanced, self.fallback, self.monitor
         restarts = advanced.restarts + fallback.restarts
         if restarts != self._restarts:
             self._restarts = restarts
             monitor.clear()
-        inflated = math.sqrt(max(monitor.nis, 1.0))
-        fallback_half_width = NORMAL_95 * math.sqrt(state.p) * inflated
+        fallback_half_width = NORMAL_95 * math.sqrt(state.p * (monitor.nis if monitor.nis > 1.0 else 1.0))
         if self._states:
             half_width = advanced.half_width_deg
         else:  # the smallest that holds the fallback's
@@ -153,11 +155,11 @@ class AssuredEstimator:
             elapsed_s,
             measured=not faults & UNMEASURED and state.innovation_deg != 0.0,
         )
-        return alarms | Alarm.INPUT if faults else alarms, half_width, fallback_half_width
+        return alarms | _INPUT if faults else alarms, half_width, fallback_half_width
 
-    def _decide(self, alarms: Alarm) -> None:
+    def _decide(self, alarms: int) -> None:
         """Take or give trust, with hysteresis."""
-        if alarms is Alarm.NONE or not alarms & DISTRUSTED:
+        if not alarms & _DISTRUSTED:
             self._bad = 0
             self._good += 1
             if not self._trusted and self._good >= self._patience:
@@ -182,11 +184,12 @@ class AssuredEstimator:
             return min(self._weight + step, 1.0)
         return max(self._weight - step, 0.0)
 
-    def _tell(self, bend: float, half_width: float, source: Source, alarms: Alarm) -> Reading:
+    def _tell(self, bend: float, half_width: float, source: Source, alarms: int) -> Reading:
         if not half_width < UNKNOWN_DEG:
             half_width = UNKNOWN_DEG
         health = self.advanced.health
-        self.reading = Reading(bend, bend - half_width, bend + half_width, source, health, alarms)
+        raised = Alarm(alarms) if alarms else _NO_ALARM
+        self.reading = Reading(bend, bend - half_width, bend + half_width, source, health, raised)
         return self.reading
 
 

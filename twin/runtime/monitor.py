@@ -20,6 +20,7 @@ OFFSET = (
 )
 FAR = 3.0  # standard deviations by which both may disagree beyond what they say
 SPIKE = 6.0  # standard deviations that a measurement may be off by
+SPIKE_SQUARE = SPIKE**2
 MOST = 16.0  # variances that one innovation counts in the averages
 FASTER = 2.0  # times the fastest of the training
 BEYOND = 0.5  # share of the angles of the training by which an estimate may leave them
@@ -43,6 +44,9 @@ class Monitor:
         self.stuck = StuckSensor()
         self._sample_time, self._variance = sample_time, noise_variance
         self._noise_deg = math.sqrt(noise_variance)
+        self._far_deg = FAR * self._noise_deg
+        self._offset_deg = OFFSET * self._noise_deg + 1.0
+        self._noise_share = NOISE_SHARE * noise_variance
         self._learn = 1 - math.exp(-sample_time / WINDOW_S)
         self._lasting = max(round(LASTING_S / sample_time), 2)
         self._timeout = max(round(TIMEOUT_S / sample_time), TIMEOUT_SAMPLES)
@@ -76,8 +80,8 @@ class Monitor:
         pull_mm: float,
         elapsed_s: float,
         measured: bool,
-    ) -> Alarm:
-        """Take in one sample and return what speaks against the trained estimator or the sample.
+    ) -> int:
+        """Take in one sample and return the `Alarm` that it raises, as a number.
 
         Args:
             bend_deg: its estimate [deg].
@@ -109,32 +113,38 @@ class Monitor:
             if self._unmeasured >= self._timeout:
                 alarms |= _TIMEOUT
         if self._seen < self._window:
-            return Alarm(alarms & ~_JUDGED | _BEGINNING)
-        if abs(bend_deg - before) > self._step_deg * max(elapsed_s / self._sample_time, 1.0):
+            return alarms & ~_JUDGED | _BEGINNING
+        stepped = abs(bend_deg - before)
+        if stepped > self._step_deg and stepped * self._sample_time > self._step_deg * elapsed_s:
             alarms |= _RATE
-        far = half_width_deg + FAR / 2 * fallback_half_width_deg + FAR * self._noise_deg
+        far = half_width_deg + FAR / 2 * fallback_half_width_deg + self._far_deg
         self._apart = self._apart + 1 if abs(bend_deg - fallback_deg) > far else 0
         if self._apart >= self._lasting:
             alarms |= _DISAGREEMENT
-        return Alarm(alarms) if alarms else Alarm.NONE
+        return alarms
 
     def _compare(self, apart_deg: float, innovation_deg: float, expected: float) -> int:
         """Take in an innovation of the fallback and return what it says of both estimators and the sample."""
         self._seen += 1
         own = innovation_deg - apart_deg  # of the trained one, moved on as the fallback has moved on
-        usual = max(expected, self._square_fallback)
-        if abs(innovation_deg) > SPIKE * math.sqrt(usual) < abs(own):
+        # Conditions in the place of min and max, which take longer than all sums of a sample.
+        square = innovation_deg * innovation_deg
+        usual = expected if expected > self._square_fallback else self._square_fallback
+        if square > SPIKE_SQUARE * usual < own * own:
             return _INPUT
         learn = self._learn
         most = MOST * usual
         off, off_fallback = own - self._mean, innovation_deg - self._mean_fallback
         self._mean += learn * off
         self._mean_fallback += learn * off_fallback
-        self._square += learn * (min(off * off, most) - self._square)
-        self._square_fallback += learn * (min(off_fallback * off_fallback, most) - self._square_fallback)
-        self.nis += learn * (min(innovation_deg * innovation_deg / expected, MOST) - self.nis)
-        worse = self._square > WORSE * self._square_fallback + NOISE_SHARE * self._variance
-        return _INNOVATION if worse or abs(self._mean) > OFFSET * self._noise_deg + 1.0 else 0
+        own_square, fallback_square, share = off * off, off_fallback * off_fallback, square / expected
+        self._square += learn * ((own_square if own_square < most else most) - self._square)
+        self._square_fallback += learn * (
+            (fallback_square if fallback_square < most else most) - self._square_fallback
+        )
+        self.nis += learn * ((share if share < MOST else MOST) - self.nis)
+        worse = self._square > WORSE * self._square_fallback + self._noise_share
+        return _INNOVATION if worse or abs(self._mean) > self._offset_deg else 0
 
 
 # Plain numbers: an operation on flags takes a microsecond.

@@ -20,13 +20,15 @@ class RamForm(TwoStatesForm):
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> TwoStates:
         """Predict and update by one sample, and add K_RAM phi; nothing without a measurement."""
-        updated = super().step(state, pull_mm, previous_pull_mm, measurement_deg)
-        residual = measurement_deg - updated[0]
+        bend, error, p, r, q, innovation, expected = self.updated(
+            state, pull_mm, previous_pull_mm, measurement_deg
+        )
+        residual = measurement_deg - bend
         if residual != residual:  # NaN: nothing was measured
-            return updated
+            return TwoStates(bend, error, p, r, q, innovation, expected)
         network = self.network
         network.given[0, 0] = residual / self.noise_deg
         network.run()
-        of_bend, of_error = network.returned[0].tolist()
-        bend, error, *others = updated
-        return TwoStates(bend + of_bend * residual, error + of_error * residual, *others)
+        of_bend, of_error = network.returned.tolist()[0]
+        bend += of_bend * residual
+        return TwoStates(bend, error + of_error * residual, p, r, q, innovation, expected)
