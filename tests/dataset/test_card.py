@@ -15,7 +15,7 @@ from PIL import Image
 from small_dataset import RECIPE, SMALL, TWO_PLANES, changed, contents, make
 
 from twin.dataset import card as dataset_card
-from twin.dataset.card import loops_figure, write_card
+from twin.dataset.card import loops_figure, write_figure, write_text
 from twin.dataset.recipe import Recipe
 from twin.dataset.recipe_file import resolve
 from twin.episode import Episode
@@ -147,7 +147,7 @@ def test_card_names_the_camera(tmp_path, folder):
     recipe = changed(camera=Camera(5.0, 160, 120))
     for name in [path.name for path in folder.glob("*.mcap")]:
         shutil.copy(folder / name, tmp_path / name)
-    write_card(tmp_path, recipe, read_contents(folder))
+    write_text(tmp_path, recipe, read_contents(folder))
     assert "- camera: 160 x 120, 5 per second" in card_of(tmp_path).splitlines()
 
 
@@ -225,7 +225,8 @@ def test_card_and_figure_are_the_same_bytes_again_and_in_a_folder_of_another_nam
     for name in ("README.md", "loops.png"):
         (copy / name).unlink()
     for _ in range(2):
-        assert write_card(copy, RECIPE, read_contents(copy)) == copy / "README.md"
+        write_figure(copy, RECIPE)
+        write_text(copy, RECIPE, read_contents(copy))
         assert contents(copy) == before
     assert str(folder) not in card_of(folder)
     assert folder.name not in card_of(folder)

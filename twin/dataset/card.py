@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tabulate import tabulate
 
-from twin.dataset.recipe import Recipe
+from twin.dataset.files import file_name
+from twin.dataset.recipe import EpisodeKey, Recipe
 from twin.episode import Episode
 from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
@@ -30,26 +31,27 @@ POINTS = 400
 """Measurements that a panel shows: all of them would be a grey band."""
 
 
-def write_card(
-    folder: Path, recipe: Recipe, contents: SimulatedDataset, *, figure_alone: bool = False
-) -> Path:
-    """Write the README.md and its figure into the folder of a dataset.
+def write_figure(folder: Path, recipe: Recipe) -> None:
+    """Draw the figure of the README.md into the folder of a dataset; `shown_keys` need to be there.
 
     Args:
         folder: where the episodes are.
         recipe: what they were made from.
-        contents: of `dataset.json`.
-        figure_alone: leave the README.md as it is: the user has changed it.
-
-    Returns:
-        The path of the README.md.
     """
-    shown = _to_show(recipe, contents.files)
-    episodes = (read_episode(folder / file.name, hidden=False) for file in shown)  # one in memory at a time
+    paths = [folder / file_name(recipe, key) for key in shown_keys(recipe)]
+    episodes = (read_episode(path, hidden=False) for path in paths)  # one in memory at a time
     write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
-    if not figure_alone:
-        write_whole(folder / CARD, card_text(recipe, contents))
-    return folder / CARD
+
+
+def write_text(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> None:
+    """Write the README.md into the folder of a dataset.
+
+    Args:
+        folder: where its figure is.
+        recipe: what the episodes were made from.
+        contents: of `dataset.json`.
+    """
+    write_whole(folder / CARD, card_text(recipe, contents))
 
 
 def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
@@ -73,7 +75,7 @@ def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
         endotwin=contents.endotwin,
         mujoco=contents.mujoco,
         figure=FIGURE,
-        caption=_caption(len(_to_show(recipe, contents.files)), contents.episodes),
+        caption=_caption(len(shown_keys(recipe)), contents.episodes),
         varies=_what_varies(recipe, contents.files),
         rate=f"{1 / recipe.sample_time_s:g}",
         features=_features(contents),
@@ -133,9 +135,9 @@ def _title(episode: Episode) -> str:
     return title
 
 
-def _to_show(recipe: Recipe, files: Sequence[SimulatedFile]) -> list[SimulatedFile]:
-    """The first episodes of one seed, or, where there are many combinations, spread over these."""
-    first = files[: min(recipe.episodes, max(recipe.combinations, PANELS_PER_ROW))]
+def shown_keys(recipe: Recipe) -> list[EpisodeKey]:
+    """Return the first episodes of one seed, or, where combinations are many, some spread over these."""
+    first = recipe.keys[: min(recipe.episodes, max(recipe.combinations, PANELS_PER_ROW))]
     places = np.linspace(0, len(first) - 1, min(len(first), MOST_PANELS)).round().astype(int)
     return [first[place] for place in places]
 

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
 from pathlib import Path
 from typing import Any
 
-from twin.dataset.card import write_card
+from twin.dataset.card import shown_keys, write_figure, write_text
 from twin.dataset.files import Entry, Made, file_name, make_files
 from twin.dataset.foreign import has_own_card, refuse_foreign_files
 from twin.dataset.recipe import Recipe, to_yaml
@@ -99,7 +99,8 @@ def write_dataset(
             made = _make(recipe, folder, executor, workers, known, csv, on_progress)
             contents = _contents(recipe, folder, [one.entry for one in made])
             described = SimulatedDataset.model_validate_json(to_text(contents))
-            write_card(folder, recipe, described, figure_alone=own_card)
+            if not own_card:  # the user has changed it
+                write_text(folder, recipe, described)
             write_contents(folder, contents)
         except (OSError, BrokenExecutor) as error:
             raise _how_to_go_on(error, folder, recipe) from error
@@ -123,11 +124,16 @@ def _make(
     rounds = math.ceil(len(keys) / (workers * most))
     size = math.ceil(len(keys) / (workers * rounds))  # even, so that no worker waits for another's last batch
     batches = [keys[start : start + size] for start in range(0, len(keys), size)]
+    shown = {*shown_keys(recipe)}
     futures = {}
+    of_figure = []  # that make what it shows
     for batch in batches:
         names = [file_name(recipe, key) for key in batch]
         of_batch = {name: known[name] for name in names if name in known}
-        futures[executor.submit(make_files, recipe, batch, folder, of_batch, csv, VERSIONS)] = len(batch)
+        future = executor.submit(make_files, recipe, batch, folder, of_batch, csv, VERSIONS)
+        futures[future] = len(batch)
+        if shown & {*batch}:
+            of_figure.append(future)
     done = 0
     if on_progress:
         on_progress(done, len(keys))
@@ -137,6 +143,10 @@ def _make(
             done += futures[future]
             if on_progress:
                 on_progress(done, len(keys))
+            if future in of_figure:
+                of_figure.remove(future)
+                if not of_figure:  # drawn while the workers go on
+                    write_figure(folder, recipe)
     except BaseException as error:
         running = [future for future in futures if not future.cancel()]
         if isinstance(error, Exception):
