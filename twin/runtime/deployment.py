@@ -11,7 +11,6 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon
-from twin.runtime.tuning import tune_fallback
 
 Array = NDArray[np.float64]
 KEY = "deployment"
@@ -95,6 +94,8 @@ def prepare_deployment(
         sample_time: T [s].
         seed: of the noise that the fallback is tuned under.
     """
+    from twin.runtime.tuning import tune_fallback  # of training alone: a runtime begins without it
+
     fallback = tune_fallback(ActiveModel(model, sample_time), records, seed)
     pulls, bends = ([record[part] for record in records] for part in (0, 1))
     return Deployment(
