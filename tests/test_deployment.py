@@ -24,7 +24,7 @@ from twin.stream.protocol import HealthPart, ReadingLine, SampleLine, read_sampl
 
 TEXT = (REPOSITORY / "docs/deployment.md").read_text()
 TRAINED = "runs/ram_twins/policy.onnx"
-TAKES_LONG = {"calibrate", "train"}
+TAKES_LONG = {"calibrate", "gate", "train"}
 """Verbs whose lines are parsed here, not run: each is run in its own tests."""
 
 
@@ -84,10 +84,15 @@ def test_the_ten_lines_run(tmp_path, ram_policy):
             assert len(ended.out.splitlines()) == 2
         else:
             assert "120 samples" in ended.out
-    assert ran == ["import", "calibrate", "train", "run", "run"]
+    assert ran == ["import", "calibrate", "train", "gate", "run", "run"]
     assert len(blocks("")[0].splitlines()) <= 10
     assert (tmp_path / "run.mcap").is_file()
     assert (tmp_path / "live.mcap").is_file()
+
+
+def test_the_readme_shows_the_same_lines():
+    readme = (REPOSITORY / "README.md").read_text().partition("\n## On a device\n")[2]
+    assert re.findall(r"```\n(.*?)```", readme, re.DOTALL)[0].splitlines() == ten_lines()
 
 
 def test_its_python_runs(tmp_path, ram_policy):
