@@ -1,5 +1,7 @@
 """Pictures of an episode show the pose and the loop that the episode holds."""
 
+import dataclasses
+
 import av
 import numpy as np
 import pytest
@@ -54,6 +56,19 @@ def test_the_tip_is_seen_where_the_bend_puts_it():
         column, row = (round(value) for value in film.tip(sample))
         around = picture[row - 4 : row + 5, column - 4 : column + 5]
         assert around.min() < 80  # the tip is dark
+
+
+@needs_gl
+def test_what_rounds_to_zero_has_no_minus():
+    """By comparison with an exact zero: the numbers are pixels by then."""
+    episode = make_episode()
+    zero, nearly = (
+        dataclasses.replace(episode, bend=np.full(41, bend), pull=np.full(41, pull))
+        for bend, pull in ((0.0, 0.0), (-1e-4, -1e-7))
+    )
+    corner = (slice(0, 60), slice(0, 80))
+    shown, alike = (np.asarray(Film(one, **SMALL).frame(0))[corner] for one in (zero, nearly))
+    np.testing.assert_array_equal(shown, alike)
 
 
 @needs_gl

@@ -75,9 +75,9 @@ class Film:
         unit = self.height / 720  # text grows with the picture
         left, small = 36 * unit, font(17 * unit)
         pen.text((left, 32 * unit), "bending angle", MUTED, small)
-        bend = f"{self.episode.bend_deg[index]:+.1f}°"
+        bend = f"{self.episode.bend_deg[index]:+z.1f}°"
         pen.text((left, 54 * unit), bend, TRACE, font(46 * unit, bold=True))
-        pull = f"pull {self.episode.pull_mm[index]:+.2f} mm"
+        pull = f"pull {self.episode.pull_mm[index]:+z.2f} mm"
         pen.text((left, 114 * unit), pull, INK, small)
         pen.text((left, 140 * unit), f"time {self.episode.time[index]:.1f} s", MUTED, small)
         length_mm, length = self.scale_bar()
