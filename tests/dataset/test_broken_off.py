@@ -3,6 +3,7 @@
 import errno
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,6 +34,36 @@ def test_extension_that_is_interrupted_leaves_the_dataset_as_it_was(dataset_copy
     with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as executor:
         write_dataset(changed(episodes=5), dataset_copy, executor, csv=True, on_progress=stop)
     assert (dataset_copy / "dataset.json").read_bytes() == (whole_dataset / "dataset.json").read_bytes()
+
+
+def test_the_card_of_an_extension_that_was_interrupted_is_written_by_the_next(tmp_path):
+    """Its recipe.yaml tells of more episodes than the card of the former run."""
+
+    def stop_at_the_end(done: int, total: int) -> None:
+        if done == total:
+            raise KeyboardInterrupt
+
+    make(tmp_path / "grown", changed(episodes=2))
+    with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as executor:
+        write_dataset(changed(episodes=4), tmp_path / "grown", executor, on_progress=stop_at_the_end)
+    make(tmp_path / "grown", changed(episodes=4))
+    make(tmp_path / "at_once", changed(episodes=4))
+    assert contents(tmp_path / "grown") == contents(tmp_path / "at_once")
+
+
+def test_a_figure_that_cannot_be_drawn_stops_no_episode(tmp_path, monkeypatch):
+    def fail(folder: Path, recipe: Recipe) -> None:
+        raise ValueError("no font")
+
+    recipe = changed(episodes=20, seconds=0.2)
+    with monkeypatch.context() as patched:
+        patched.setattr(dataset, "write_figure", fail)
+        with pytest.raises(ValueError, match="no font"):
+            make(tmp_path / "twice", recipe)
+    assert len(list((tmp_path / "twice").glob("*.mcap"))) == 20
+    make(tmp_path / "twice", recipe)
+    make(tmp_path / "once", recipe)
+    assert contents(tmp_path / "twice") == contents(tmp_path / "once")
 
 
 def test_hidden_files_of_the_user_stay(dataset_copy, whole_dataset):

@@ -5,13 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from assured_streams import DEPLOYMENT, FALLBACK, Offset, R, T, assured, stream
+from assured_streams import DEPLOYMENT, FALLBACK, Offset, R, Runaway, T, assured, stream
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planted_faults import FAULTS
 
 from twin.estimation.health import Health
 from twin.estimation.online import OnlineEstimator
+from twin.runtime.assured import AssuredEstimator
 from twin.runtime.monitor import DISTRUSTED
 from twin.runtime.reading import Alarm, Source
 
@@ -51,6 +52,19 @@ def test_an_estimator_that_goes_astray_is_left_within_three_seconds(offset_deg):
     assert live.switches >= 1
 
 
+@pytest.mark.parametrize("rate_deg_s", [55.0, 80.0, 200.0, math.nan])
+def test_an_estimator_that_begins_anew_again_and_again_is_left(rate_deg_s):
+    """Each time nothing is known of it: it must not be trusted for that."""
+    wide = dataclasses.replace(DEPLOYMENT, bend_deg=(-270.0, 270.0), bend_speed_deg_s=500.0)
+    pull, truth, measurement = stream(1200)
+    live = AssuredEstimator("test", Runaway(**vars(FALLBACK), rate_deg_s=rate_deg_s), wide, T, R, 65.0)
+    readings = [live.push(k * T, pull[k], measurement[k]) for k in range(1200)]
+    assert live.switches >= 1
+    assert any(Alarm.LOST in reading.alarms for reading in readings)
+    error = np.array([reading.bend_deg for reading in readings[150:]]) - truth[150:]
+    assert np.sqrt(np.mean(error**2)) < 0.5
+
+
 def test_the_estimate_does_not_jump_where_trust_moves():
     _, readings, truth = run(Offset(**vars(FALLBACK), offset_deg=6.0))
     blends = [k for k, reading in enumerate(readings) if reading.source is Source.BLEND]
@@ -82,6 +96,26 @@ def test_a_command_beyond_the_training_takes_the_fallback():
         reading = live.push(k * T, min(pull[200] + 0.05 * (k - 199), 5.5), measurement[200])
     assert Alarm.COMMAND in reading.alarms
     assert reading.source is Source.FALLBACK
+
+
+@pytest.mark.parametrize("kind", [int, np.float32, np.float64, np.array])
+def test_a_stuck_sensor_is_told_whatever_type_its_numbers_have(kind):
+    live = assured()
+    pull, _, measurement = stream(200)
+    for k in range(150):
+        live.push(k * T, pull[k], measurement[k])
+    told = [live.push(k * T, pull[k], kind(75)).alarms for k in range(150, 160)]
+    assert all(Alarm.STUCK in alarms for alarms in told[2:])
+
+
+def test_packets_that_come_twice_do_not_make_a_stuck_sensor_usual():
+    live = assured()
+    pull, _, measurement = stream(400)
+    for k in range(300):
+        for _ in range(3):
+            live.push(k * T, pull[k], measurement[k])
+    told = [live.push(k * T, pull[k], measurement[299]).alarms for k in range(300, 310)]
+    assert all(Alarm.STUCK in alarms for alarms in told[2:])
 
 
 def test_a_stuck_sensor_is_told_within_three_samples_and_does_not_hold_the_estimate():
@@ -184,6 +218,34 @@ def test_what_is_no_number_is_refused_and_changes_nothing():
     with pytest.raises(ValueError, match="pull_mm = 'x': must be a number"):
         live.push(0.1, "x", 60.0)
     assert live.reading == before
+    for _ in range(3):  # a number of it that is one has not been seen either
+        with pytest.raises(ValueError, match="time_s = 'x': must be a number"):
+            live.push("x", 3.0, 60.5)
+    assert Alarm.STUCK not in live.push(0.1, 3.0, 60.5).alarms
+
+
+def test_a_fault_before_the_stream_begins_is_told():
+    live = assured()
+    assert live.push(math.nan, 1.0, 1.0).alarms == Alarm.BEGINNING | Alarm.INPUT
+    waiting = live.push(0.0, math.nan, 1.0)
+    assert waiting.interval_deg is None
+    assert waiting.high_deg - waiting.low_deg == pytest.approx(360)
+    live.push(0.1, 3.0, 65.0)
+    assert live.push(0.2, 3.0, 65.5).interval_deg is not None
+
+
+def test_judging_begins_after_the_same_time_however_few_samples_have_a_measurement():
+    """As where a camera is slower than the drive."""
+    pull, _, measurement = stream(400)
+    ended = []
+    for every in (1, 4):
+        live = assured()
+        of_stream = [
+            live.push(k * T, pull[k], measurement[k] if k % every == 0 else math.nan) for k in range(200)
+        ]
+        ended.append(next(k for k, reading in enumerate(of_stream) if Alarm.BEGINNING not in reading.alarms))
+    assert ended[0] * T == pytest.approx(2.5, abs=0.2)
+    assert abs(ended[1] - ended[0]) <= 4
 
 
 def test_the_fallback_is_tuned_for_another_sample_time_as_a_random_walk():

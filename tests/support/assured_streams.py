@@ -43,6 +43,24 @@ class Offset(ActiveModel):
         return Estimator.single(self)
 
 
+@dataclasses.dataclass(frozen=True)
+class Runaway(Offset):
+    """A filter that goes astray by a constant rate; without a finite one no step of it is sound.
+
+    Attributes:
+        rate_deg_s: that its angle runs away with [deg / s].
+    """
+
+    rate_deg_s: float = 0.0
+
+    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
+        """Return the belief one sample later."""
+        mean, covariance, *rest = super().step(
+            state, pull_mm, previous_pull_mm, np.full_like(pull_mm, np.nan)
+        )
+        return Belief(mean + np.array([[self.rate_deg_s * self.sample_time], [0.0]]), covariance, *rest)
+
+
 def stream(samples: int, seed: int = 0, noise_deg: float = math.sqrt(R)) -> tuple[Array, Array, Array]:
     """Return pull [mm], true angle and measurement [deg] of an endoscope that drifts from its model."""
     time = np.arange(samples) * T

@@ -1,5 +1,6 @@
 """Foreign files in the folder of a dataset: what a run would write over, but none of its former runs made."""
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -56,7 +57,9 @@ def has_own_card(folder: Path, former: SimulatedDataset | None) -> bool:
     path = folder / CARD
     if former is None or not path.is_file() or not (folder / "recipe.yaml").is_file():
         return False
-    return path.read_bytes() != card_text(load_recipe(folder / "recipe.yaml"), former).encode()
+    recipe = load_recipe(folder / "recipe.yaml")  # of a longer one, if that was stopped
+    made = dataclasses.replace(recipe, episodes=former.recipe.episodes, seeds=tuple(former.recipe.seeds))
+    return path.read_bytes() != card_text(made, former).encode()
 
 
 def _is_of(recipe: Recipe, path: Path) -> bool:

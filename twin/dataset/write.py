@@ -135,6 +135,7 @@ def _make(
         if shown & {*batch}:
             of_figure.append(future)
     done = 0
+    undrawn: Exception | None = None
     if on_progress:
         on_progress(done, len(keys))
     try:
@@ -145,8 +146,13 @@ def _make(
                 on_progress(done, len(keys))
             if future in of_figure:
                 of_figure.remove(future)
-                if not of_figure:  # drawn while the workers go on
-                    write_figure(folder, recipe)
+                if not of_figure:  # drawn while the workers go on; they do not stop where it cannot be
+                    try:
+                        write_figure(folder, recipe)
+                    except Exception as error:
+                        undrawn = error
+        if undrawn is not None:
+            raise undrawn
     except BaseException as error:
         running = [future for future in futures if not future.cancel()]
         if isinstance(error, Exception):

@@ -4,10 +4,8 @@ It drives the same `start` and `step` as whole records do: an even stream gives 
 """
 
 import math
-import numbers
-import reprlib
 import sys
-from typing import Any, Generic
+from typing import Generic
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from twin.estimation.agreement import AgreeingRun, Refused
 from twin.estimation.estimator import Estimator, State
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.outlier_gate import OutlierGate
+from twin.estimation.real_number import real_number
 from twin.estimation.residual_watch import ResidualWatch
 from twin.estimation.stream_clock import StreamClock, samples_within
 
@@ -80,8 +79,8 @@ class OnlineEstimator(Generic[State]):
             ValueError: the sample time or the initial estimate is no proper number.
         """
         self.limits = limits or StreamLimits()
-        sample_time = _number("sample_time", sample_time)
-        initial_bend_deg = _number("initial_bend_deg", initial_bend_deg)
+        sample_time = real_number("sample_time", sample_time)
+        initial_bend_deg = real_number("initial_bend_deg", initial_bend_deg)
         if not 0 < sample_time < math.inf:
             raise InputError(f"sample time {sample_time} s: must be positive and finite")
         if not abs(initial_bend_deg) <= self.limits.bend_deg or math.isinf(initial_bend_deg):
@@ -153,8 +152,8 @@ class OnlineEstimator(Generic[State]):
             ValueError: one of them is no real number; the stream is then as it was before.
         """
         if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
-            time_s, pull_mm = _number("time_s", time_s), _number("pull_mm", pull_mm)
-            measurement_deg = _number("measurement_deg", measurement_deg)
+            time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
+            measurement_deg = real_number("measurement_deg", measurement_deg)
         self.pushed += 1
         self.faults = 0
         elapsed_s = self._clock.elapsed(time_s)
@@ -325,19 +324,3 @@ class OnlineEstimator(Generic[State]):
         self._watch.clear()
         self.restarts += 1
         self.faults |= Health.RESTARTED.value
-
-
-def _number(name: str, value: Any) -> float:
-    """Return a real number of any type as a float.
-
-    Raises:
-        ValueError: it is none.
-    """
-    whole_array = type(value) is np.ndarray and value.ndim == 0 and value.dtype.kind in "fiu"
-    if not (isinstance(value, numbers.Real) or whole_array):
-        shown = " ".join(reprlib.repr(value).split())[:40]
-        raise InputError(f"{name} = {shown}: must be a number, not {type(value).__name__[:40]}")
-    try:
-        return float(value)
-    except OverflowError:  # a whole number beyond all floats
-        return math.inf if value > 0 else -math.inf

@@ -104,9 +104,9 @@ class TwoStatesForm(SingleForm[TwoStates]):
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> TwoStates:
         """Predict and update by one sample."""
-        return TwoStates(*self.updated(state, pull_mm, previous_pull_mm, measurement_deg))
+        return TwoStates(*self.numbers_after(state, pull_mm, previous_pull_mm, measurement_deg))
 
-    def updated(
+    def numbers_after(
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> tuple[float, float, float, float, float, float, float]:
         """Return the numbers of the state one sample later, before they are named: names cost time."""

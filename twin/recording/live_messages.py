@@ -106,7 +106,7 @@ class LiveMessages:
         else:
             self.samples += 1
             messages["/command"] = Command(pull_mm=self._pull_mm)
-            messages[self._estimate] = estimate_message(reading.bend_deg, reading.low_deg, reading.high_deg)
+            messages[self._estimate] = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
             if not math.isnan(measurement_deg):
                 messages["/measurement"] = Measurement(bend_deg=measurement_deg)
         if time is None:

@@ -6,19 +6,20 @@ from typing import Any
 from twin.estimation.estimator import Estimator
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.online import OnlineEstimator
+from twin.estimation.real_number import real_number
 from twin.estimation.two_states import TwoStates
 from twin.runtime.deployment import Deployment
 from twin.runtime.monitor import DISTRUSTED, Monitor
-from twin.runtime.reading import Alarm, Reading, Source
+from twin.runtime.reading import UNKNOWN_DEG, Alarm, Reading, Source
 
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is taken
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is taken again
 BLEND_S = 0.5  # from one to the other
 NORMAL_95 = 1.96
-UNKNOWN_DEG = 180.0
 # Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
 _ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
-_INPUT, _DISTRUSTED = Alarm.INPUT.value, DISTRUSTED.value
+_INPUT, _LOST, _DISTRUSTED = Alarm.INPUT.value, Alarm.LOST.value, DISTRUSTED.value
+_RESTARTED, _REFUSED = Health.RESTARTED.value, Health.REFUSED.value
 
 
 class AssuredEstimator:
@@ -77,7 +78,7 @@ class AssuredEstimator:
         self._trusted = True
         self._bad = self._good = 0  # samples in a row
         self._time_s, self._pull_mm = math.nan, math.nan
-        self._restarts = 0
+        self._restarts = (0, 0)
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> Reading:
         """Take in one sample and return what is known then.
@@ -90,7 +91,11 @@ class AssuredEstimator:
         Raises:
             ValueError: one of them is no real number; the stream is then as it was before.
         """
-        stuck = isinstance(measurement_deg, float) and self.monitor.stuck.is_stuck(measurement_deg)
+        if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
+            time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
+            measurement_deg = real_number("measurement_deg", measurement_deg)
+        # A packet that came before says nothing of its sensor.
+        stuck = not time_s <= self._time_s and self.monitor.stuck.is_stuck(measurement_deg)
         believed = math.nan if stuck else measurement_deg
         advanced, fallback = self.advanced, self.fallback
         ignored = fallback.ignored
@@ -99,13 +104,14 @@ class AssuredEstimator:
         self.samples += 1
         state = fallback.state
         if not isinstance(state, TwoStates):  # the stream has not begun
-            return self._tell(bend, UNKNOWN_DEG, _ADVANCED, Alarm.BEGINNING.value)
+            faulty = _INPUT if advanced.faults & ~Health.WAITING.value else 0
+            return self._tell(bend, UNKNOWN_DEG, _ADVANCED, Alarm.BEGINNING.value | faulty)
         if fallback.ignored != ignored:  # nothing is known that was not known before
             last = self.reading
             return self._tell(
                 last.bend_deg, (last.high_deg - last.low_deg) / 2, last.source, last.alarms.value | _INPUT
             )
-        before_s, self._time_s = self._time_s, float(time_s)
+        before_s, self._time_s = self._time_s, time_s
         elapsed = self._time_s - before_s
         if not elapsed > 0:  # the first, or another clock
             elapsed = self.sample_time
@@ -132,10 +138,9 @@ class AssuredEstimator:
     ) -> tuple[int, float, float]:
         """Return the alarms, and half of both intervals [deg]."""
         advanced, fallback, monitor = self.advanced, self.fallback, self.monitor
-        restarts = advanced.restarts + fallback.restarts
-        if restarts != self._restarts:
-            self._restarts = restarts
-            monitor.clear()
+        lost = 0
+        if faults:
+            lost = self._lost(faults)
         fallback_half_width = NORMAL_95 * math.sqrt(state.p * (monitor.nis if monitor.nis > 1.0 else 1.0))
         if self._states:
             half_width = advanced.half_width_deg
@@ -155,7 +160,17 @@ class AssuredEstimator:
             elapsed_s,
             measured=not faults & UNMEASURED and state.innovation_deg != 0.0,
         )
-        return alarms | _INPUT if faults else alarms, half_width, fallback_half_width
+        return alarms | _INPUT | lost if faults else alarms, half_width, fallback_half_width
+
+    def _lost(self, faults: int) -> int:
+        """Begin new averages where either began anew, and return whether the trained one alone is in need."""
+        before, self._restarts = self._restarts, (self.advanced.restarts, self.fallback.restarts)
+        if faults & _RESTARTED:
+            self.monitor.clear()
+            if self._restarts[0] > before[0] and self._restarts[1] == before[1]:
+                self._bad = DISTRUST_SAMPLES
+                return _LOST
+        return _LOST if self.advanced.faults & ~self.fallback.faults & _REFUSED else 0
 
     def _decide(self, alarms: int) -> None:
         """Take or give trust, with hysteresis."""

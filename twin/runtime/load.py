@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from twin.estimation.estimator import Sensor
 from twin.estimation.health import StreamLimits
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator_at
+from twin.estimation.real_number import real_number
 from twin.estimation.registry import method_specs
 from twin.runtime.assured import AssuredEstimator
 from twin.runtime.deployment import KEY, Deployment
@@ -44,13 +46,19 @@ def load_runtime(
         deployment = Deployment.from_dict(file.description[KEY])
     except ValueError as error:
         raise InputError(f"{path} cannot be deployed: {error}") from error
-    if sample_time is not None and not 0 < sample_time < math.inf:
-        raise InputError(f"sample_time = {sample_time:g}: must be positive and finite")
+    if sample_time is not None:
+        sample_time = _positive("sample_time", sample_time)
     if noise_variance is None:
         noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
-    if not 0 < noise_variance < math.inf:
-        raise InputError(f"noise_variance = {noise_variance:g}: must be positive and finite")
+    noise_variance = _positive("noise_variance", noise_variance)
     estimator, T = load_estimator_at(path, sample_time)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     return AssuredEstimator(method, advanced, deployment, T, noise_variance, initial_bend_deg, limits)
+
+
+def _positive(name: str, value: Any) -> float:
+    number = real_number(name, value)
+    if not 0 < number < math.inf:
+        raise InputError(f"{name} = {number:g}: must be positive and finite")
+    return number

@@ -26,7 +26,15 @@ FASTER = 2.0  # times the fastest of the training
 BEYOND = 0.5  # share of the angles of the training by which an estimate may leave them
 LARGEST_HALF_WIDTH_DEG = 90.0
 
-DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE | Alarm.COMMAND | Alarm.INTERVAL
+DISTRUSTED = (
+    Alarm.INNOVATION
+    | Alarm.DISAGREEMENT
+    | Alarm.RANGE
+    | Alarm.RATE
+    | Alarm.COMMAND
+    | Alarm.INTERVAL
+    | Alarm.LOST
+)
 """Alarms that speak against the trained estimator, not against the sample."""
 
 
@@ -50,7 +58,8 @@ class Monitor:
         self._learn = 1 - math.exp(-sample_time / WINDOW_S)
         self._lasting = max(round(LASTING_S / sample_time), 2)
         self._timeout = max(round(TIMEOUT_S / sample_time), TIMEOUT_SAMPLES)
-        self._window = max(round(WINDOW_S / sample_time), 3)
+        self._window_s = max(WINDOW_S, 3 * sample_time) - sample_time / 2
+        self._usual_s = 1.5 * sample_time  # from one measurement to the next
         self._low_mm, self._high_mm = deployment.pull_mm
         low, high = deployment.bend_deg
         beyond = BEYOND * (high - low) + FAR * self._noise_deg
@@ -62,7 +71,9 @@ class Monitor:
 
     def clear(self) -> None:
         """Begin new averages: an estimator has begun anew."""
-        self._seen = self._apart = 0
+        self._apart = 0
+        self._seen_s = 0.0  # time that measurements have told of
+        self._since_s = 0.0  # time since the last one
         self._mean = self._square = self._mean_fallback = 0.0
         self._square_fallback = self._variance
         self._before_deg = self._fallback_before_deg = math.nan
@@ -100,19 +111,21 @@ class Monitor:
             alarms |= _COMMAND
         if not self._low_deg <= bend_deg <= self._high_deg:
             alarms |= _RANGE
-        if not 0 <= half_width_deg <= LARGEST_HALF_WIDTH_DEG and self._seen >= self._window:
+        if not 0 <= half_width_deg <= LARGEST_HALF_WIDTH_DEG and self._seen_s >= self._window_s:
             alarms |= _INTERVAL
         before, fallback_before = self._before_deg, self._fallback_before_deg
         self._before_deg, self._fallback_before_deg = bend_deg, fallback_deg
+        self._since_s += elapsed_s
         if measured:
+            since_s, self._since_s = self._since_s, 0.0
             self._unmeasured = 0
             if before == before:  # not NaN: there was a sample before
-                alarms |= self._compare(before - fallback_before, innovation_deg, expected)
+                alarms |= self._compare(before - fallback_before, innovation_deg, expected, since_s)
         else:
             self._unmeasured += 1
             if self._unmeasured >= self._timeout:
                 alarms |= _TIMEOUT
-        if self._seen < self._window:
+        if self._seen_s < self._window_s:
             return alarms & ~_JUDGED | _BEGINNING
         stepped = abs(bend_deg - before)
         if stepped > self._step_deg and stepped * self._sample_time > self._step_deg * elapsed_s:
@@ -123,16 +136,18 @@ class Monitor:
             alarms |= _DISAGREEMENT
         return alarms
 
-    def _compare(self, apart_deg: float, innovation_deg: float, expected: float) -> int:
+    def _compare(self, apart_deg: float, innovation_deg: float, expected: float, since_s: float) -> int:
         """Take in an innovation of the fallback and return what it says of both estimators and the sample."""
-        self._seen += 1
+        if since_s > LASTING_S:
+            since_s = LASTING_S  # one sample behind a pause is no window of them
+        self._seen_s += since_s
         own = innovation_deg - apart_deg  # of the trained one, moved on as the fallback has moved on
         # Conditions in the place of min and max, which take longer than all sums of a sample.
         square = innovation_deg * innovation_deg
         usual = expected if expected > self._square_fallback else self._square_fallback
         if square > SPIKE_SQUARE * usual < own * own:
             return _INPUT
-        learn = self._learn
+        learn = self._learn if since_s <= self._usual_s else 1 - math.exp(-since_s / WINDOW_S)
         most = MOST * usual
         off, off_fallback = own - self._mean, innovation_deg - self._mean_fallback
         self._mean += learn * off

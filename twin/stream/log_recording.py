@@ -69,7 +69,7 @@ class LogRecording:
         """Add what the runtime says of one sample, at its time."""
         nanoseconds = round((sample.time_s + self.offset_s) * 1e9)
         reading = sample.reading
-        estimate = estimate_message(reading.bend_deg, reading.low_deg, reading.high_deg)
+        estimate = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
         self._writer.add_message(self._topic, estimate, nanoseconds)
         self._writer.add_message(HEALTH_TOPIC, health_message(reading), nanoseconds)
 

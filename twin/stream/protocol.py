@@ -103,11 +103,10 @@ def read_sample(line: bytes | None) -> tuple[float, float, float]:
 def reading_line(sample: StreamSample) -> str:
     """Return the line that answers a sample, without its end."""
     reading = sample.reading
-    interval = [reading.low_deg, reading.high_deg]
     values = {
         "time_s": sample.time_s,
         "bend_deg": reading.bend_deg,
-        "interval_deg": interval if all(map(math.isfinite, interval)) else None,
+        "interval_deg": reading.interval_deg,
         "source": reading.source.value,
         "health": {"sample": flag_names(reading.health), "alarms": flag_names(reading.alarms)},
     }

@@ -20,7 +20,7 @@ class RamForm(TwoStatesForm):
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> TwoStates:
         """Predict and update by one sample, and add K_RAM phi; nothing without a measurement."""
-        bend, error, p, r, q, innovation, expected = self.updated(
+        bend, error, p, r, q, innovation, expected = self.numbers_after(
             state, pull_mm, previous_pull_mm, measurement_deg
         )
         residual = measurement_deg - bend

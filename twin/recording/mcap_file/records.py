@@ -136,16 +136,17 @@ def mcap_bytes(path: Path, *, cut: bool = False) -> bytes:
 
 
 def _read_cut(file: BinaryIO, size: int) -> bytes:
-    """Return at most `size` bytes of a file, without whole blocks of zeros at its end."""
-    pieces: list[bytes] = []
+    """Return at most `size` bytes of a file, without blocks of zeros at its end."""
     zeros = bytes(_BLOCK)
-    kept = 0  # number of pieces up to the last one that holds something
-    for start in range(0, size, _BLOCK):
-        piece = file.read(min(_BLOCK, size - start))
-        empty = piece == zeros[: len(piece)]
-        pieces.append(zeros if empty and len(piece) == _BLOCK else piece)  # one object for all of them
-        kept = kept if empty else len(pieces)
-    return b"".join(pieces[:kept])
+    end = size
+    while end > 0:
+        start = (end - 1) // _BLOCK * _BLOCK
+        file.seek(start)
+        if file.read(end - start) != zeros[: end - start]:
+            break
+        end = start
+    file.seek(0)
+    return file.read(end)
 
 
 def record_at(data: bytes, offset: int, end: int) -> FileRecord:
