@@ -13,7 +13,7 @@ from planted_faults import FAULTS
 from twin.estimation.health import Health
 from twin.estimation.online import OnlineEstimator
 from twin.runtime.assured import AssuredEstimator
-from twin.runtime.monitor import DISTRUSTED
+from twin.runtime.monitor import DISTRUSTED, Monitor
 from twin.runtime.reading import Alarm, Source
 
 FLAGS = Alarm.INPUT | Alarm.STUCK | Alarm.TIMEOUT
@@ -246,6 +246,17 @@ def test_judging_begins_after_the_same_time_however_few_samples_have_a_measureme
         ended.append(next(k for k, reading in enumerate(of_stream) if Alarm.BEGINNING not in reading.alarms))
     assert ended[0] * T == pytest.approx(2.5, abs=0.2)
     assert abs(ended[1] - ended[0]) <= 4
+
+
+@pytest.mark.parametrize(("sample_time", "samples"), [(0.02, 125), (T, 25), (2.0, 3)])
+def test_judging_begins_after_a_window_at_any_sample_time(sample_time, samples):
+    monitor = Monitor(DEPLOYMENT, sample_time, R)
+    told = [
+        monitor.judge(60.0, 1.0, 60.0, 1.0, 0.1, 0.2, 0.0, 3.0, sample_time, measured=True)
+        for _ in range(samples + 3)
+    ]
+    begun = next(k for k, alarms in enumerate(told) if not alarms & Alarm.BEGINNING.value)
+    assert abs(begun - samples) <= 1
 
 
 def test_the_fallback_is_tuned_for_another_sample_time_as_a_random_walk():

@@ -60,6 +60,7 @@ class Monitor:
         self._timeout = max(round(TIMEOUT_S / sample_time), TIMEOUT_SAMPLES)
         self._window_s = max(WINDOW_S, 3 * sample_time) - sample_time / 2
         self._usual_s = 1.5 * sample_time  # from one measurement to the next
+        self._longest_s = max(LASTING_S, self._usual_s)
         self._low_mm, self._high_mm = deployment.pull_mm
         low, high = deployment.bend_deg
         beyond = BEYOND * (high - low) + FAR * self._noise_deg
@@ -138,8 +139,8 @@ class Monitor:
 
     def _compare(self, apart_deg: float, innovation_deg: float, expected: float, since_s: float) -> int:
         """Take in an innovation of the fallback and return what it says of both estimators and the sample."""
-        if since_s > LASTING_S:
-            since_s = LASTING_S  # one sample behind a pause is no window of them
+        if since_s > self._longest_s:
+            since_s = self._longest_s  # one sample behind a pause is no window of them
         self._seen_s += since_s
         own = innovation_deg - apart_deg  # of the trained one, moved on as the fallback has moved on
         # Conditions in the place of min and max, which take longer than all sums of a sample.
