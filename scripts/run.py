@@ -1,8 +1,10 @@
 """`endotwin run`: a trained estimator on a log or on a live stream, sample by sample."""
 
+import contextlib
 import dataclasses
+import functools
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,14 +73,13 @@ def _stream(args: Run) -> Summary:
         output_file(args.out, (".mcap",), "endotwin live", inputs=[args.policy])
     if sys.stdin is None:
         raise InputError("stdin is closed: samples come from there, or name a log")
-    runtime, counts = _runtime(args), RunCounts()
+    runtime, counts = _prepared(args)(), RunCounts()
     facts, not_samples, ended, code = _facts(args, runtime), 0, "the stream has ended", 0
     if sys.stdin.isatty():
         complain("endotwin run: reads samples from the terminal, a JSON line each; Ctrl-D ends it")
     viewer = _viewer(args, runtime)
-    with Sinks(
-        counts, viewer, live_recording(args.out, runtime.method, facts), on_failure=_say_of_failure
-    ) as sinks:
+    recording = live_recording(args.out, runtime.method, facts)
+    with contextlib.closing(Sinks(counts, viewer, recording, on_failure=_say_of_failure)) as sinks:
         try:
             for answer in answers(runtime, sys.stdin.buffer):
                 not_samples += answer.sample is None
@@ -108,16 +109,18 @@ def _log(args: Run) -> Summary:
     targets = log_targets(args.out, list(files))
     if args.out is not None and targets == [args.out]:
         output_file(args.out, (), SIGN, inputs=[args.policy, *files.values()])
-    runtime, counts = _runtime(args), RunCounts()
+    new_runtime, counts = _prepared(args), RunCounts()
+    runtime = new_runtime()
     logs = read_logs(files, runtime.sample_time)
     if args.out is not None and targets != [args.out]:
         output_folder(args.out, {target.name: SIGN for target in targets})
     facts, viewer = _facts(args, runtime), _viewer(args, runtime)
-    with Sinks(counts, viewer, viewer and Pace(), on_failure=_say_of_failure) as sinks:
+    pace = viewer and Pace()
+    with contextlib.closing(Sinks(counts, viewer, pace, on_failure=_say_of_failure)) as sinks:
         scores = run_log(
             LogRun(files, logs, targets),
             runtime.method,
-            lambda: _runtime(args),
+            new_runtime,
             sinks,
             facts,
             Progress("run", "sample"),
@@ -131,16 +134,12 @@ def _log(args: Run) -> Summary:
     return Summary(line, _with_out(args, values))
 
 
-def _runtime(args: Run) -> "AssuredEstimator":
-    """Return a runtime before its first sample."""
-    from twin.runtime import load_runtime
+def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
+    """Return what makes a runtime before its first sample."""
+    from twin.runtime import prepare_runtime
 
-    return load_runtime(
-        args.policy,
-        sample_time=args.sample_time,
-        noise_variance=args.noise_variance,
-        initial_bend_deg=args.initial_bend_deg,
-    )
+    prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
+    return functools.partial(prepared, args.initial_bend_deg)
 
 
 def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":

@@ -18,7 +18,7 @@ from twin.estimation.load import load_estimator, model_of
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import trainings
 from twin.preset import load_preset, load_ranges
-from twin.runtime import load_runtime
+from twin.runtime import load_runtime, prepare_runtime
 from twin.runtime.deployment import Deployment
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
@@ -93,6 +93,18 @@ def test_its_file_is_all_that_a_runtime_needs(trained, records, model):
             ValueError, match=r"sample_time = 0.02: .* was trained at 0.1 s, and runs at no other"
         ):
             load_runtime(trained, sample_time=0.02)
+
+
+def test_streams_of_one_reading_are_those_of_readings_of_their_own(trained, records):
+    """One sample of each in turn: they share what was read, and nothing that moves."""
+    prepared = prepare_runtime(trained, noise_variance=0.2)
+    pairs = [
+        (prepared(begin), load_runtime(trained, noise_variance=0.2, initial_bend_deg=begin))
+        for begin in (50.0, 70.0)
+    ]
+    for k in range(80):
+        for (shared, own), (pull, bend) in zip(pairs, (records[0], records[1]), strict=True):
+            assert shared.push(0.1 * k, pull[k], bend[k]) == own.push(0.1 * k, pull[k], bend[k])
 
 
 def test_a_runtime_refuses_what_holds_no_fallback_and_numbers_that_cannot_be(trained, tmp_path):

@@ -28,7 +28,10 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
         ValueError: it is damaged, or not a file that training wrote.
     """
     path = Path(path)
-    agent = read_trained_file(path).agent
+    return _load(path, read_trained_file(path).agent)
+
+
+def _load(path: Path, agent: str) -> Estimator[Any]:
     try:
         training = find_training(agent)
     except ValueError as error:
@@ -36,18 +39,19 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
     return training.load(path)
 
 
-def load_estimator_at(path: Path, sample_time: float | None) -> tuple[Any, float]:
+def load_estimator_at(path: Path, agent: str, sample_time: float | None) -> tuple[Any, float]:
     """Return a trained estimator at a sample time, and that time [s].
 
     Args:
         path: the file that training wrote.
+        agent: that it is of, as the file itself says.
         sample_time: T [s]; that of the training, if not given.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, not a file that training wrote, or runs at another sample time alone.
     """
-    estimator: Any = load_estimator(path)
+    estimator: Any = _load(path, agent)
     trained = float(estimator.sample_time)
     if sample_time is None or abs(sample_time - trained) < SAME_S:
         return estimator, trained

@@ -101,6 +101,31 @@ class GateVerdict:
         }
 
 
+def none_of(
+    name: str,
+    failed: Sequence[Any],
+    good: str,
+    bad: str,
+    unit: str,
+    *,
+    rows: Sequence[dict[str, Any]] = (),
+    notes: Sequence[str] = (),
+) -> Check:
+    """Return the result of a check that holds where nothing has failed; `good` or `bad` is then said."""
+    holds = not failed
+    return Check(
+        name,
+        good if holds else bad,
+        figure=float(len(failed)),
+        bar=0.0,
+        relation="equal",
+        unit=unit,
+        holds=holds,
+        rows=tuple(rows),
+        notes=tuple(notes),
+    )
+
+
 def not_shown(name: str, why: str, *, required: bool = False, notes: Sequence[str] = ()) -> Check:
     """Return the result of a check that could show nothing."""
     return Check(name, why, required=required, notes=tuple(notes))

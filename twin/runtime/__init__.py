@@ -5,7 +5,7 @@ It needs NumPy and ONNX Runtime; neither MuJoCo nor torch. It knows no transport
 """
 
 from twin.runtime.assured import AssuredEstimator
-from twin.runtime.load import load_runtime
+from twin.runtime.load import load_runtime, prepare_runtime
 from twin.runtime.reading import Alarm, Reading, Source
 
-__all__ = ["Alarm", "AssuredEstimator", "Reading", "Source", "load_runtime"]
+__all__ = ["Alarm", "AssuredEstimator", "Reading", "Source", "load_runtime", "prepare_runtime"]

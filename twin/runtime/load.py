@@ -1,6 +1,8 @@
 """Loading one trained file into a running, assured estimator."""
 
+import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,22 @@ def load_runtime(
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, not a file that training wrote, or cannot run at this sample time.
     """
+    prepared = prepare_runtime(path, sample_time=sample_time, noise_variance=noise_variance, limits=limits)
+    return prepared(initial_bend_deg)
+
+
+def prepare_runtime(
+    path: str | Path,
+    *,
+    sample_time: float | None = None,
+    noise_variance: float | None = None,
+    limits: StreamLimits | None = None,
+) -> Callable[[float], AssuredEstimator]:
+    """Read a trained file once for many streams; arguments and errors are those of `load_runtime`.
+
+    Returns:
+        What makes the estimator of a stream, ready for its first sample, from its initial estimate [deg].
+    """
     path = Path(path)
     file = read_trained_file(path)
     if KEY not in file.description:
@@ -51,10 +69,10 @@ def load_runtime(
     if noise_variance is None:
         noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
     noise_variance = _positive("noise_variance", noise_variance)
-    estimator, T = load_estimator_at(path, sample_time)
+    estimator, T = load_estimator_at(path, file.agent, sample_time)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
-    return AssuredEstimator(method, advanced, deployment, T, noise_variance, initial_bend_deg, limits)
+    return functools.partial(AssuredEstimator, method, advanced, deployment, T, noise_variance, limits=limits)
 
 
 def _positive(name: str, value: Any) -> float:
