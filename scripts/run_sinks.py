@@ -4,7 +4,6 @@ import contextlib
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from scripts.ending import complain
@@ -24,19 +23,6 @@ class Sinks:
         self._sinks = [sink for sink in sinks if sink is not None]
         self._on_failure = on_failure
         self.failed = 0
-
-    def __enter__(self) -> "Sinks":
-        """Begin."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close all of them, whatever has ended the block."""
-        self.close()
 
     def add(self, sample: "StreamSample") -> None:
         """Hand a sample to each."""

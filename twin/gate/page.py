@@ -9,16 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from matplotlib.figure import Figure
 
-from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.gate.checks import accuracy, faults, honesty, sufficiency
 from twin.gate.figures import coverage_figure, difference_figure, fault_figure, twin_figure
 from twin.gate.result import Check, GateVerdict
 from twin.gate.table import ACCURACY, CHECKS, HONESTY, PARTS, SAFETY, TWIN
 from twin.report.figures import to_svg
+from twin.report.template import page_environment
 
 LIMITS = (
     "Noises of other kinds than those that are listed, and a variance R that is not the sensor's: every "
@@ -42,13 +41,6 @@ def write_page(verdict: GateVerdict, path: Path, command: str) -> Path:
         path: the HTML file.
         command: that makes it again.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(assets_folder()),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     found = {check.name: check for check in verdict.checks}
     specs = {spec.name: spec for spec in CHECKS}
     parts = [
@@ -60,14 +52,18 @@ def write_page(verdict: GateVerdict, path: Path, command: str) -> Path:
         }
         for part, claim in PARTS.items()
     ]
-    page = environment.get_template("gate.html.j2").render(
-        verdict=verdict,
-        subject=verdict.subject,
-        parts=parts,
-        unknown=[check for check in verdict.checks if check.holds is None],
-        limits=LIMITS,
-        command=command,
-        shown=shown_figure,
+    page = (
+        page_environment()
+        .get_template("gate.html.j2")
+        .render(
+            verdict=verdict,
+            subject=verdict.subject,
+            parts=parts,
+            unknown=[check for check in verdict.checks if check.holds is None],
+            limits=LIMITS,
+            command=command,
+            shown=shown_figure,
+        )
     )
     write_whole(path, page)
     return path

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
@@ -22,7 +21,6 @@ from twin.estimation.registry import proposed_method
 from twin.evaluation.paper import TABLES
 from twin.evaluation.score import read_scores
 from twin.evaluation.track import load_tracks
-from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.json_text import read_json
@@ -35,6 +33,7 @@ from twin.report.figures import loop_figure, rmse_figure, to_svg, training_figur
 from twin.report.findings import all_findings
 from twin.report.paper_figures import paper_figures
 from twin.report.tables import paper_table, table_title
+from twin.report.template import page_environment
 
 Value = TypeVar("Value")
 
@@ -132,13 +131,7 @@ def write_report(folder: Path, path: Path) -> Path:
         raise MissingFileError(f"no folder {folder}")
     if not any((folder / name).exists() for name in _commands()):
         raise InputError(f"{folder} holds no run: expected one of {', '.join(_commands())}")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(assets_folder()),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment()
     environment.tests["gap"] = lambda part: isinstance(part, Gap)
     page = environment.get_template("report.html.j2").render(_contents(folder))
     write_whole(path, page)

@@ -12,7 +12,7 @@ from twin.files.run_folder import CONFIGURATION_FILE
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
 from twin.gate.material import GateMaterial
-from twin.gate.result import Check, not_shown
+from twin.gate.result import Check, none_of, not_shown
 from twin.preset.preset import Preset
 
 ENDOSCOPE, CONFIGURED, FAITHFUL = (
@@ -34,20 +34,15 @@ def made_for_endoscope(material: GateMaterial) -> Check:
         return not_shown(ENDOSCOPE, "the file does not tell the endoscope that it was trained for")
     rows = differing_parameters(told, material.file.description.get("ranges"), material.preset)
     name = cut(str(told.get("name", "")), 40)
-    holds = not rows
     first = ", ".join(row["parameter"] for row in rows[:3]) + (" ..." if len(rows) > 3 else "")
-    return Check(
+    return none_of(
         ENDOSCOPE,
-        f"trained for {name!r}, and every parameter of {material.preset.name!r} is as there or in its ranges"
-        if holds
-        else f"it was trained for {name!r}: {len(rows)} parameters of {material.preset.name!r} are others, "
+        rows,
+        f"trained for {name!r}, and every parameter of {material.preset.name!r} is as there or in its ranges",
+        f"it was trained for {name!r}: {len(rows)} parameters of {material.preset.name!r} are others, "
         f"outside of the ranges of its training: {first}",
-        figure=float(len(rows)),
-        bar=0.0,
-        relation="equal",
-        unit="parameters",
-        holds=holds,
-        rows=tuple(rows),
+        "parameters",
+        rows=rows,
         notes=("Names, the solver's step and the sensor may differ.",),
     )
 
@@ -96,18 +91,13 @@ def configured(material: GateMaterial) -> Check:
         for name, value in values.items()
         if _plain(told.get(name)) != _plain(value)
     ]
-    holds = not rows
-    return Check(
+    return none_of(
         CONFIGURED,
-        f"the {len(values)} entries of {CONFIGURATION_FILE} are in the file, word for word"
-        if holds
-        else f"the file was not made by the run of its folder: {', '.join(row['entry'] for row in rows)}",
-        figure=float(len(rows)),
-        bar=0.0,
-        relation="equal",
-        unit="entries",
-        holds=holds,
-        rows=tuple(rows),
+        rows,
+        f"the {len(values)} entries of {CONFIGURATION_FILE} are in the file, word for word",
+        f"the file was not made by the run of its folder: {', '.join(row['entry'] for row in rows)}",
+        "entries",
+        rows=rows,
     )
 
 
