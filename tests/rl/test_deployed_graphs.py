@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from exported import filtered_by_both
 from models import COLEMAN_HODGDON
 from small_twins import TINY, generator, small_memory_source, small_memory_step, small_source, small_step
 from torch_network import TorchNetwork
@@ -32,7 +33,6 @@ from twin.estimation.learned.kalman_net import FEATURES, KalmanNet
 from twin.estimation.learned.lstm import LstmEstimator
 from twin.estimation.learned.policy import PolicyEstimator, load_policy
 from twin.estimation.learned.recurrent import OnnxNetwork
-from twin.estimation.learned.step_network import OF_SAMPLE
 from twin.estimation.learned.trained_file import read_trained_file
 
 T = 0.1
@@ -129,47 +129,23 @@ def test_policy(agent, samples, tmp_path):
 def test_filter_step(method, samples, tmp_path):
     """A recurrence in single precision, of angles up to 58 deg: relative to the angle.
 
-    RAM (twins) adds up 32 members' weights in every sample: roundings, in another order on either side, reach
+    RAM (twins) adds up weighted members in every sample: roundings, in another order on either side, reach
     5e-5 deg. They do not grow with the length of the stream.
     """
     path = tmp_path / "policy.onnx"
     if method == "ram-twins":
-        step, source, names, state = (
-            small_step(loud=0.3),
-            small_source(),
-            ("members_deg", "way_mm", *OF_SAMPLE),
-            ram_twins.STATE,
-        )
+        step, source = small_step(loud=0.3), small_source()
+        graph, names = TwinsGraph(step), ("members_deg", "way_mm", *ram_twins.STATE)
         export_twins(step, TINY.members, {"agent": method}, path)
-        graph = TwinsGraph(step)
     else:
-        step, source, names, state = (
-            small_memory_step(loud=0.3),
-            small_memory_source(),
-            (*ram_memory.PREDICTED_BY, *OF_SAMPLE),
-            ram_memory.STATE,
-        )
+        step, source = small_memory_step(loud=0.3), small_memory_source()
+        graph, names = MemoryGraph(step), (*ram_memory.PREDICTED_BY, *ram_memory.STATE)
         export_memory(step, {"agent": method}, path)
-        graph = MemoryGraph(step)
-    file, length = read_trained_file(path), 150
-    drawn = source.draw(1, length, generator(3), stride=5)
-    of_torch = [torch.zeros_like(of) for of in step.start(drawn.variance)]
-    of_onnx = [of.numpy() for of in of_torch]
-    worst = 0.0
-    for k in range(samples):
-        place = k % length  # from its end to its beginning: one jump, as after a fault
-        measurement = torch.full((1,), torch.nan) if k % 97 == 40 else drawn.measurement_deg[place]
-        values = (
-            *(of[place] for of in drawn.inputs),
-            measurement,
-            drawn.variance,
-            drawn.sample_time,
-            torch.ones(2),
+    drawn = source.draw(1, 150, generator(3), stride=5)
+    worst = max(
+        float((abs(found - wanted) / np.maximum(abs(wanted), 1)).max())
+        for found, wanted in filtered_by_both(
+            step, graph, read_trained_file(path), names, drawn, samples, lambda k: k % 97 == 40
         )
-        with torch.no_grad():
-            bend, half_width, *of_torch = graph(*values, *of_torch)
-        told = dict(zip(names, (of.numpy() for of in values), strict=True))
-        found, found_half_width, *of_onnx = file.run(**told, **dict(zip(state, of_onnx, strict=True)))
-        for ours, theirs in ((found, bend.numpy()), (found_half_width, half_width.numpy())):
-            worst = max(worst, float((abs(ours - theirs) / np.maximum(abs(theirs), 1)).max()))
+    )
     assert worst < (3 * SINGLE if method == "ram-twins" else SINGLE)

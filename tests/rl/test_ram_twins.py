@@ -9,6 +9,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from exported import filtered_by_both
 from repository import REPOSITORY
 from scipy import stats
 from small_twins import TINY, generator, shorter, small_records, small_source, small_step, twins
@@ -22,7 +23,6 @@ from rl.twins.records import SAMPLE_TIME, draw_members
 from rl.twins.sequences import principal_directions, split_records
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import STATE, load
-from twin.estimation.learned.step_network import OF_SAMPLE
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
 
@@ -40,28 +40,11 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
     step = small_step(loud=2.0)
     export_twins(step, TINY.members, {"agent": "ram-twins"}, tmp_path / "policy.onnx")
     file, graph = read_trained_file(tmp_path / "policy.onnx"), TwinsGraph(step)
-    names = ("members_deg", "way_mm", *OF_SAMPLE)
+    names = ("members_deg", "way_mm", *STATE)
     for count in (1, 4):
         drawn = small_source().draw(count, 20, generator(count))
-        state = [torch.zeros_like(of) for of in step.start(drawn.variance)]
-        deployed = [of.numpy() for of in state]
-        for k in range(20):
-            measurement = drawn.measurement_deg[k].clone()
-            if k % 5 == 2:
-                measurement[0] = torch.nan
-            values = (
-                *(of[k] for of in drawn.inputs),
-                measurement,
-                drawn.variance,
-                drawn.sample_time,
-                torch.ones(2),
-            )
-            with torch.no_grad():
-                bend, half_width, *state = graph(*values, *state)
-            named = dict(zip(names, (of.numpy() for of in values), strict=True))
-            (*found,) = file.run(**named, **dict(zip(STATE, deployed, strict=True)))
-            np.testing.assert_allclose(found[:2], torch.stack([bend, half_width]), rtol=2e-3, atol=2e-3)
-            deployed = found[2:]
+        for found, wanted in filtered_by_both(step, graph, file, names, drawn, 20, lambda k: k % 5 == 2):
+            np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-3)
 
 
 def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
