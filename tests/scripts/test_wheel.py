@@ -174,7 +174,7 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, r
         "generate --out data": "mujoco: pip install 'endotwin[sim]'",
         "render episode.mcap --out bend.png": "mujoco: pip install 'endotwin[sim]'",
         "identify episode.mcap --out model.json": "pymoo: pip install 'endotwin[sim]'",
-        "report . --out report.html": "jinja2: pip install 'endotwin[viz]'",
+        "report . --out report.html": "matplotlib: pip install 'endotwin[viz]'",
     }.items():
         refused = run(core / "endotwin", *verb.split(), cwd=tmp_path)
         line = f"endotwin {verb.split()[0]}: this needs {extra}\n"
