@@ -79,7 +79,9 @@ def _reference(
     """Return steps of the module from a state of zeros, as a trained file holds them."""
     steps, batch = next(iter(given.values())).shape[:2]
     memory = {
-        name: torch.zeros(batch, *example.shape[1:]) for name, example in inputs.items() if name not in given
+        name: example.new_zeros(batch, *example.shape[1:])
+        for name, example in inputs.items()
+        if name not in given
     }
     kept: dict[str, list[Any]] = {name: [] for name in outputs if not name.endswith(AFTER)}
     with torch.no_grad():

@@ -1,5 +1,6 @@
-"""The graphs that are deployed: a trained step with its state as named arrays."""
+"""The graphs that are deployed: a trained step with its state as named arrays, in double precision."""
 
+import copy
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -114,21 +115,24 @@ def _export(
     description: Mapping[str, Any],
     path: Path,
 ) -> None:
+    # A filter adds up the roundings of its covariance: single precision would part the graph from the step.
+    graph = copy.deepcopy(graph).double()
     # Tensors of their own: the export takes one that is given twice for one input.
     inputs = {**predicted_by} | {name: torch.ones(_BATCH) for name in OF_SAMPLE}
     inputs["parts"] = torch.tensor(ALL_PARTS)
     inputs |= {name: of.clone() for name, of in zip(state, step.start(torch.ones(_BATCH)), strict=True)}
+    inputs = {name: of.double() for name, of in inputs.items()}
     outputs = [*OUTPUTS, *(f"{name}_after" for name in state)]
     free = {name: [0] for name in inputs if name != "parts"}
     export_module(graph, inputs, outputs, free, description, path, _reference(inputs, state))
 
 
 def _reference(inputs: Mapping[str, Tensor], state: list[str]) -> dict[str, Tensor]:
-    """Return inputs of a few steps, of small angles: single precision holds 1e-5 deg of those alone."""
+    """Return inputs of a few steps."""
     rng = torch.Generator().manual_seed(0)  # of its own: what is drawn for a training stays as it is
 
     def drawn(*shape: int) -> Tensor:
-        return torch.randn(_REFERENCE_STEPS, *shape, generator=rng)
+        return torch.randn(_REFERENCE_STEPS, *shape, generator=rng, dtype=torch.float64)
 
     given = {name: drawn(*of.shape) for name, of in inputs.items() if name not in state and name != "parts"}
     for name in given.keys() & {"way_mm", "keep"}:
@@ -136,5 +140,5 @@ def _reference(inputs: Mapping[str, Tensor], state: list[str]) -> dict[str, Tens
     given["measurement_deg"][1, 0] = torch.nan
     given["variance"] = torch.exp(given["variance"])
     given["sample_time"] = torch.full_like(given["sample_time"], 0.1)
-    parts = torch.tensor(ALL_PARTS).repeat(_REFERENCE_STEPS, 1)
+    parts = torch.tensor(ALL_PARTS, dtype=torch.float64).repeat(_REFERENCE_STEPS, 1)
     return {name: parts if name == "parts" else given[name] for name in inputs if name not in state}

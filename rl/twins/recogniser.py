@@ -37,7 +37,7 @@ class Recogniser(torch.nn.Module):
             residual: (...) in units of sqrt(R).
             doubt: (...) variance of the prediction in units of R.
         """
-        place = torch.asinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
+        place = _arsinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
         between = 2 * LARGEST_RESIDUAL / (BINS - 1)
         share = (1 - (place[..., None] - self.centres).abs() / between).clamp(min=0)
         return share / (1 + doubt)[..., None]
@@ -58,3 +58,9 @@ class Recogniser(torch.nn.Module):
         within = torch.exp(2 * width.clamp(-3, 1)) * 0.1
         variance = (weights * ((bias - mean[..., None]) ** 2 + within)).sum(dim=-1)
         return weights, mean, variance + 1e-4
+
+
+def _arsinh(values: Tensor) -> Tensor:
+    """Return arsinh of values by its logarithm: ONNX Runtime has none of double precision."""
+    size = values.abs()
+    return torch.sign(values) * torch.log(size + torch.sqrt(size * size + 1))

@@ -98,6 +98,7 @@ def test_all_numbers_lead_to_the_bounds_of_the_last_operator_and_no_farther():
         ("Div", (1, 2), (-1, 1), -np.inf, np.inf),
         ("Sub", (0, 1), (0, 1), -1, 1),
         ("Max", (-1, 4), (0, 2), 0, 4),
+        ("Min", (-1, 4), (0, 2), -1, 2),
     ],
 )
 def test_ends_of_simple_operators(operator, one, other, low, high):

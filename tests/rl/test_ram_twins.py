@@ -43,7 +43,7 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
     names = ("members_deg", "way_mm", *STATE)
     for count in (1, 4):
         drawn = small_source().draw(count, 20, generator(count))
-        for found, wanted in filtered_by_both(step, graph, file, names, drawn, 20, lambda k: k % 5 == 2):
+        for found, wanted in filtered_by_both(graph, file, names, drawn, 20, lambda k: k % 5 == 2):
             np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-3)
 
 

@@ -15,7 +15,8 @@ def with_initializer(model: onnx.ModelProto, name: str, values: np.ndarray) -> o
     changed = onnx.ModelProto()
     changed.CopyFrom(model)
     place = next(number for number, part in enumerate(changed.graph.initializer) if part.name == name)
-    changed.graph.initializer[place].CopyFrom(numpy_helper.from_array(values.astype(np.float32), name))
+    kind = initializer(model, name).dtype
+    changed.graph.initializer[place].CopyFrom(numpy_helper.from_array(values.astype(kind), name))
     return changed
 
 

@@ -1,5 +1,6 @@
 """A recurrent network or a filter's step of torch, and the graph that is exported of it."""
 
+import copy
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ import torch
 from torch_network import TorchNetwork
 
 from rl.recurrent_graph import export_recurrent
-from rl.twins.filter_step import FilterStep
+from rl.twins.graph import MemoryGraph, TwinsGraph
 from rl.twins.sequences import Sequences
 from twin.estimation.learned.recurrent import OnnxNetwork
 from twin.estimation.learned.step_network import OF_SAMPLE
@@ -35,28 +36,29 @@ def assert_exported_alike(network: torch.nn.Module, states: int) -> None:
 
 
 def filtered_by_both(
-    step: FilterStep,
-    graph: torch.nn.Module,
+    graph: TwinsGraph | MemoryGraph,
     file: TrainedFile,
     names: Sequence[str],
     drawn: Sequences,
     samples: int,
     is_missing: Callable[[int], bool],
+    precision: torch.dtype = torch.float64,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield what the exported graph and torch say of each sample, (2, B) estimate and half of the interval.
 
     Both begin at a state of zeros, and each goes on from its own.
 
     Args:
-        step: as it is trained.
-        graph: the same with plain arrays in and out.
+        graph: the trained step with plain arrays in and out.
         file: the exported graph.
         names: of what it predicts by, then of its state.
         drawn: sequences; behind their end they begin anew.
         samples: how many, in all.
         is_missing: whether the first filter has no measurement at a sample.
+        precision: of torch.
     """
-    of_torch = [torch.zeros_like(of) for of in step.start(drawn.variance)]
+    of_torch = [torch.zeros_like(of, dtype=precision) for of in graph.step.start(drawn.variance)]
+    graph = copy.deepcopy(graph).to(precision)
     of_onnx = [of.numpy() for of in of_torch]
     predicted_by, state = names[: len(drawn.inputs)], names[len(drawn.inputs) :]
     for k in range(samples):
@@ -71,6 +73,7 @@ def filtered_by_both(
             drawn.sample_time,
             torch.ones(2),
         )
+        values = tuple(of.to(precision) for of in values)
         with torch.no_grad():
             bend, half_width, *of_torch = graph(*values, *of_torch)
         told = dict(zip((*predicted_by, *OF_SAMPLE), (of.numpy() for of in values), strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.learned.step_network import StepNetwork
-from twin.estimation.learned.trained_file import LARGEST
+from twin.estimation.learned.trained_file import LARGEST, PRECISIONS
 from twin.files.bounded import read_limited
 
 
@@ -56,24 +56,24 @@ class Gains:
         model = onnx.load_model_from_string(content)
         self.outputs = len(model.graph.output)
         found = gain_tensors(model.graph)
+        number = model.graph.input[0].type.tensor_type.elem_type
         self.there = bool(found)
-        model.graph.output.extend(
-            onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, None) for name in found
-        )
+        model.graph.output.extend(onnx.helper.make_tensor_value_info(name, number, None) for name in found)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self.session = onnxruntime.InferenceSession(
             model.SerializeToString(), options, providers=["CPUExecutionProvider"]
         )
+        self.precision = PRECISIONS[self.session.get_inputs()[0].type]
         self.range = (np.inf, -np.inf)
 
-    def run(self, **inputs: NDArray[Any]) -> list[NDArray[np.float32]]:
+    def run(self, **inputs: NDArray[Any]) -> list[NDArray[Any]]:
         """Return the outputs of the network, as `TrainedFile.run` does."""
-        feed = {name: np.asarray(values, dtype=np.float32) for name, values in inputs.items()}
+        feed = {name: np.asarray(values, dtype=self.precision) for name, values in inputs.items()}
         found = self.session.run(None, feed)
         for gain in found[self.outputs :]:
             self.range = (min(self.range[0], float(gain.min())), max(self.range[1], float(gain.max())))
-        outputs: list[NDArray[np.float32]] = found[: self.outputs]
+        outputs: list[NDArray[Any]] = found[: self.outputs]
         return outputs
 
 

@@ -264,6 +264,7 @@ _OPERATORS: dict[str, Callable[[list[Box | None], dict[str, Any]], Box | list[Bo
     "IsNaN": _unknown_truth,
     "MatMul": lambda given, _: _matrix_product(*_there(given)),
     "Max": lambda given, _: Box(*(reduce(np.maximum, ends) for ends in zip(*_there(given), strict=True))),
+    "Min": lambda given, _: Box(*(reduce(np.minimum, ends) for ends in zip(*_there(given), strict=True))),
     "Mul": lambda given, _: _times(*_there(given)),
     "Neg": lambda given, _: _negative(_there(given)[0]),
     "Not": lambda given, _: Box(1 - _there(given)[0].high, 1 - _there(given)[0].low),

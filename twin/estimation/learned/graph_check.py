@@ -20,6 +20,7 @@ _OF_ELEMENTS = {
     "Exp",
     "Log",
     "Max",
+    "Min",
     "Mul",
     "Neg",
     "Pow",

@@ -61,7 +61,7 @@ def replay(file: TrainedFile) -> dict[str, float]:
             if part.name not in inputs
         }
         batch = max(len(steps[0]) for steps in inputs.values())
-        memory = {name: np.zeros((batch, *shape), np.float32) for name, shape in states.items()}
+        memory = {name: np.zeros((batch, *shape)) for name, shape in states.items()}
         worst = dict.fromkeys(wanted, 0.0)
         for step in range(len(next(iter(inputs.values())))):
             returned = file.run(**{name: steps[step] for name, steps in inputs.items()}, **memory)
@@ -78,7 +78,7 @@ def replay(file: TrainedFile) -> dict[str, float]:
 
 
 def _array(numbers: "NumbersFile") -> Any:
-    values = np.array([np.nan if value is None else value for value in numbers.values], dtype=np.float32)
+    values = np.array([np.nan if value is None else value for value in numbers.values], dtype=float)
     if values.size != np.prod(numbers.shape):
         raise InputError("its reference steps are incomplete")
     return values.reshape(numbers.shape)

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.learned.scale import LEAST_VARIANCE
-from twin.estimation.learned.trained_file import TrainedFile, check_network
+from twin.estimation.learned.trained_file import PRECISIONS, TrainedFile, check_network
 from twin.files.shown import shown
 
 Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
-Memory = tuple[Array32, ...]
+Memory = tuple[NDArray[Any], ...]
 """Arrays of the state of B filters, (B, ...) each."""
 
 SAMPLE_TIME = 0.1  # the paper's [s]
@@ -45,7 +44,7 @@ class StepNetwork:
 
     def start(self, batch: int) -> Memory:
         """Return the state before anything is measured."""
-        return tuple(np.zeros((batch, *shape), np.float32) for shape in self.state.values())
+        return tuple(np.zeros((batch, *shape), self.file.precision) for shape in self.state.values())
 
     def step(
         self,
@@ -104,5 +103,5 @@ def step_network(
     inputs = {name: (_BATCH, *shape) for name, shape in predicted_by.items()}
     inputs |= dict.fromkeys(OF_SAMPLE, (_BATCH,)) | {"parts": (len(ALL_PARTS),)} | memory
     outputs = dict.fromkeys(OUTPUTS, (_BATCH,)) | {f"{name}_after": of for name, of in memory.items()}
-    check_network(file, inputs, outputs, positive=("variance", "sample_time"))
+    check_network(file, inputs, outputs, positive=("variance", "sample_time"), precisions=PRECISIONS)
     return StepNetwork(file, shapes)

@@ -1,6 +1,7 @@
 """A trained network in one ONNX file that carries its own description, read and run without torch."""
 
 import dataclasses
+import functools
 import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -20,6 +21,8 @@ METADATA_KEY = "endotwin"
 LARGEST = 32 * MEBIBYTE
 """Size that no trained file of ours comes near [bytes]."""
 MOST_METADATA = MEBIBYTE
+PRECISIONS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+"""Types of numbers that a network may compute with, by ONNX Runtime's names of them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,10 +47,15 @@ class TrainedFile:
             raise TypeError("a network that was not read from a file cannot be sent to another process")
         return read_trained_file, (self.path, self.agent)
 
-    def run(self, **inputs: NDArray[Any]) -> list[NDArray[np.float32]]:
-        """Return the outputs of the network for named inputs, which are taken in single precision."""
-        feed = {name: np.asarray(values, dtype=np.float32) for name, values in inputs.items()}
-        outputs: list[NDArray[np.float32]] = self.session.run(None, feed)
+    @functools.cached_property
+    def precision(self) -> type[np.floating[Any]]:
+        """Type of the numbers that the network computes with."""
+        return PRECISIONS.get(self.session.get_inputs()[0].type, np.float32)
+
+    def run(self, **inputs: NDArray[Any]) -> list[NDArray[Any]]:
+        """Return the outputs of the network for named inputs, which are taken in its own precision."""
+        feed = {name: np.asarray(values, dtype=self.precision) for name, values in inputs.items()}
+        outputs: list[NDArray[Any]] = self.session.run(None, feed)
         return outputs
 
 
@@ -98,6 +106,7 @@ def check_network(
     inputs: Mapping[str, tuple[int, ...]],
     outputs: Mapping[str, tuple[int, ...]],
     positive: Collection[str] = (),
+    precisions: Collection[str] = ("tensor(float)",),
 ) -> None:
     """Run a network once on zeros, and check what it takes and returns.
 
@@ -106,17 +115,21 @@ def check_network(
         inputs: shape of each of its inputs, by name.
         outputs: shape of each of its outputs for these, by name.
         positive: inputs that cannot be zero, and are one.
+        precisions: types, of which one is that of all inputs and outputs.
 
     Raises:
         ValueError: names, shapes or types are others, it cannot be run, or what it returns is not finite.
     """
+    types = {part.type for part in file.session.get_inputs()}
     for what, wanted, there in (
         ("inputs", inputs, file.session.get_inputs()),
         ("outputs", outputs, file.session.get_outputs()),
     ):
         found = {part.name: part.type for part in there}
-        if found != dict.fromkeys(wanted, "tensor(float)"):
-            raise InputError(f"its {what} are {shown(found)}, not {', '.join(wanted)} in single precision")
+        if found not in [dict.fromkeys(wanted, kind) for kind in precisions if kind in types]:
+            raise InputError(
+                f"its {what} are {shown(found)}, not {', '.join(wanted)} of {' or '.join(precisions)}"
+            )
     try:
         returned = file.run(
             **{name: np.full(shape, float(name in positive)) for name, shape in inputs.items()}
