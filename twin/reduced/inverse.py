@@ -1,5 +1,7 @@
 """Inverse of reduced twins: the pull that brings a given bend at the end of the next sample.
 
+Each endoscope has a pull of its own, or all have one in common, that brings a weighted sum of their bends.
+
 From a given state the bend never falls as the pull rises, so that a bracket of two pulls holds the answer. It
 is grown from where the command stands, and narrowed by Chandrupatla's method (1997, Advances in Engineering
 Software 28: inverse quadratic interpolation where that is safe, else bisection). Every trial advances a copy
@@ -50,15 +52,16 @@ def new_inverse(endoscopes: int, planes: int) -> Inverse:
 
 
 class Trial(NamedTuple):
-    """Arguments of a trial of one endoscope.
+    """Arguments of a trial of one endoscope, or of several that have one pull.
 
     Attributes:
         parameters: of M endoscopes.
         state: theirs; not changed.
         scratch: a state of the same shape; rewritten.
         work: scratch arrays.
-        m: which endoscope.
-        inputs: (3,) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
+        first: of the endoscopes.
+        weights: of the bend of each, from the first on.
+        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
         periods: control periods in the sample.
     """
 
@@ -66,7 +69,8 @@ class Trial(NamedTuple):
     state: ReducedState
     scratch: ReducedState
     work: Work
-    m: int
+    first: int
+    weights: Array
     inputs: Array
     periods: int
 
@@ -97,9 +101,9 @@ def find_pulls(
         found: written.
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
-    planes = target.shape[1]
+    planes, alone = target.shape[1], np.ones(1)
     for m in range(len(inputs)):
-        trial = Trial(parameters, state, scratch, work, m, inputs[m], periods)
+        trial = Trial(parameters, state, scratch, work, m, alone, inputs, periods)
         for _ in range(TURNS):
             for p in range(planes):
                 found.bracket[m, p] = inputs[m, p]
@@ -122,46 +126,55 @@ def find_pulls(
 
 @compiled
 def _bend_after(trial: Trial, p: int) -> float:
-    """Return the bend of a plane after one sample from a state, which stays as it is [rad]."""
-    state, scratch, m = trial.state, trial.scratch, trial.m
-    scratch.element[m] = state.element[m]
-    scratch.hinge[m] = state.hinge[m]
-    scratch.slip[m] = state.slip[m]
-    scratch.turn[m] = state.turn[m]
-    scratch.pulley[m] = state.pulley[m]
-    scratch.drive[m] = state.drive[m]
-    scratch.past[m] = state.past[m]
-    scratch.command[m] = state.command[m]
-    scratch.time[m] = state.time[m]
-    scratch.travel[m] = state.travel[m]
-    advance_one(trial.parameters, scratch, trial.work, m, trial.inputs, trial.periods)
-    return bend_of(trial.parameters.size, scratch.hinge[m, p])
+    """Return the weighted bend of a plane after one sample from a state, which stays as it is [rad]."""
+    state, scratch, bend = trial.state, trial.scratch, 0.0
+    for place in range(len(trial.weights)):
+        m = trial.first + place
+        scratch.element[m] = state.element[m]
+        scratch.hinge[m] = state.hinge[m]
+        scratch.slip[m] = state.slip[m]
+        scratch.turn[m] = state.turn[m]
+        scratch.pulley[m] = state.pulley[m]
+        scratch.drive[m] = state.drive[m]
+        scratch.past[m] = state.past[m]
+        scratch.command[m] = state.command[m]
+        scratch.time[m] = state.time[m]
+        scratch.travel[m] = state.travel[m]
+        advance_one(trial.parameters, scratch, trial.work, m, trial.inputs[m], trial.periods)
+        bend += trial.weights[place] * bend_of(trial.parameters.size, scratch.hinge[m, p])
+    return bend
+
+
+@compiled
+def _bend_at(trial: Trial, p: int, pull: float) -> float:
+    """Return `_bend_after` with a pull of that plane, which is written into the inputs."""
+    for place in range(len(trial.weights)):
+        trial.inputs[trial.first + place, p] = pull
+    return _bend_after(trial, p)
 
 
 @compiled
 def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, bracket: Array) -> float:
     """Write the pull of one plane into the inputs, and its bracket; return the bend that it brings [rad]."""
-    inputs = trial.inputs
-    start = min(max(trial.state.command[trial.m, p], limits[0]), limits[1])
-    inputs[p] = near = far = start
-    of_near = of_far = _bend_after(trial, p) - target
+    start = min(max(trial.state.command[trial.first, p], limits[0]), limits[1])
+    near = far = start
+    of_near = of_far = _bend_at(trial, p, start) - target
     bracket[:] = start
     if abs(of_near) <= tolerance:  # where it stands it may stay
         return target + of_near
     end = limits[1] if of_near < 0.0 else limits[0]
     # A wire that does not stretch would bend by the pull over the moment arm: no step can be shorter.
-    step = -of_near * trial.parameters.arm[trial.m]
+    step = -of_near * trial.parameters.arm[trial.first]
     while far != end and of_far * of_near > 0.0:
         near, of_near = far, of_far
         far = min(far + step, end) if step > 0.0 else max(far + step, end)
         step *= 2.0
-        inputs[p] = far
-        of_far = _bend_after(trial, p) - target
+        of_far = _bend_at(trial, p, far) - target
     if of_far * of_near > 0.0:
         # Out of reach: the shortest way to nearly what the end of the stroke brings. A servo at its limit of
         # speed goes no further for a larger command.
-        near, inputs[p] = start, start
-        of_near = _bend_after(trial, p) - target
+        near = start
+        of_near = _bend_at(trial, p, start) - target
         if abs(of_far - of_near) <= tolerance:
             return target + of_near
         nearly = of_far + math.copysign(tolerance / 2.0, of_far)
@@ -183,14 +196,13 @@ def _narrow(
     bracket: Array,
 ) -> float:
     """Narrow a bracket by Chandrupatla's method, `f1` and `f2` at its ends; return the error that is left."""
-    inputs, share = trial.inputs, 0.5
-    least_width = max(LEAST_WIDTH_M, trial.parameters.drive[trial.m, ENCODER_STEP] / 2.0)
+    share = 0.5
+    least_width = max(LEAST_WIDTH_M, trial.parameters.drive[trial.first, ENCODER_STEP] / 2.0)
     if f1 != f2:
         share = min(max(f1 / (f1 - f2), 0.05), 0.95)
     for _ in range(TRIALS):
         x = x1 + share * (x2 - x1)
-        inputs[p] = x
-        f = _bend_after(trial, p) - target
+        f = _bend_at(trial, p, x) - target
         if f * f1 > 0.0:
             x3, f3, x1, f1 = x1, f1, x, f
         else:
@@ -205,5 +217,40 @@ def _narrow(
     bracket[0], bracket[1] = min(x1, x2), max(x1, x2)
     if abs(f2) < abs(f1):
         x1, f1 = x2, f2
-    inputs[p] = x1
+    for place in range(len(trial.weights)):
+        trial.inputs[trial.first + place, p] = x1
     return f1
+
+
+@compiled
+def find_common_pull(
+    parameters: Parameters,
+    state: ReducedState,
+    scratch: ReducedState,
+    inputs: Array,
+    periods: int,
+    weights: Array,
+    target: float,
+    limits: Array,
+    tolerance: float,
+) -> tuple[float, float]:
+    """Find the pull of wire a that brings a weighted sum of the bends of endoscopes that have it in common.
+
+    Args:
+        parameters: of M endoscopes, all of which stand at the same command.
+        state: theirs; not changed.
+        scratch: a state of the same shape; rewritten.
+        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
+        periods: control periods in the sample.
+        weights: (M,) of each bend.
+        target: weighted sum at the end of the next sample [rad].
+        limits: (2,) lowest and highest pull [m].
+        tolerance: of the sum [rad].
+
+    Returns:
+        The pull [m], and the sum that it brings [rad]: the nearest that can be reached.
+    """
+    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
+    trial = Trial(parameters, state, scratch, work, 0, weights, inputs, periods)
+    reached = _find(trial, 0, target, limits, tolerance, np.empty(2))
+    return inputs[0, 0], reached

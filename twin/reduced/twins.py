@@ -11,7 +11,7 @@ from twin.mechanics.friction import friction_drift
 from twin.preset.preset import Preset
 from twin.preset.sample_time import check_sample_time
 from twin.reduced.advance import advance
-from twin.reduced.inverse import Inverse, find_pulls, new_inverse
+from twin.reduced.inverse import Inverse, find_common_pull, find_pulls, new_inverse
 from twin.reduced.parameters import parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
 from twin.reduced.rest import state_at_rest
@@ -141,6 +141,38 @@ class ReducedTwins:
             self.parameters, state, scratch, self._inputs, self._periods, target, limits, tolerance, found
         )
         return found
+
+    def common_pull(
+        self, weights: Array, bend: float, stroke: tuple[float, float], tolerance: float = TOLERANCE
+    ) -> tuple[float, float]:
+        """Return the one pull of all endoscopes that brings a weighted sum of their bends; nothing moves.
+
+        Args:
+            weights: (M,) of the bend of each.
+            bend: wanted sum at the end of the next sample [rad].
+            stroke: lowest and highest pull of wire a [m].
+            tolerance: of the sum [rad].
+
+        Returns:
+            The pull [m], and the sum that it brings [rad]. Where the stroke does not lead there, its end that
+            is nearer: endoscopes that stick move only after a longer way.
+        """
+        self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], None)
+        self._scratch = self._scratch or copy.deepcopy(self.state)
+        pull, reached = find_common_pull(
+            self.parameters,
+            self.state,
+            self._scratch,
+            self._inputs,
+            self._periods,
+            weights,
+            bend,
+            np.array(stroke),
+            tolerance,
+        )
+        if abs(reached - bend) > tolerance:
+            pull = stroke[0] if bend < reached else stroke[1]
+        return float(pull), float(reached)
 
     @property
     def converged(self) -> NDArray[np.bool_]:
