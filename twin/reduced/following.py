@@ -83,6 +83,22 @@ class Members:
                 states.append(self._twins.save_state())
         return Following(tuple(states), command, np.array(bends))
 
+    def common_pull_mm(
+        self, following: Following, weights: Array, bend_deg: float, within_mm: tuple[float, float]
+    ) -> float:
+        """Return the pull [mm] of the next sample that brings a weighted sum of the members' bends.
+
+        Args:
+            following: members along one command.
+            weights: (M,) of the bend of each.
+            bend_deg: wanted sum [deg].
+            within_mm: lowest and highest pull; the end that is nearer, where none brings it [mm].
+        """
+        self._twins.restore_state(following.twins[0])
+        low, high = within_mm
+        pull, _ = self._twins.common_pull(weights, float(np.radians(bend_deg)), (low * 1e-3, high * 1e-3))
+        return pull * 1e3
+
 
 def members_to_dict(presets: Sequence[Preset]) -> dict[str, Any]:
     """Return members as a trained file holds them: one preset, and what differs from member to member."""

@@ -104,11 +104,11 @@ class RamTwins(Estimator[TwinsState]):
         """Return the state at the first sample; the initial estimate is given back there and not used."""
         batch = len(pull_mm)
         unknown = np.full(batch, UNKNOWN_DEG)
-        return TwinsState(self._members.start(pull_mm), self.network.start(batch), bend_deg.copy(), unknown)
+        return TwinsState(self.members.start(pull_mm), self.network.start(batch), bend_deg.copy(), unknown)
 
     def resume(self, trusted: TwinsState, pull_mm: Array, bend_deg: Array) -> TwinsState:
         """Return the state of a stream that begins anew: d takes what it is off by, all else stays."""
-        following = self._members.step(trusted.following, pull_mm)
+        following = self.members.step(trusted.following, pull_mm)
         moved = (following.of_filters() - trusted.following.of_filters()).mean(axis=1)
         off = bend_deg - (trusted.bend_deg + moved)
         mean, covariance, *noise = (of.copy() for of in trusted.memory)
@@ -121,7 +121,7 @@ class RamTwins(Estimator[TwinsState]):
         self, state: TwinsState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
     ) -> TwinsState:
         """Step the members along the command, and the graph with what they say."""
-        following = self._members.step(state.following, pull_mm)
+        following = self.members.step(state.following, pull_mm)
         bend, half_width, memory = self.network.step(
             state.memory,
             measurement_deg,
@@ -152,7 +152,8 @@ class RamTwins(Estimator[TwinsState]):
         return state.half_width_deg
 
     @functools.cached_property
-    def _members(self) -> "Members":
+    def members(self) -> "Members":
+        """The twins that follow the commands."""
         from twin.reduced.following import Members
 
         return Members(self.presets, self.sample_time)

@@ -1,0 +1,1 @@
+"""Closed-loop control of the bending angle: controllers, the plant, trials, tuning and scores."""

@@ -1,0 +1,67 @@
+"""Knowledge of controllers before a run: the nominal endoscope, the sensor, the limits, trained files."""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+
+from twin.control.limits import CommandLimits
+from twin.control.line import Line, fit_line
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.hysteresis import ColemanHodgdon
+from twin.preset.preset import Preset
+from twin.runtime.deployment import Deployment
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlKnowledge:
+    """Knowledge before a run, of one endoscope at one sample time.
+
+    Attributes:
+        preset: the nominal endoscope: what a maker knows of all of a kind.
+        stroke_mm: lowest and highest pull of the work [mm].
+        limits: of the command; wider than the stroke.
+        sample_time: T [s].
+        noise_variance: R of the sensor [deg^2].
+        deployment: tuned active model on the identified model of Coleman and Hodgdon.
+        policy: trained file of RAM (twins); None where there is none.
+        settings: what was tuned, by controller and name.
+    """
+
+    preset: Preset
+    stroke_mm: tuple[float, float]
+    limits: CommandLimits
+    sample_time: float
+    noise_variance: float
+    deployment: Deployment
+    policy: Path | None = None
+    settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+
+    @cached_property
+    def line(self) -> Line:
+        """The linear map of the nominal endoscope."""
+        return fit_line(self.preset, self.stroke_mm)
+
+    @property
+    def model(self) -> ColemanHodgdon:
+        """The identified model."""
+        model = self.deployment.fallback.model
+        assert isinstance(model, ColemanHodgdon)  # `Deployment.from_dict` refuses others
+        return model
+
+    @property
+    def active_model(self) -> ActiveModel:
+        """The active model with tuned noise, told of the sensor."""
+        return self.deployment.fallback_at(self.sample_time, self.noise_variance)
+
+    @property
+    def trained(self) -> Path:
+        """The trained file.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.policy is None:
+            raise InputError("a controller on RAM (twins) needs a trained file")
+        return self.policy

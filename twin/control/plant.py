@@ -1,0 +1,87 @@
+"""The plant: an endoscope in MuJoCo, or a reduced one, that is driven by one command after the other."""
+
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.preset.preset import Preset
+from twin.preset.sample_time import check_sample_time
+from twin.signals.excitation import approach
+from twin.simulation import check_physics
+
+
+class Plant:
+    """One endoscope, stepped from sample to sample along straight lines between commands.
+
+    A run of `twin.simulate` along the same commands is the same, bit for bit.
+
+    Attributes:
+        preset: its parameters.
+        endoscope: the simulated one.
+        pull_mm: latest command [mm].
+        sheath_bend: latest bend of the sheath [rad].
+    """
+
+    def __init__(self, preset: Preset, sample_time: float, physics: str = "mujoco") -> None:
+        """Build the endoscope.
+
+        Raises:
+            ValueError: it has two bending planes, the sample time does not fit its control period, or there
+                is no such physics.
+        """
+        if preset.bending_planes != 1:
+            raise InputError(f"{preset.name!r} has two bending planes: control is of one")
+        check_physics(physics)
+        self.preset = preset
+        self._periods = check_sample_time(preset, sample_time)
+        self.endoscope: Any
+        if physics == "reduced":
+            from twin.reduced.endoscope import ReducedEndoscope
+
+            self.endoscope = ReducedEndoscope(preset)
+        else:
+            from twin.physics import Endoscope
+
+            self.endoscope = Endoscope.from_preset(preset, drawn=False)
+        self.pull_mm, self.sheath_bend = preset.command_zero * 1e3, preset.sheath_bend
+
+    def start(self, pull_mm: float) -> float:
+        """Go from rest to a pull [mm], as the records of `simulate` begin; returns the bend [deg]."""
+        self.endoscope.reset()
+        self.pull_mm, self.sheath_bend = pull_mm, self.preset.sheath_bend
+        zero = self.preset.command_zero
+        for way in approach(pull_mm * 1e-3 - zero, self.preset.control_period):
+            self.endoscope.advance(zero + way, 0.0, self.sheath_bend)
+        return self.bend_deg()
+
+    def step(self, pull_mm: float, sheath_bend: float | None = None) -> float:
+        """Go to the next command [mm], and bend of the sheath [rad], in one sample; returns the bend [deg].
+
+        Raises:
+            ValueError: the command is not finite, or the sheath's bend is negative.
+            FloatingPointError: the simulation diverged.
+        """
+        bend = self.sheath_bend if sheath_bend is None else sheath_bend
+        before, now = self.pull_mm * 1e-3, pull_mm * 1e-3
+        for period in range(1, self._periods):
+            share = period / self._periods
+            self.endoscope.advance(
+                before * (1 - share) + now * share, 0.0, self.sheath_bend * (1 - share) + bend * share
+            )
+        self.endoscope.advance(now, 0.0, bend)
+        self.pull_mm, self.sheath_bend = pull_mm, bend
+        return self.bend_deg()
+
+    def bend_deg(self) -> float:
+        """Return the bending angle [deg]."""
+        return float(np.degrees(self.endoscope.bend()))
+
+    def save_state(self) -> tuple[Any, float, float]:
+        """Return the complete state."""
+        return self.endoscope.save_state(), self.pull_mm, self.sheath_bend
+
+    def restore_state(self, state: tuple[Any, float, float]) -> None:
+        """Restore a state of `save_state`; the run continues bit for bit."""
+        endoscope, self.pull_mm, self.sheath_bend = state
+        self.endoscope.restore_state(endoscope)

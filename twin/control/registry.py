@@ -1,0 +1,100 @@
+"""The controller table: every controller, declared once, in the file where it lives.
+
+Tuning, tables, figures and `endotwin control` read it. A new controller is one new file in
+`twin/control/controllers` that calls `register_controller`.
+"""
+
+import dataclasses
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from twin.errors import InputError
+from twin.estimation.registry import Style
+
+if TYPE_CHECKING:
+    from twin.control.controller import Controller
+    from twin.control.knowledge import ControlKnowledge
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """A number that is tuned, on a logarithmic scale.
+
+    Attributes:
+        default: where nothing is tuned.
+        low: least value of the search.
+        high: greatest.
+    """
+
+    default: float
+    low: float
+    high: float
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerSpec:
+    """Declaration of one controller.
+
+    Attributes:
+        name: on the command line, in tables, figures and files.
+        rank: place in tables, the smallest first.
+        told: what it goes by, in a few words.
+        build: makes one for a run, with its settings by name.
+        settings: numbers that are tuned, by name.
+        needs_policy: whether it runs on a trained file of RAM (twins).
+        ours: whether it is this project's own, with which the others are compared.
+        style: in figures.
+    """
+
+    name: str
+    rank: float
+    told: str
+    build: "Callable[[ControlKnowledge, Mapping[str, float]], Controller]"
+    settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
+    needs_policy: bool = False
+    ours: bool = False
+    style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
+
+    def make(self, knowledge: "ControlKnowledge") -> "Controller":
+        """Return a new controller, with what was tuned for it."""
+        defaults = {name: setting.default for name, setting in self.settings.items()}
+        return self.build(knowledge, defaults | dict(knowledge.settings.get(self.name, {})))
+
+
+_SPECS: dict[str, ControllerSpec] = {}
+
+
+def register_controller(spec: ControllerSpec) -> ControllerSpec:
+    """Add a controller to the table and return it.
+
+    Raises:
+        ValueError: another controller has this name.
+    """
+    if spec.name in _SPECS:
+        raise InputError(f"controller {spec.name!r} is registered already")
+    _SPECS[spec.name] = spec
+    return spec
+
+
+def controller_specs() -> tuple[ControllerSpec, ...]:
+    """Return all controllers, in the order of tables."""
+    package = importlib.import_module("twin.control.controllers")
+    for found in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+        importlib.import_module(found.name)
+    return tuple(sorted(_SPECS.values(), key=lambda spec: (spec.rank, spec.name)))
+
+
+def find_controllers(names: Sequence[str]) -> tuple[ControllerSpec, ...]:
+    """Return the controllers of these names, in the order of tables; `all` is every one.
+
+    Raises:
+        ValueError: there is none of a name.
+    """
+    specs = controller_specs()
+    known = [spec.name for spec in specs]
+    for name in names:
+        if name != "all" and name not in known:
+            raise InputError(f"unknown controller {name!r:.60}; valid: all, {', '.join(known)}")
+    return tuple(spec for spec in specs if "all" in names or spec.name in names)
