@@ -8,14 +8,14 @@ from rl.options import TRAINING_STROKE_MM
 from rl.trainers import OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_memory
 from rl.twins.memory_step import MemoryStep
-from rl.twins.nominal import nominal_records
-from rl.twins.records import TwinRecords
+from rl.twins.records import SAMPLE_TIME, TwinRecords
 from rl.twins.run import Learner, scaled_to_options, train_on_twins
-from rl.twins.sequences import Prediction, by_model
+from rl.twins.sequences import STRIDES, Prediction, by_model
 from rl.twins.settings import SimulatedTraining
 from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 from twin.hysteresis import ColemanHodgdon, model_to_dict
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 
@@ -48,7 +48,9 @@ def nominal_model(preset: Preset, seed: int) -> ColemanHodgdon:
     Raises:
         FloatingPointError: the endoscope found no equilibrium.
     """
-    return identify_coleman_hodgdon(nominal_records(preset, TRAINING_STROKE_MM, seed), seed)[0]
+    return identify_coleman_hodgdon(
+        nominal_records(preset, TRAINING_STROKE_MM, seed, SAMPLE_TIME, STRIDES[0]), seed
+    )[0]
 
 
 register_trainer(

@@ -19,6 +19,7 @@ VERBS = {
     "run": "run a trained estimator on a log or a live stream, sample by sample",
     "render": "draw a record as PNG or MP4, without a screen",
     "report": "make one self-contained HTML page of a run",
+    "control": "track a reference bend on the twin, by every controller",
     "gate": "go or no-go for a policy before it is deployed, with reasons",
     "benchmark": "measure the physics at full size, and the speed",
     "demo": "all of it, end to end",

@@ -16,7 +16,6 @@ from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
 from rl.twins.learning import learn_gain, learn_interval, validation
-from rl.twins.nominal import nominal_records
 from rl.twins.records import SAMPLE_TIME, TwinRecords, simulate_records
 from rl.twins.sequences import STRIDES, Prediction, SequenceSource, split_records
 from rl.twins.settings import SimulatedTraining
@@ -25,6 +24,7 @@ from twin.dataset.farthest import check_reached
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
+from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -185,7 +185,7 @@ def _train(
         learner.guard(step, source)
     show = shown.of("interval")
     learn_interval(step, source, settings, lambda update, _: show(update, settings.interval_updates))
-    nominal = nominal_records(preset, settings.stroke_mm, settings.seed)
+    nominal = nominal_records(preset, settings.stroke_mm, settings.seed, SAMPLE_TIME, STRIDES[0])
     sample_time = SAMPLE_TIME * STRIDES[0]
     deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
     description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict()}

@@ -1,0 +1,156 @@
+"""`endotwin control`: closed-loop tracking of a bend on the twin, by every controller."""
+
+import dataclasses
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from scripts.command import Summary, run_verb
+from scripts.outputs import output_folder
+from scripts.progress import Progress
+from twin.files.ours import MADE_BY
+
+if TYPE_CHECKING:
+    from twin.control.comparison import Comparison
+
+FIGURES = ("tracking.png", "loops.png", "errors.png")
+
+
+@dataclasses.dataclass(frozen=True)
+class Control:
+    """Track reference bends on randomised twins, by feed-forward and by feedback.
+
+    Each controller is tuned with the same number of trials on other twins than are scored, and meets the same
+    twins, references and noise. A stopped comparison goes on with the same command.
+    """
+
+    out: Path
+    """Folder for control.json, table, figures and recordings."""
+    preset: str = "ureteroscope"
+    """Endoscope: name of a preset, or a YAML file with ranges."""
+    policy: Path | None = None
+    """Trained file of RAM (twins); without it, the controllers that need one are left out."""
+    controller: tuple[str, ...] = ("all",)
+    """Names of the controllers, or all."""
+    suite: str = "short"
+    """short: Gaussian noise of 1 deg^2 at 50 Hz; full: other noises, 10 Hz, a fast reference, and a sheath
+    that bends on the way."""
+    stroke: tuple[float, float] | None = None
+    """Stroke of the work [mm]: references use the middle 65 % of what it bends. [-1, 1] and [2, 4], if not
+    given."""
+    margin: float = 1.0
+    """Command beyond the stroke to either side, as a share of its width: twins with more friction need it."""
+    twins: int = 10
+    """Randomised endoscopes that are controlled."""
+    seconds: float = 40.0
+    """Length of each reference, behind a hold of 3 s that is not scored."""
+    speed: float = 5.0
+    """Speed limit of command and servo [mm/s]."""
+    latency: float = 0.0
+    """Delay of the sensor [s]."""
+    physics: Literal["mujoco", "reduced"] = "mujoco"
+    """Of the endoscopes that are controlled. Tuning is on reduced ones."""
+    candidates: int = 16
+    """Settings that are tried for each controller."""
+    workers: int = 0
+    """Processes; 0 for one per core. The results do not depend on it."""
+    dask: str | None = None
+    """Address of a Dask scheduler, whose workers are taken instead."""
+    seed: int = 0
+    """Of everything that is drawn."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+def control(args: Control) -> Summary:
+    """Write `control.json`, table, figures and recordings."""
+    from twin.errors import require_extra
+
+    for extra in ("sim", "viz"):
+        require_extra(extra, "endotwin control")
+    from twin.control.comparison import compare, specs_of
+    from twin.control.condition import find_conditions
+    from twin.control.results import (
+        RESULTS,
+        TABLE,
+        control_table,
+        control_values,
+        write_record,
+        write_table,
+        write_values,
+    )
+    from twin.control.settings import ControlSettings
+    from twin.files.run_folder import open_run
+    from twin.preset import load_preset, load_ranges
+    from twin.workers.choice import choose_workers
+
+    conditions = find_conditions(args.suite)
+    given: dict[str, Any] = {"strokes_mm": (args.stroke,)} if args.stroke else {}
+    settings = ControlSettings(
+        load_preset(args.preset),
+        load_ranges(args.preset),
+        twins=args.twins,
+        seconds=args.seconds,
+        margin=args.margin,
+        speed_mm_s=args.speed,
+        latency_s=args.latency,
+        physics=args.physics,
+        policy=args.policy,
+        candidates=args.candidates,
+        seed=args.seed,
+        **given,
+    )
+    specs = specs_of(settings, args.controller)
+    names = [spec.name for spec in specs]
+    files = {RESULTS: '"control"', TABLE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
+    out = output_folder(args.out, files)
+    configuration = {"suite": args.suite, "controllers": names, **settings.to_dict()}
+    parts = len(names) * 2 * len(conditions)
+    with (
+        open_run(out, configuration, ()),
+        choose_workers(parts, args.workers or os.cpu_count() or 1, args.dask) as (executor, _),
+    ):
+        comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))
+        ours = next((spec.name for spec in specs if spec.ours), None)
+        values = control_values(comparison, settings, ours)
+        for name, trial in comparison.shown.items():
+            write_record(out, trial, settings, name)
+        _draw(comparison, out, ours)
+        write_table(out, comparison)
+        path = write_values(out, values)
+    line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"
+    return Summary(
+        line,
+        {"out": str(path), "controllers": names, "rows": len(values["rows"])},
+        table=control_table(comparison, "plain"),
+    )
+
+
+def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
+    from twin.files.atomic import write_whole
+    from twin.report.control_figures import (
+        control_errors_figure,
+        loop_comparison_figure,
+        tracking_figure_of,
+    )
+    from twin.report.figures import to_png_bytes
+
+    shown = comparison.shown
+    names = list(shown)
+    first = comparison.results[0].condition
+    tracking = tracking_figure_of(shown, f"{first.signals[0]}, {first.name}, first twin")
+    figures = [tracking, loop_comparison_figure(shown, names[0], ours or names[-1])]
+    figures.append(control_errors_figure(comparison.results))
+    for name, figure in zip(FIGURES, figures, strict=True):
+        write_whole(out / name, to_png_bytes(figure))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb."""
+    return run_verb(Control, control, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,237 @@
+"""Comparison of controllers: models, tuning and trials, side by side on workers; a stopped one goes on."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import __version__
+from twin.control.condition import ControlCondition
+from twin.control.knowledge import ControlKnowledge
+from twin.control.registry import ControllerSpec, find_controllers
+from twin.control.score import MEASURES, ControlResult, measures_of
+from twin.control.settings import ControlSettings
+from twin.control.trial import Trial, run_trial
+from twin.control.tuning import tune
+from twin.errors import InputError
+from twin.files.state_file import read_state, state_key, write_state
+from twin.runtime.deployment import Deployment
+
+Array = NDArray[np.float64]
+OnProgress = Callable[[int, int, str], None]
+PARTS = "parts"
+"""Folder of what is done: one file for each search and for each controller under each condition."""
+_KIND = "part of a comparison of controllers"
+_TRACE = ("reference_deg", "pull_mm", "bend_deg", "measured_deg", "estimate_deg")
+Arrays = dict[str, Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """All results, and the trials that figures show.
+
+    Attributes:
+        results: of each controller under each condition.
+        shown: by controller, the trial of the first twin, stroke, condition and signal.
+        tuned: by sensor and controller, settings and their error on the drives of the tuning.
+    """
+
+    results: list[ControlResult]
+    shown: dict[str, Trial]
+    tuned: list[dict[str, Any]]
+
+
+def compare(
+    settings: ControlSettings,
+    conditions: Sequence[ControlCondition],
+    controllers: Sequence[str],
+    folder: Path,
+    executor: Executor,
+    on_progress: OnProgress,
+) -> Comparison:
+    """Tune and run controllers under conditions.
+
+    Args:
+        settings: of the comparison.
+        conditions: noises, sample times and references.
+        controllers: names.
+        folder: of the results, in which the parts are kept.
+        executor: runs the parts.
+        on_progress: told how many of how many parts are done, and which was the last.
+
+    Raises:
+        ValueError: a controller is unknown, or a part is damaged.
+        FloatingPointError: an endoscope diverged or found no equilibrium.
+    """
+    specs = find_controllers(controllers)
+    sensors = list(dict.fromkeys(condition.sensor for condition in conditions))
+    parts = _Parts(folder / PARTS, settings, executor, on_progress)
+    parts.total = len(specs) * (len(sensors) + len(conditions))
+    on_progress(0, parts.total, "models")
+    deployments = list(executor.map(ControlSettings.find_deployment, *_pairs(settings)))
+    searches = {
+        (sensor, spec.name): parts.start(
+            f"tuned_{spec.name}_{sensors.index(sensor)}", _search, spec.name, sensor, settings, deployments
+        )
+        for sensor in sensors
+        for spec in specs
+    }
+    found = parts.finish(searches)
+    tuned = {key: _settings_of(arrays, key[1]) for key, arrays in found.items()}
+    runs = {}
+    for place, condition in enumerate(conditions):
+        of_all = {spec.name: tuned[condition.sensor, spec.name] for spec in specs}
+        for spec in specs:
+            name = f"trials_{spec.name}_{place}"
+            runs[place, spec.name] = parts.start(
+                name, _run, spec.name, condition, of_all, settings, deployments
+            )
+    done = parts.finish(runs)
+    results, shown = [], {}
+    for (place, name), arrays in done.items():
+        condition = conditions[place]
+        measures = {measure: arrays[measure] for measure in MEASURES}
+        mine = tuned[condition.sensor, name]
+        results.append(ControlResult(name, condition, settings.strokes_mm, measures, mine))
+        if place == 0:
+            shown[name] = _trial_of(arrays, condition.sample_time)
+    searched = [
+        {
+            "controller": name,
+            "noise_variance_deg2": sensor[0],
+            "sample_time_s": sensor[1],
+            "settings": tuned[sensor, name],
+            "rmse_deg": float(arrays["rmse_deg"][0]),
+            "tried": int(arrays["tried"][0]),
+        }
+        for (sensor, name), arrays in found.items()
+    ]
+    return Comparison(results, shown, searched)
+
+
+def _pairs(settings: ControlSettings) -> tuple[list[ControlSettings], list[tuple[float, float]]]:
+    return [settings] * len(settings.strokes_mm), list(settings.strokes_mm)
+
+
+class _Parts:
+    """Parts of a comparison: what is there is read, the rest is made on workers and kept."""
+
+    def __init__(
+        self, folder: Path, settings: ControlSettings, executor: Executor, on_progress: OnProgress
+    ) -> None:
+        self.total = self._done = 0
+        self._folder, self._executor, self._on_progress = folder, executor, on_progress
+        self._of_all = [__version__, settings.to_dict()]
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def start(
+        self, name: str, work: Callable[..., Arrays], *given: Any
+    ) -> tuple[Path, str, Arrays | None, Future[Arrays] | None]:
+        """Begin a part, or read it; it belongs to the settings and to what it is given."""
+        path = self._folder / f"{name}.state"
+        key = state_key(*self._of_all, name, repr([_plain(value) for value in given]))
+        there = read_state(path, _KIND, key)
+        return path, key, there, None if there is not None else self._executor.submit(work, *given)
+
+    def finish(
+        self, begun: dict[Any, tuple[Path, str, Arrays | None, Future[Arrays] | None]]
+    ) -> dict[Any, Arrays]:
+        """Wait for parts and keep them, each as soon as it is there."""
+        found = {key: there for key, (_, _, there, _) in begun.items() if there is not None}
+        self._done += len(found)
+        waiting = {future: key for key, (_, _, _, future) in begun.items() if future is not None}
+        for future in as_completed(waiting):
+            key = waiting[future]
+            path, sign, _, _ = begun[key]
+            found[key] = future.result()
+            write_state(path, _KIND, sign, found[key])
+            self._done += 1
+            self._on_progress(self._done, self.total, path.stem)
+        self._on_progress(self._done, self.total, "")
+        return {key: found[key] for key in begun}
+
+
+def _plain(value: Any) -> Any:
+    """Return what a part is given, as text says it; settings are in every key."""
+    if isinstance(value, ControlSettings):
+        return "settings"
+    if isinstance(value, list):
+        return [of.to_dict() if isinstance(of, Deployment) else of for of in value]
+    return value
+
+
+def _knowledge(
+    settings: ControlSettings, sensor: tuple[float, float], deployments: Sequence[Deployment]
+) -> list[ControlKnowledge]:
+    return [
+        settings.knowledge(stroke, sensor, deployment)
+        for stroke, deployment in zip(settings.strokes_mm, deployments, strict=True)
+    ]
+
+
+def _search(
+    name: str, sensor: tuple[float, float], settings: ControlSettings, deployments: list[Deployment]
+) -> Arrays:
+    """Tune one controller for one sensor."""
+    (spec,) = find_controllers([name])
+    cases = [
+        (known, drive)
+        for known in _knowledge(settings, sensor, deployments)
+        for drive in settings.tuning_drives(known)
+    ]
+    tuned = tune(spec, cases, settings.candidates, settings.seed)
+    values = np.array(list(tuned.settings.values()))
+    return {"settings": values, "rmse_deg": np.array([tuned.rmse_deg]), "tried": np.array([tuned.tried])}
+
+
+def _settings_of(arrays: Arrays, name: str) -> dict[str, float]:
+    (spec,) = find_controllers([name])
+    return dict(zip(spec.settings, arrays["settings"].tolist(), strict=True))
+
+
+def _run(
+    name: str,
+    condition: ControlCondition,
+    tuned: dict[str, dict[str, float]],
+    settings: ControlSettings,
+    deployments: list[Deployment],
+) -> Arrays:
+    """Run one controller under one condition on all strokes, twins and signals."""
+    rows, first = [], None
+    for known in _knowledge(settings, condition.sensor, deployments):
+        told = dataclasses.replace(known, settings=tuned)
+        for _, drive in settings.drives(condition, known.stroke_mm, told):
+            trial = run_trial(name, told, drive)
+            first = first or trial
+            rows.append(measures_of(trial))
+    shape = len(settings.strokes_mm), settings.twins, len(condition.signals)
+    columns = np.array(rows).T
+    arrays = {measure: of.reshape(shape) for measure, of in zip(MEASURES, columns, strict=True)}
+    assert first is not None
+    traces = {of: getattr(first, of) for of in _TRACE}
+    return arrays | {of: values for of, values in traces.items() if np.isfinite(values).all()}
+
+
+def _trial_of(arrays: Arrays, sample_time: float) -> Trial:
+    unknown = np.full(len(arrays["bend_deg"]), np.nan)
+    traces = {name: arrays.get(name, unknown) for name in _TRACE}
+    return Trial(**traces, fell_back=np.zeros(len(unknown), dtype=bool), sample_time=sample_time)
+
+
+def specs_of(settings: ControlSettings, names: Sequence[str]) -> tuple[ControllerSpec, ...]:
+    """Return the controllers of these names; `all` is those that can run with what is given.
+
+    Raises:
+        ValueError: one is unknown, or is named and needs a trained file that there is none of.
+    """
+    specs = find_controllers(names)
+    if settings.policy is not None:
+        return specs
+    for spec in specs:
+        if spec.needs_policy and spec.name in names:
+            raise InputError(f"controller {spec.name!r} runs on a trained file of RAM (twins): none is given")
+    return tuple(spec for spec in specs if not spec.needs_policy)

@@ -1,0 +1,79 @@
+"""Conditions of a comparison of controllers: noise, sample time, references, and what happens on the way."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.control.reference import HOLD_S
+from twin.errors import InputError
+from twin.preset.preset import Preset
+from twin.signals.noise import noise_variance
+
+Array = NDArray[np.float64]
+SLOW = ("sine", "multi-sine", "random-steps")
+BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
+"""When the sheath begins to bend, how long that takes [s], and by how much [rad]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlCondition:
+    """One line of a comparison.
+
+    Attributes:
+        name: in tables and files.
+        noise: kind of it.
+        level: of it.
+        sample_time: T [s].
+        signals: kinds of reference.
+        bends: whether the sheath bends by a quarter turn on the way, untold.
+    """
+
+    name: str
+    noise: str = "gaussian"
+    level: float = 1.0
+    sample_time: float = 0.02
+    signals: tuple[str, ...] = SLOW
+    bends: bool = False
+
+    @property
+    def variance(self) -> float:
+        """R that controllers are told [deg^2]."""
+        return noise_variance(self.noise, self.level)
+
+    @property
+    def sensor(self) -> tuple[float, float]:
+        """R and T of the sensor that controllers are tuned for."""
+        return self.variance, self.sample_time
+
+    def sheath_bend(self, preset: Preset, samples: int) -> Array:
+        """Return the bend of the sheath at each sample [rad]; empty where it stays."""
+        if not self.bends:
+            return np.empty(0)
+        begun = np.arange(samples) * self.sample_time - HOLD_S - BENDING_AT_S
+        bend: Array = preset.sheath_bend + BENT_BY * np.clip(begun / BENDING_S, 0.0, 1.0)
+        return bend
+
+
+CONDITIONS = (
+    ControlCondition("R = 1"),
+    ControlCondition("R = 0.1", level=0.1),
+    ControlCondition("R = 5", level=5.0),
+    ControlCondition("R = 1, 10 Hz", sample_time=0.1),
+    ControlCondition("outliers", "salt-and-pepper", 0.05),
+    ControlCondition("Poisson 1", "poisson", 1.0),
+    ControlCondition("sine of 4 s", signals=("fast-sine",)),
+    ControlCondition("sheath bends", bends=True),
+)
+SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
+
+
+def find_conditions(suite: str) -> tuple[ControlCondition, ...]:
+    """Return the conditions of a suite.
+
+    Raises:
+        ValueError: there is no such suite.
+    """
+    if suite not in SUITES:
+        raise InputError(f"unknown suite {suite!r:.40}; valid: {', '.join(SUITES)}")
+    return SUITES[suite]

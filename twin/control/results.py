@@ -1,0 +1,114 @@
+"""Files of a comparison of controllers: `control.json`, a table, and recordings of what figures show."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.control.comparison import Comparison
+from twin.control.score import comparisons
+from twin.control.settings import ControlSettings
+from twin.control.trial import Trial
+from twin.episode import Episode
+from twin.files.atomic import write_whole
+from twin.files.ours import MADE_BY
+from twin.simulation import simulate
+
+RESULTS = "control.json"
+TABLE = "control.md"
+RECORDS = "records"
+REFERENCE_TOPIC = "/reference"
+
+
+def control_values(comparison: Comparison, settings: ControlSettings, ours: str | None) -> dict[str, Any]:
+    """Return what `control.json` holds."""
+    results = comparison.results
+    limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
+    protocol = {
+        "preset": settings.preset.name,
+        "physics": settings.physics,
+        "twins": settings.twins,
+        "seconds": settings.seconds,
+        "limits": limits,
+        "sensor_latency_s": settings.latency_s,
+        "candidates": settings.candidates,
+        "tuning_seconds": settings.tuning_seconds,
+        "seed": settings.seed,
+    }
+    return {
+        "control": protocol,
+        "rows": [row for result in results for row in result.rows()],
+        "comparisons": comparisons(results, ours, settings.seed) if ours else [],
+        "tuned": comparison.tuned,
+    }
+
+
+def write_values(folder: Path, values: dict[str, Any]) -> Path:
+    """Write `control.json`; returns its path."""
+    path = folder / RESULTS
+    write_whole(path, json.dumps(values, indent=1) + "\n")
+    return path
+
+
+def control_table(comparison: Comparison, fmt: str = "markdown") -> str:
+    """Return the table of all conditions: one column each, one row a controller; RMSE in degrees.
+
+    Args:
+        comparison: the results.
+        fmt: of the table, as `tabulate` names it: `markdown` or `plain`.
+    """
+    from tabulate import tabulate
+
+    conditions = list(dict.fromkeys(result.condition for result in comparison.results))
+    rows = []
+    for name in dict.fromkeys(result.controller for result in comparison.results):
+        mine = {of.condition: of for of in comparison.results if of.controller == name}
+        cells = [
+            f"{mine[condition].rmse_deg:.2f} ({mine[condition].by_twin_deg.max():.2f})"
+            for condition in conditions
+        ]
+        travel = float(mine[conditions[0]].measures["travel_mm"].mean())
+        rows.append([name, *cells, f"{travel:.1f}"])
+    heads = ["controller", *(condition.name for condition in conditions), "way [mm]"]
+    kind = "pipe" if fmt == "markdown" else fmt
+    return str(tabulate(rows, heads, tablefmt=kind, disable_numparse=True))
+
+
+def write_table(folder: Path, comparison: Comparison) -> None:
+    """Write the table as Markdown."""
+    said = (
+        "RMSE of tracking [deg], in brackets that of the worst twin; "
+        "the way of the command is that of the first column."
+    )
+    write_whole(folder / TABLE, f"{said}\n\n{control_table(comparison)}\n\n<!-- {MADE_BY} -->\n")
+
+
+def record_of(trial: Trial, settings: ControlSettings, controller: str) -> Episode:
+    """Return the episode of a trial on the first twin, simulated anew along its commands."""
+    preset = settings.held_out(0)
+    episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
+    facts = {"controller": controller, "tracking_rmse_deg": trial.rmse_deg}
+    return dataclasses.replace(
+        episode, measured_bend=np.radians(trial.measured_deg), metadata={**episode.metadata, **facts}
+    )
+
+
+def write_record(folder: Path, trial: Trial, settings: ControlSettings, controller: str) -> Path:
+    """Write a trial as MCAP: command, truth, measurement, `/reference` and the controller's estimate."""
+    from twin.recording.estimate import estimate_message, estimate_topic
+    from twin.recording.messages import to_nanoseconds
+    from twin.recording.writer import EpisodeWriter
+
+    episode = record_of(trial, settings, controller)
+    path = folder / RECORDS / f"{controller}.mcap"
+    path.parent.mkdir(exist_ok=True)
+    with EpisodeWriter(path) as writer:
+        writer.write(episode)
+        for k, time in enumerate(to_nanoseconds(episode.time)):
+            writer.add_message(REFERENCE_TOPIC, estimate_message(float(trial.reference_deg[k])), int(time))
+            if np.isfinite(trial.estimate_deg[k]):
+                message = estimate_message(float(trial.estimate_deg[k]))
+                writer.add_message(estimate_topic(controller), message, int(time))
+    return path

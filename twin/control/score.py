@@ -1,0 +1,122 @@
+"""Scores of controllers: errors by condition, reference and stroke, and ours against each other one."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.control.condition import ControlCondition
+from twin.control.trial import Trial
+from twin.evaluation.metrics import confidence_interval
+from twin.gate.paired import compare_paired
+
+Array = NDArray[np.float64]
+MEASURES = ("rmse_deg", "worst_deg", "travel_mm", "estimate_rmse_deg", "fallback_share")
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlResult:
+    """Measures of all trials of one controller under one condition.
+
+    Attributes:
+        controller: its name.
+        condition: under which.
+        strokes_mm: strokes, in the order of the first axis.
+        measures: by the names of `MEASURES`, each (strokes, twins, signals).
+        settings: what was tuned for it.
+    """
+
+    controller: str
+    condition: ControlCondition
+    strokes_mm: tuple[tuple[float, float], ...]
+    measures: dict[str, Array]
+    settings: dict[str, float]
+
+    @property
+    def squares(self) -> Array:
+        """Mean square errors, (twins, strokes and signals) [deg^2]."""
+        error = self.measures["rmse_deg"]
+        return np.moveaxis(error, 1, 0).reshape(error.shape[1], -1) ** 2
+
+    @property
+    def by_twin_deg(self) -> Array:
+        """Root mean square error of each twin, (twins,) [deg]."""
+        error: Array = np.sqrt(self.squares.mean(axis=1))
+        return error
+
+    @property
+    def rmse_deg(self) -> float:
+        """Root mean square error of all trials [deg]."""
+        return float(np.sqrt(self.squares.mean()))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each signal and stroke."""
+        condition, rows = self.condition, []
+        for s, stroke in enumerate(self.strokes_mm):
+            for k, signal in enumerate(condition.signals):
+                mine = {name: values[s, :, k] for name, values in self.measures.items()}
+                low, high = confidence_interval(mine["rmse_deg"])
+                estimate = float(mine["estimate_rmse_deg"].mean())
+                rows.append(
+                    {
+                        "controller": self.controller,
+                        "condition": condition.name,
+                        "noise": condition.noise,
+                        "level": condition.level,
+                        "sample_time_s": condition.sample_time,
+                        "signal": signal,
+                        "stroke_mm": list(stroke),
+                        "twins": len(mine["rmse_deg"]),
+                        "rmse_deg": float(mine["rmse_deg"].mean()),
+                        "rmse_ci95_deg": [low, high],
+                        "worst_twin_rmse_deg": float(mine["rmse_deg"].max()),
+                        "worst_deg": float(mine["worst_deg"].max()),
+                        "travel_mm": float(mine["travel_mm"].mean()),
+                        "estimate_rmse_deg": estimate if estimate >= 0 else None,
+                        "fallback_share": float(mine["fallback_share"].mean()),
+                    }
+                )
+        return rows
+
+
+def measures_of(trial: Trial) -> tuple[float, ...]:
+    """Return the measures of a trial, in the order of `MEASURES`; -1 where nothing was estimated."""
+    off = (trial.estimate_deg - trial.bend_deg)[trial.scored]
+    estimate = float(np.sqrt(np.mean(off**2)))
+    return (
+        trial.rmse_deg,
+        trial.worst_deg,
+        trial.travel_mm,
+        estimate if np.isfinite(estimate) else -1.0,
+        float(trial.fell_back[trial.scored].mean()),
+    )
+
+
+def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[dict[str, Any]]:
+    """Return how much less error ours has than each other controller, under each condition.
+
+    The 95 % interval is paired: both saw the same twins, references and noise.
+    """
+    found = []
+    for result in results:
+        if result.controller != ours:
+            continue
+        for other in results:
+            if other.condition != result.condition or other.controller == ours:
+                continue
+            paired = compare_paired(result.squares, other.squares, np.random.default_rng(seed))
+            rival = max(paired.rival_deg, 1e-9)
+            found.append(
+                {
+                    "condition": result.condition.name,
+                    "controller": ours,
+                    "rival": other.controller,
+                    "rmse_deg": paired.rmse_deg,
+                    "rival_rmse_deg": paired.rival_deg,
+                    "reduction": -paired.difference_deg / rival,
+                    "reduction_ci95": [-paired.high_deg / rival, -paired.low_deg / rival],
+                }
+            )
+    return found

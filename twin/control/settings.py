@@ -1,0 +1,166 @@
+"""Settings of a comparison of controllers, and the trials that they ask for."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.control.condition import SLOW, ControlCondition
+from twin.control.knowledge import ControlKnowledge
+from twin.control.limits import CommandLimits
+from twin.control.reference import SIGNALS, reference
+from twin.control.trial import Drive
+from twin.errors import InputError
+from twin.files.bounds import check_between
+from twin.files.hashes import sha256_of
+from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.nominal import nominal_records
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.runtime.deployment import Deployment, prepare_deployment
+from twin.signals.noise import draw_noise
+
+MODEL_SAMPLE_TIME, MODEL_STRIDE = 0.02, 5  # of the records that a model is identified on
+# What one seed is used for: streams of random numbers that never meet.
+_CONTROL = 500
+_TWINS, _REFERENCES, _NOISE, _TUNING_TWINS, _TUNING_REFERENCES, _TUNING_NOISE = range(_CONTROL, _CONTROL + 6)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlSettings:
+    """Settings of a comparison.
+
+    Attributes:
+        preset: the nominal endoscope.
+        ranges: from which those that are controlled are drawn.
+        strokes_mm: strokes of the work; references use the middle of what each reaches [mm].
+        twins: number of held-out endoscopes.
+        seconds: length of a reference behind its hold [s].
+        margin: command beyond the stroke, as a share of its width [-].
+        speed_mm_s: speed limit of the command and of the endoscope's servo [mm / s].
+        latency_s: delay of the sensor [s].
+        physics: of the plants.
+        policy: trained file of RAM (twins), if there is one.
+        candidates: settings that are tried for each controller.
+        tuning_seconds: length of a reference of the tuning [s].
+        seed: of everything that is drawn.
+    """
+
+    preset: Preset
+    ranges: Ranges
+    strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
+    twins: int = 10
+    seconds: float = 40.0
+    margin: float = 1.0
+    speed_mm_s: float = 5.0
+    latency_s: float = 0.0
+    physics: str = "mujoco"
+    policy: Path | None = None
+    candidates: int = 16
+    tuning_seconds: float = 12.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ValueError: a number is out of range, or a stroke is empty.
+        """
+        check_between("twins", self.twins, 1, 1000)
+        check_between("seconds", self.seconds, 1.0, 3600.0)
+        check_between("margin", self.margin, 0.0, 10.0)
+        check_between("candidates", self.candidates, 1, 1000)
+        if not self.strokes_mm:
+            raise InputError("no stroke given: name at least one")
+        for stroke in self.strokes_mm:
+            self.limits(stroke)
+
+    def limits(self, stroke_mm: tuple[float, float]) -> CommandLimits:
+        """Return the limits of the command on a stroke [mm]."""
+        low, high = stroke_mm
+        CommandLimits(low, high, self.speed_mm_s)
+        beyond = self.margin * (high - low)
+        return CommandLimits(low - beyond, high + beyond, self.speed_mm_s)
+
+    def knowledge(
+        self, stroke_mm: tuple[float, float], sensor: tuple[float, float], deployment: Deployment
+    ) -> ControlKnowledge:
+        """Return what a controller may know on a stroke, with a sensor of some R [deg^2] and T [s]."""
+        variance, sample_time = sensor
+        return ControlKnowledge(
+            self.preset,
+            stroke_mm,
+            self.limits(stroke_mm),
+            sample_time,
+            variance,
+            deployment,
+            self.policy,
+        )
+
+    def find_deployment(self, stroke_mm: tuple[float, float]) -> Deployment:
+        """Return the model that is identified on the nominal endoscope, and its active model, tuned.
+
+        Raises:
+            FloatingPointError: the endoscope found no equilibrium.
+        """
+        records = nominal_records(self.preset, stroke_mm, self.seed, MODEL_SAMPLE_TIME, MODEL_STRIDE)
+        model = identify_coleman_hodgdon(records, self.seed)[0]
+        return prepare_deployment(records, model, MODEL_SAMPLE_TIME * MODEL_STRIDE, self.seed)
+
+    def held_out(self, number: int) -> Preset:
+        """Return an endoscope that is scored: drawn from the ranges, with the servo of the limits."""
+        return self._drawn(_TWINS, number)
+
+    def _drawn(self, stream: int, number: int) -> Preset:
+        drawn = self.ranges.draw(self.preset, np.random.default_rng([self.seed, stream, number]))
+        speed = self.speed_mm_s * 1e-3
+        if drawn.servo_speed:
+            speed = min(speed, drawn.servo_speed)
+        return drawn.replace(servo_speed=speed, sensor_latency=drawn.sensor_latency + self.latency_s)
+
+    def drives(
+        self, condition: ControlCondition, stroke_mm: tuple[float, float], knowledge: ControlKnowledge
+    ) -> list[tuple[str, Drive]]:
+        """Return signal and drive of every trial of a condition on a stroke: all twins on all signals."""
+        place = self.strokes_mm.index(stroke_mm)
+        drives = []
+        for number in range(self.twins):
+            preset = self.held_out(number)
+            for kind in condition.signals:
+                which = [self.seed, _REFERENCES, place, number, SIGNALS.index(kind)]
+                wanted = self._reference(kind, knowledge, self.seconds, which)
+                which = [self.seed, _NOISE, place, number, SIGNALS.index(kind)]
+                noise = draw_noise(
+                    condition.noise, condition.level, (len(wanted),), np.random.default_rng(which)
+                )
+                bend = condition.sheath_bend(preset, len(wanted))
+                drives.append((kind, Drive(preset, wanted, noise, bend, self.physics)))
+        return drives
+
+    def tuning_drives(self, knowledge: ControlKnowledge) -> list[Drive]:
+        """Return the drives that settings are tried on: other twins, reduced, one for each signal."""
+        place = self.strokes_mm.index(knowledge.stroke_mm)
+        drives = []
+        for number, kind in enumerate(SLOW):
+            which = [self.seed, _TUNING_REFERENCES, place, number]
+            wanted = self._reference(kind, knowledge, self.tuning_seconds, which)
+            rng = np.random.default_rng([self.seed, _TUNING_NOISE, place, number])
+            noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
+            preset = self._drawn(_TUNING_TWINS, place * len(SLOW) + number)
+            drives.append(Drive(preset, wanted, noise, physics="reduced"))
+        return drives
+
+    def _reference(
+        self, kind: str, knowledge: ControlKnowledge, seconds: float, which: list[int]
+    ) -> np.ndarray:
+        reached = knowledge.line.reached_deg
+        return reference(kind, reached, seconds, knowledge.sample_time, np.random.default_rng(which))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all that results depend on, as plain values."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        values |= {"preset": self.preset.to_dict(), "ranges": self.ranges.to_dict()}
+        values["strokes_mm"] = [list(stroke) for stroke in self.strokes_mm]
+        values["policy"] = None if self.policy is None else sha256_of(self.policy)
+        return values
