@@ -144,7 +144,7 @@ class ControlSettings:
         drives = []
         for number, kind in enumerate(SLOW):
             which = [self.seed, _TUNING_REFERENCES, place, number]
-            wanted = self._reference(kind, knowledge, self.tuning_seconds, which)
+            wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), which)
             rng = np.random.default_rng([self.seed, _TUNING_NOISE, place, number])
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
             preset = self._drawn(_TUNING_TWINS, place * len(SLOW) + number)

@@ -77,7 +77,7 @@ def control_errors_figure(results: Sequence[ControlResult]) -> Figure:
     """Draw the error of every controller under every condition: each twin a dot, their mean a bar."""
     conditions: list[ControlCondition] = list(dict.fromkeys(result.condition for result in results))
     names = list(dict.fromkeys(result.controller for result in results))
-    figure = Figure(figsize=(1.8 + 1.5 * len(conditions), 3.9), layout="constrained")
+    figure = Figure(figsize=(3.4 + 1.35 * len(conditions), 3.6), layout="constrained")
     axes = clean_axes(figure.subplots())
     width = 0.8 / len(names)
     for result in results:
@@ -97,7 +97,7 @@ def control_errors_figure(results: Sequence[ControlResult]) -> Figure:
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     handles = [Line2D([], [], color=_line(name)["color"], linewidth=2, label=name) for name in names]
-    figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=8.5)
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)
     return figure
 
 

@@ -1,0 +1,101 @@
+"""`endotwin control`: a command compares controllers, goes on where it was stopped, refuses mistakes."""
+
+import json
+
+import pytest
+from gated import export_small
+from typed import typed
+
+from twin.control.registry import controller_specs
+from twin.recording import read_episode
+
+SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Two controllers without a trained file, on reduced plants."""
+    folder = tmp_path_factory.mktemp("control")
+    code, out, said = typed(f"{SHORT} --controller linear pid --json", folder)
+    assert code == 0, said
+    return folder, json.loads(out)
+
+
+def test_rows_and_comparisons_of_every_signal_are_written(compared):
+    folder, summary = compared
+    written = json.loads((folder / "out/control.json").read_text())
+    assert summary["controllers"] == ["linear", "pid"]
+    assert summary["rows"] == len(written["rows"]) == 2 * 3
+    row = written["rows"][0]
+    assert (row["controller"], row["noise"], row["level"], row["signal"]) == (
+        "linear",
+        "gaussian",
+        1.0,
+        "sine",
+    )
+    assert row["stroke_mm"] == [-1.0, 1.0]
+    assert row["rmse_ci95_deg"][0] <= row["rmse_deg"] <= row["rmse_ci95_deg"][1]
+    assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 1, "pid": 2}
+    assert written["control"]["limits"] == [{"low_mm": -3.0, "high_mm": 3.0, "speed_mm_s": 5.0}]
+    assert "| pid" in (folder / "out/control.md").read_text()
+    for name in ("tracking.png", "loops.png", "errors.png"):
+        assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_a_figure_shows_is_recorded_with_its_reference(compared):
+    folder, _ = compared
+    episode = read_episode(folder / "out/records/pid.mcap")
+    assert episode.metadata["controller"] == "pid"
+    assert len(episode.time) == 6 / 0.02
+    assert abs(episode.pull_mm).max() <= 3.0
+
+
+def test_the_same_command_goes_on_and_another_one_is_refused(compared):
+    folder, _ = compared
+    before = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}
+    code, _, said = typed(f"{SHORT} --controller linear pid", folder)
+    assert code == 0, said
+    assert {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()} == before
+    code, _, said = typed(f"{SHORT} --controller linear pid --seed 1", folder)
+    assert code == 2
+    assert "of another configuration (seed)" in said
+
+
+def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
+    folder, _ = compared
+    code, _, said = typed(f"{SHORT} --controller linear pid".replace("--workers 1", "--workers 2"), tmp_path)
+    assert code == 0, said
+    assert (tmp_path / "out/control.json").read_text() == (folder / "out/control.json").read_text()
+
+
+def test_every_controller_runs_on_a_trained_file(tmp_path):
+    export_small(tmp_path / "policy.onnx")
+    words = SHORT.replace("--twins 2", "--twins 1").replace("--candidates 2", "--candidates 1")
+    code, out, said = typed(f"{words} --policy policy.onnx --json", tmp_path)
+    assert code == 0, said
+    assert json.loads(out)["controllers"] == [spec.name for spec in controller_specs()]
+    written = json.loads((tmp_path / "out/control.json").read_text())
+    (own,) = {of["controller"] for of in written["comparisons"]}
+    assert own == "members-inverse"
+    assert len(written["comparisons"]) == len(controller_specs()) - 1
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        ("--controller pidd", "unknown controller 'pidd'; valid: all, linear"),
+        ("--controller members-inverse", "'members-inverse' runs on a trained file of RAM (twins)"),
+        ("--policy nothing.onnx", "nothing.onnx"),
+        ("--suite long", "unknown suite 'long'; valid: short, full"),
+        ("--stroke 1 1", "stroke [1, 1] mm: the first must be below the second"),
+        ("--twins 0", "--twins 0: must be from 1 to 1000"),
+        ("--speed 0", "must be positive"),
+        ("--preset uretroscope", "did you mean 'ureteroscope'"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(tmp_path, words, fault):
+    code, _, said = typed(f"control {words} --out out", tmp_path)
+    assert code == 2
+    assert fault in said
+    assert len(said.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
