@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 from twin.control.controller import Controller, Sensed
 from twin.control.knowledge import ControlKnowledge
+from twin.control.limits import CommandLimits
+from twin.control.line import Line
 from twin.control.registry import Setting
 
 PI_SETTINGS = {
@@ -13,6 +15,53 @@ PI_SETTINGS = {
     "integral_mm_per_deg_s": Setting(0.1, 0.005, 3.0),
 }
 """Gains of every controller with a PI law: one search for all."""
+
+
+class LinearFeedback:
+    """The line's pull for the next reference, and PI on the error of an estimate.
+
+    The integral stands still while the command is at a limit in its direction (anti-windup by clamping;
+    Astrom and Hagglund 2006, section 3.5).
+    """
+
+    def __init__(
+        self, limits: CommandLimits, sample_time: float, line: Line, gains: Mapping[str, float]
+    ) -> None:
+        """Prepare a run.
+
+        Args:
+            limits: of the command.
+            sample_time: T [s].
+            line: of the nominal endoscope.
+            gains: by the names of `PI_SETTINGS`.
+        """
+        self._limits, self._sample_time, self._line = limits, sample_time, line
+        self._proportional = gains["proportional_mm_per_deg"]
+        self._integral = gains["integral_mm_per_deg_s"]
+        self._sum_mm = 0.0
+
+    def begin(self, pull_mm: float, reference_deg: float) -> None:
+        """Begin at a command, without a jump: what the line would command less it is in the integral."""
+        self._sum_mm = pull_mm - self._line.pull_mm(reference_deg)
+
+    def wanted_mm(self, pull_mm: float, bend_deg: float, reference_deg: float, next_deg: float) -> float:
+        """Return the pull that is wanted at the next sample [mm]; NaN where the estimate is none.
+
+        Args:
+            pull_mm: command that stands [mm].
+            bend_deg: estimate [deg].
+            reference_deg: wanted angle now [deg].
+            next_deg: wanted angle at the next sample [deg].
+        """
+        error = reference_deg - bend_deg
+        if not math.isfinite(error):
+            return math.nan
+        of_line = self._line.pull_mm(next_deg) + self._proportional * error
+        grown = self._sum_mm + self._integral * self._sample_time * error
+        bounded = self._limits.within(of_line + grown, pull_mm, self._sample_time)
+        if (of_line + grown - bounded) * error <= 0:
+            self._sum_mm = grown
+        return of_line + self._sum_mm
 
 
 class Believed(Protocol):
@@ -25,11 +74,7 @@ class Believed(Protocol):
 
 
 class EstimateFeedback(Controller):
-    """The line's pull for the next reference, and PI on the error of an estimate.
-
-    The integral stands still while the command is at a limit in its direction (anti-windup by clamping;
-    Astrom and Hagglund 2006, section 3.5).
-    """
+    """`LinearFeedback` on the estimate of an estimator of its own."""
 
     def __init__(
         self,
@@ -45,28 +90,16 @@ class EstimateFeedback(Controller):
             settings: gains, by the names of `PI_SETTINGS`.
         """
         super().__init__(knowledge.limits, knowledge.sample_time)
-        self.line = knowledge.line
+        self.feedback = LinearFeedback(knowledge.limits, knowledge.sample_time, knowledge.line, settings)
         self._make_estimator = make_estimator
         self.estimator: Believed
-        self._proportional = settings["proportional_mm_per_deg"]
-        self._integral = settings["integral_mm_per_deg_s"]
-        self._sum_mm = 0.0
 
     def _start(self, reference_deg: float) -> None:
-        # Without a jump: what the line would command less what is commanded is in the integral.
-        self._sum_mm = self.pull_mm - self.line.pull_mm(reference_deg)
+        self.feedback.begin(self.pull_mm, reference_deg)
         self.estimator = self._make_estimator(reference_deg)
         self.bend_deg = reference_deg
 
     def _wanted_mm(self, sensed: Sensed) -> float:
         self.estimator.push(sensed.time_s, self.pull_mm, sensed.measurement_deg)
         self.bend_deg = self.estimator.bend_deg
-        error = sensed.reference_deg - self.bend_deg
-        if not math.isfinite(error):
-            return math.nan
-        of_line = self.line.pull_mm(sensed.next_deg) + self._proportional * error
-        grown = self._sum_mm + self._integral * self.sample_time * error
-        bounded = self.limits.within(of_line + grown, self.pull_mm, self.sample_time)
-        if (of_line + grown - bounded) * error <= 0:
-            self._sum_mm = grown
-        return of_line + self._sum_mm
+        return self.feedback.wanted_mm(self.pull_mm, self.bend_deg, sensed.reference_deg, sensed.next_deg)

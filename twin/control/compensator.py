@@ -1,0 +1,84 @@
+"""Hysteresis compensation beside a running estimator: its members are inverted while it is trusted.
+
+RAM (twins) predicts by twins that follow the command. The command of the next sample is the pull u with
+
+    sum_m w_m [theta_m(u) - theta_m] = r_next - r + share (r - estimate),      share = 1 - exp(-rate T),
+
+where w are the weights that the filter gives the members now, r the reference. Only what the reference
+moves and a share of the estimated error are asked for: one that asked for the whole error would follow the
+noise of the estimate across the dead band of every reversal.
+
+While the runtime does not trust RAM (twins), linear map and PI on its estimate, the fallback's then, are
+in charge, without a jump.
+"""
+
+import math
+from collections.abc import Mapping
+
+from twin.control.feedback import LinearFeedback
+from twin.control.limits import CommandLimits
+from twin.control.line import Line
+from twin.errors import InputError
+from twin.estimation.learned.member_weights import MemberWeights
+from twin.estimation.learned.ram_twins import RamTwins, TwinsState
+from twin.runtime.assured import AssuredEstimator
+from twin.runtime.reading import Source
+
+
+class Compensator:
+    """Commands of one endoscope beside the runtime that estimates its bend.
+
+    Attributes:
+        falls_back: whether PI on the fallback's estimate is in charge.
+    """
+
+    def __init__(
+        self,
+        runtime: AssuredEstimator,
+        limits: CommandLimits,
+        line: Line,
+        rate_per_s: float,
+        gains: Mapping[str, float],
+    ) -> None:
+        """Prepare a run.
+
+        Args:
+            runtime: that is pushed each sample before a command is asked for.
+            limits: of the command.
+            line: of the nominal endoscope, for the fallback.
+            rate_per_s: at which the estimated error is removed [1 / s].
+            gains: of the fallback, by the names of `PI_SETTINGS`.
+
+        Raises:
+            ValueError: the trained estimator is not RAM (twins).
+        """
+        advanced = runtime.advanced.estimator
+        if not isinstance(advanced, RamTwins):
+            raise InputError(f"{runtime.method} has no twins to invert: commands are made on RAM (twins)")
+        self._runtime, self._limits = runtime, limits
+        self._members, self._weights = advanced.members, MemberWeights(advanced.network)
+        self._share = -math.expm1(-rate_per_s * runtime.sample_time)
+        self._feedback = LinearFeedback(limits, runtime.sample_time, line, gains)
+        self.falls_back = False
+
+    def wanted_mm(self, pull_mm: float, reference_deg: float, next_deg: float) -> float:
+        """Return the pull that is wanted at the next sample [mm], within stroke and speed.
+
+        Args:
+            pull_mm: command that stands [mm].
+            reference_deg: wanted angle now [deg].
+            next_deg: wanted angle at the next sample [deg].
+        """
+        runtime = self._runtime
+        reading, state = runtime.reading, runtime.advanced.state
+        if reading.source is not Source.ADVANCED or not isinstance(state, TwinsState):
+            if not self.falls_back:
+                self._feedback.begin(pull_mm, reference_deg)
+            self.falls_back = True
+            return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
+        self.falls_back = False
+        moved = next_deg - reference_deg + self._share * (reference_deg - reading.bend_deg)
+        weights = self._weights.of(state)
+        now = float(weights @ state.following.of_filters()[0])
+        within = self._limits.reach(pull_mm, runtime.sample_time)
+        return self._members.common_pull_mm(state.following, weights, now + moved, within)
