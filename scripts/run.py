@@ -18,6 +18,7 @@ from scripts.run_sinks import Pace, Sinks, live_recording, live_viewer
 from twin.errors import InputError
 
 if TYPE_CHECKING:
+    from twin.control.live import LiveCommands
     from twin.runtime import AssuredEstimator
     from twin.stream import Sink
 
@@ -43,6 +44,13 @@ class Run:
     """R of the sensor [deg^2]."""
     initial_bend_deg: float = 0.0
     """Estimate at the first sample [deg]."""
+    stroke: tuple[float, float] | None = None
+    """Live: lowest and highest pull that may be commanded [mm]. With it, lines with "reference_deg" are
+    answered with "command_mm", the pull to command at the next sample (RAM (twins) alone)."""
+    speed: float | None = None
+    """Fastest change of these commands [mm/s]; that of the training, if not given."""
+    rate: float = 3.0
+    """Rate at which these commands remove the estimated error [1/s]."""
     live: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show it in a viewer (Foxglove, Lichtblick) while it runs; a log is then played at its own pace."""
     live_host: str = "127.0.0.1"
@@ -61,6 +69,8 @@ def run(args: Run) -> Summary:
         check_between("sample_time", args.sample_time, *SAMPLE_TIMES, "s")
     check_between("noise_variance", args.noise_variance, 1e-9, LARGEST_VARIANCE_DEG2, "deg^2")
     check_between("live_port", args.live_port, 0, 65_535)
+    if args.data and args.stroke is not None:
+        raise InputError("--stroke: commands are made live alone; a log has had its own")
     return _log(args) if args.data else _stream(args)
 
 
@@ -74,6 +84,7 @@ def _stream(args: Run) -> Summary:
     if sys.stdin is None:
         raise InputError("stdin is closed: samples come from there, or name a log")
     runtime, counts = _prepared(args)(), RunCounts()
+    commands = _commands(args, runtime)
     facts, not_samples, ended, code = _facts(args, runtime), 0, "the stream has ended", 0
     if sys.stdin.isatty():
         complain("endotwin run: reads samples from the terminal, a JSON line each; Ctrl-D ends it")
@@ -81,7 +92,7 @@ def _stream(args: Run) -> Summary:
     recording = live_recording(args.out, runtime.method, facts)
     with contextlib.closing(Sinks(counts, viewer, recording, on_failure=_say_of_failure)) as sinks:
         try:
-            for answer in answers(runtime, sys.stdin.buffer):
+            for answer in answers(runtime, sys.stdin.buffer, commands):
                 not_samples += answer.sample is None
                 if answer.sample is not None:
                     with WholeStep():  # what was answered is recorded, whatever stops this command
@@ -140,6 +151,14 @@ def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
 
     prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
     return functools.partial(prepared, args.initial_bend_deg)
+
+
+def _commands(args: Run, runtime: "AssuredEstimator") -> "LiveCommands | None":
+    if args.stroke is None:
+        return None
+    from twin.control.live import prepare_commands
+
+    return prepare_commands(args.policy, runtime, args.stroke, args.speed, args.rate)
 
 
 def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":

@@ -133,9 +133,10 @@ def test_the_protocol_names_every_key():
 
 
 def test_the_lines_that_it_shows_are_of_the_protocol():
-    (shown,) = (block for block in blocks("") if block.startswith("{"))
+    shown, wanted = (block for block in blocks("") if block.startswith("{"))
+    assert read_sample(wanted.encode()) == (0.02, 0.0, 0.4, 0.5)
     line, answer = shown.splitlines()
-    assert read_sample(line.encode()) == (0.1, 0.2, 1.3)
+    assert read_sample(line.encode())[:3] == (0.1, 0.2, 1.3)
     assert ReadingLine.model_validate(json.loads(answer)).source == "advanced"
 
 
@@ -143,7 +144,7 @@ def test_help_of_the_verb_shows_a_line_of_the_protocol(tmp_path):
     from scripts.run import Run
 
     (line,) = re.findall(r"\{.*\}", inspect.getdoc(Run) or "")
-    assert read_sample(line.encode()) == (0.1, 0.2, 1.3)
+    assert read_sample(line.encode())[:3] == (0.1, 0.2, 1.3)
     with pytest.raises(SystemExit) as end:
         done("run --help", tmp_path)
     assert not end.value.code

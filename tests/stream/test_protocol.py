@@ -40,9 +40,14 @@ def test_the_shipped_schema_is_that_of_the_models():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
 
 
-@given(FLOATS, st.none() | FLOATS, st.none() | FLOATS)
-def test_a_sample_is_read_to_the_last_bit(time_s, pull_mm, measurement_deg):
-    given = {"time_s": time_s, "pull_mm": pull_mm, "measurement_deg": measurement_deg}
+@given(FLOATS, *[st.none() | FLOATS] * 3)
+def test_a_sample_is_read_to_the_last_bit(time_s, pull_mm, measurement_deg, reference_deg):
+    given = {
+        "time_s": time_s,
+        "pull_mm": pull_mm,
+        "measurement_deg": measurement_deg,
+        "reference_deg": reference_deg,
+    }
     for values in (given, {name: value for name, value in given.items() if value is not None}):
         line = json.dumps(values)
         valid("SampleLine", line)
@@ -105,7 +110,7 @@ HOSTILE = [
     (b'{"time_s":1,"pull_mm":{}}', "pull_mm = {}: must be a valid number"),
     (
         b'{"time_s":1,"measurment_deg":2}',
-        "unknown key measurment_deg; valid: time_s, pull_mm, measurement_deg",
+        "unknown key measurment_deg; valid: time_s, pull_mm, measurement_deg, reference_deg",
     ),
     (b'{"time_s":1,"\\u001b[31m":2}', "unknown key"),
     (b'{"time_s":1,"pull_mm":"\\ud800"}', "half a character"),
@@ -138,7 +143,7 @@ def test_no_bytes_do_harm(data):
 
 
 def test_a_number_that_is_whole_is_a_number_and_a_huge_one_is_the_estimators_business():
-    assert read_sample(b'{"time_s":1,"pull_mm":2,"measurement_deg":-0.0}') == (1.0, 2.0, 0.0)
+    assert read_sample(b'{"time_s":1,"pull_mm":2,"measurement_deg":-0.0}')[:3] == (1.0, 2.0, 0.0)
     assert read_sample(b'{"time_s":' + b"9" * 300 + b"}")[0] == pytest.approx(1e300)
 
 
@@ -146,3 +151,12 @@ def test_a_number_that_is_whole_is_a_number_and_a_huge_one_is_the_estimators_bus
 def test_the_schema_refuses_what_is_none(kind, line):
     with pytest.raises(jsonschema.ValidationError):
         valid(kind, line)
+
+
+@pytest.mark.parametrize(("command_mm", "told"), [(0.25, 0.25), (math.nan, None)])
+def test_a_command_is_told_where_one_is_asked_for_and_null_before_it_can_be(command_mm, told):
+    sample = StreamSample(1.0, 0.0, 0.0, reading())
+    assert "command_mm" not in json.loads(reading_line(sample))
+    line = reading_line(sample, command_mm)
+    valid("ReadingLine", line)
+    assert json.loads(line)["command_mm"] == told

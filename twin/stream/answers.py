@@ -1,12 +1,17 @@
 """Answers to the lines of a live stream, one for each, whatever the lines are."""
 
+import math
 from collections.abc import Iterator
-from typing import BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
+from twin.errors import InputError
 from twin.runtime.assured import AssuredEstimator
 from twin.stream.lines import NumberedLine, numbered_lines
 from twin.stream.protocol import error_line, read_sample, reading_line
 from twin.stream.sample import StreamSample
+
+if TYPE_CHECKING:
+    from twin.control.live import LiveCommands
 
 
 class Answer(NamedTuple):
@@ -21,17 +26,30 @@ class Answer(NamedTuple):
     sample: StreamSample | None
 
 
-def answer(runtime: AssuredEstimator, line: NumberedLine) -> Answer:
-    """Take a line into a runtime and return the answer; one that is no sample leaves it as it is."""
+def answer(runtime: AssuredEstimator, line: NumberedLine, commands: "LiveCommands | None" = None) -> Answer:
+    """Take a line into a runtime and return the answer; one that is no sample leaves it as it is.
+
+    Args:
+        runtime: that takes it in.
+        line: from the stream.
+        commands: that are made beside it; None where nobody asks for any.
+    """
     try:
-        time_s, pull_mm, measurement_deg = read_sample(line.content)
+        time_s, pull_mm, measurement_deg, reference_deg = read_sample(line.content)
+        if commands is None and not math.isnan(reference_deg):
+            raise InputError("reference_deg: no commands are made here, as no stroke is given (--stroke)")
     except ValueError as error:
         return Answer(error_line(error, line.number), None)
+    if commands is not None and math.isnan(pull_mm):
+        pull_mm = commands.command_mm
     reading = runtime.push(time_s, pull_mm, measurement_deg)
     sample = StreamSample(time_s, pull_mm, measurement_deg, reading)
-    return Answer(reading_line(sample), sample)
+    command_mm = None if commands is None else commands.after(pull_mm, reference_deg)
+    return Answer(reading_line(sample, command_mm), sample)
 
 
-def answers(runtime: AssuredEstimator, stream: BinaryIO) -> Iterator[Answer]:
+def answers(
+    runtime: AssuredEstimator, stream: BinaryIO, commands: "LiveCommands | None" = None
+) -> Iterator[Answer]:
     """Yield the answer to each line of a stream before the next one is read."""
-    return (answer(runtime, line) for line in numbered_lines(stream))
+    return (answer(runtime, line, commands) for line in numbered_lines(stream))

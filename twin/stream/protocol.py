@@ -21,7 +21,7 @@ from twin.stream.lines import LONGEST_LINE
 from twin.stream.sample import StreamSample
 
 MOST_VALUES = 100
-"""Values in a line, at any depth; a sample has four."""
+"""Values in a line, at any depth; a sample has five."""
 LONGEST_ERROR = 300
 """Characters of the text of an error."""
 
@@ -44,6 +44,10 @@ class SampleLine(BaseModel):
     ] = None
     measurement_deg: Annotated[
         Number | None, Field(description="measured bending angle; without it, it is missing [deg]")
+    ] = None
+    reference_deg: Annotated[
+        Number | None,
+        Field(description="bending angle that is wanted at the next sample; without it, the last one [deg]"),
     ] = None
 
 
@@ -68,6 +72,12 @@ class ReadingLine(BaseModel):
     ]
     source: Annotated[SourceName, Field(description="who made the estimate")]
     health: HealthPart
+    command_mm: Annotated[
+        float | None,
+        Field(
+            description="pull to command at the next sample, with `--stroke`; null before a reference [mm]"
+        ),
+    ] = None
 
 
 class ErrorLine(BaseModel):
@@ -79,8 +89,8 @@ class ErrorLine(BaseModel):
     line: Annotated[int, Field(ge=1, description="number of the line in the stream, empty lines counted")]
 
 
-def read_sample(line: bytes | None) -> tuple[float, float, float]:
-    """Return time stamp, pull and measurement of a line; NaN for those that are missing.
+def read_sample(line: bytes | None) -> tuple[float, float, float, float]:
+    """Return time stamp, pull, measurement and reference of a line; NaN for those that are missing.
 
     Args:
         line: its bytes; None where it was too long to be read.
@@ -95,21 +105,28 @@ def read_sample(line: bytes | None) -> tuple[float, float, float]:
     except ValueError as error:
         raise InputError(f"the line {error}".replace(": line 1, column", ", at column")) from None
     sample = validated(SampleLine, values)
-    pull_mm = math.nan if sample.pull_mm is None else sample.pull_mm
-    measurement_deg = math.nan if sample.measurement_deg is None else sample.measurement_deg
-    return sample.time_s, pull_mm, measurement_deg
+    given = sample.pull_mm, sample.measurement_deg, sample.reference_deg
+    pull_mm, measurement_deg, reference_deg = (math.nan if value is None else value for value in given)
+    return sample.time_s, pull_mm, measurement_deg, reference_deg
 
 
-def reading_line(sample: StreamSample) -> str:
-    """Return the line that answers a sample, without its end."""
+def reading_line(sample: StreamSample, command_mm: float | None = None) -> str:
+    """Return the line that answers a sample, without its end.
+
+    Args:
+        sample: with its reading.
+        command_mm: pull to command next, NaN where none can be told yet; None where none is asked for [mm].
+    """
     reading = sample.reading
-    values = {
+    values: dict[str, Any] = {
         "time_s": sample.time_s,
         "bend_deg": reading.bend_deg,
         "interval_deg": reading.interval_deg,
         "source": reading.source.value,
         "health": {"sample": flag_names(reading.health), "alarms": flag_names(reading.alarms)},
     }
+    if command_mm is not None:
+        values["command_mm"] = None if math.isnan(command_mm) else command_mm
     return _ENCODER.encode(values)
 
 

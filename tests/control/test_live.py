@@ -1,0 +1,117 @@
+"""Commands on a live stream: within their limits whatever comes, and none where none can be made."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from gated import export_small
+from typed import typed
+
+from twin.control.live import prepare_commands
+from twin.control.plant import Plant
+from twin.errors import InputError
+from twin.runtime import load_runtime
+from twin.stream.answers import answers
+
+T = 0.02
+
+
+@pytest.fixture(scope="module")
+def policy(tmp_path_factory):
+    return export_small(tmp_path_factory.mktemp("live") / "policy.onnx")
+
+
+def prepared(policy, **options):
+    runtime = load_runtime(policy, sample_time=T, noise_variance=1.0)
+    return runtime, prepare_commands(policy, runtime, (-2.0, 2.0), 5.0, **options)
+
+
+def told(policy, samples):
+    runtime, commands = prepared(policy)
+    lines = "".join(json.dumps(sample) + "\n" for sample in samples)
+    return [json.loads(answer.text) for answer in answers(runtime, io.BytesIO(lines.encode()), commands)]
+
+
+def test_a_motor_driver_and_a_sensor_close_the_loop(policy):
+    """The plant is one of the members, so that what is left is what the sensor's noise leaves."""
+    runtime, commands = prepared(policy)
+    plant = Plant(runtime.advanced.estimator.presets[0].replace(servo_speed=5e-3), T, "reduced")
+    bend, pull, errors = plant.start(0.0), 0.0, []
+    rng = np.random.default_rng(1)
+    for k in range(600):
+        wanted = 5 * math.sin(2 * math.pi * (k + 1) * T / 8)
+        runtime.push(k * T, pull, bend + 0.1 * rng.standard_normal())
+        pull = commands.after(pull, wanted)
+        bend = plant.step(pull)
+        errors.append(bend - wanted)
+    assert np.sqrt(np.mean(np.square(errors[100:]))) < 1.0
+    assert not commands.falls_back
+
+
+def test_every_command_is_within_stroke_and_speed_whatever_comes(policy):
+    rng = np.random.default_rng(0)
+    samples = []
+    for k in range(300):
+        sample = {"time_s": k * T, "pull_mm": 0.0 if k == 0 else None}
+        sample["measurement_deg"] = [None, 0.0, 500.0, float(rng.normal())][k % 4]
+        sample["reference_deg"] = float(rng.choice([-300.0, 0.0, 40.0, 1e6]))
+        samples.append(sample)
+    commands = [answer["command_mm"] for answer in told(policy, samples)]
+    assert np.abs(commands).max() <= 2.0
+    assert np.abs(np.diff(commands)).max() <= 5.0 * T * (1 + 1e-9)
+    assert np.ptp(commands) > 0.5
+
+
+def test_no_command_before_a_pull_and_a_reference(policy):
+    given = told(
+        policy,
+        [
+            {"time_s": 0.0, "reference_deg": 1.0},
+            {"time_s": 0.02, "pull_mm": 0.0},
+            {"time_s": 0.04, "pull_mm": 0.0, "reference_deg": 2.0},
+        ],
+    )
+    assert given[0]["command_mm"] is None
+    assert all(answer["command_mm"] is not None for answer in given[1:])
+    (alone,) = told(policy, [{"time_s": 0.0, "pull_mm": 0.0}])
+    assert alone["command_mm"] is None
+
+
+def test_a_late_sample_is_answered_by_the_latest_command(policy):
+    samples = [{"time_s": k * T, "pull_mm": 0.0, "reference_deg": 8.0} for k in range(5)]
+    *_, before, late = told(policy, [*samples, samples[1] | {"reference_deg": -8.0}])
+    assert "LATE" in late["health"]["sample"]
+    assert late["command_mm"] == before["command_mm"]
+
+
+def test_a_reference_without_a_stroke_is_an_error_line(policy):
+    runtime = load_runtime(policy)
+    (answer,) = answers(runtime, io.BytesIO(b'{"time_s":0,"pull_mm":0,"reference_deg":1}'))
+    assert "--stroke" in json.loads(answer.text)["error"]
+    assert runtime.samples == 0
+
+
+@pytest.mark.parametrize(
+    ("stroke", "speed", "fault"),
+    [
+        ((-50.0, 50.0), 5.0, "the pulls that the file was trained for"),
+        ((1.0, -1.0), 5.0, "the first must be below the second"),
+        ((-1.0, 1.0), 0.0, "must be positive"),
+    ],
+)
+def test_limits_that_cannot_be_are_refused(policy, stroke, speed, fault):
+    with pytest.raises(InputError, match=fault):
+        prepare_commands(policy, load_runtime(policy), stroke, speed)
+
+
+def test_a_file_without_twins_is_refused(ram_policy):
+    with pytest.raises(InputError, match="commands are made on RAM"):
+        prepare_commands(ram_policy, load_runtime(ram_policy), (3.0, 3.5), 1.0)
+
+
+def test_a_stroke_is_for_a_live_stream_alone(policy, tmp_path):
+    code, _, said = typed(f"run --policy {policy} log.mcap --stroke -1 1", tmp_path)
+    assert code == 2
+    assert "commands are made live alone" in said
