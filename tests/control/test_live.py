@@ -89,7 +89,7 @@ def test_a_late_sample_is_answered_by_the_latest_command(policy):
 def test_a_reference_without_a_stroke_is_an_error_line(policy):
     runtime = load_runtime(policy)
     (answer,) = answers(runtime, io.BytesIO(b'{"time_s":0,"pull_mm":0,"reference_deg":1}'))
-    assert "--stroke" in json.loads(answer.text)["error"]
+    assert "no stroke is given" in json.loads(answer.text)["error"]
     assert runtime.samples == 0
 
 

@@ -15,7 +15,7 @@ from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, find_controllers
 from twin.control.score import MEASURES, ControlResult, measures_of
 from twin.control.settings import ControlSettings
-from twin.control.trial import Trial, run_trial
+from twin.control.trial import ControlTrial, run_trial
 from twin.control.tuning import tune
 from twin.errors import InputError
 from twin.files.state_file import read_state, state_key, write_state
@@ -37,11 +37,11 @@ class Comparison:
     Attributes:
         results: of each controller under each condition.
         shown: by controller, the trial of the first twin, stroke, condition and signal.
-        tuned: by sensor and controller, settings and their error on the drives of the tuning.
+        tuned: by sensor and controller, settings and their error on the cases of the tuning.
     """
 
     results: list[ControlResult]
-    shown: dict[str, Trial]
+    shown: dict[str, ControlTrial]
     tuned: list[dict[str, Any]]
 
 
@@ -179,9 +179,9 @@ def _search(
     """Tune one controller for one sensor."""
     (spec,) = find_controllers([name])
     cases = [
-        (known, drive)
+        (known, case)
         for known in _knowledge(settings, sensor, deployments)
-        for drive in settings.tuning_drives(known)
+        for case in settings.tuning_cases(known)
     ]
     tuned = tune(spec, cases, settings.candidates, settings.seed)
     values = np.array(list(tuned.settings.values()))
@@ -204,8 +204,8 @@ def _run(
     rows, first = [], None
     for known in _knowledge(settings, condition.sensor, deployments):
         told = dataclasses.replace(known, settings=tuned)
-        for _, drive in settings.drives(condition, known.stroke_mm, told):
-            trial = run_trial(name, told, drive)
+        for _, case in settings.cases(condition, known.stroke_mm, told):
+            trial = run_trial(name, told, case)
             first = first or trial
             rows.append(measures_of(trial))
     shape = len(settings.strokes_mm), settings.twins, len(condition.signals)
@@ -216,10 +216,10 @@ def _run(
     return arrays | {of: values for of, values in traces.items() if np.isfinite(values).all()}
 
 
-def _trial_of(arrays: Arrays, sample_time: float) -> Trial:
+def _trial_of(arrays: Arrays, sample_time: float) -> ControlTrial:
     unknown = np.full(len(arrays["bend_deg"]), np.nan)
     traces = {name: arrays.get(name, unknown) for name in _TRACE}
-    return Trial(**traces, fell_back=np.zeros(len(unknown), dtype=bool), sample_time=sample_time)
+    return ControlTrial(**traces, fell_back=np.zeros(len(unknown), dtype=bool), sample_time=sample_time)
 
 
 def specs_of(settings: ControlSettings, names: Sequence[str]) -> tuple[ControllerSpec, ...]:

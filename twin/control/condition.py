@@ -13,7 +13,7 @@ from twin.signals.noise import noise_variance
 Array = NDArray[np.float64]
 SLOW = ("sine", "multi-sine", "random-steps")
 BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
-"""When the sheath begins to bend, how long that takes [s], and by how much [rad]."""
+"""Bending of the sheath: its begin [s], its time [s] and its angle [rad]."""
 
 
 @dataclasses.dataclass(frozen=True)

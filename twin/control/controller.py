@@ -8,7 +8,7 @@ from twin.control.limits import CommandLimits
 
 
 class Sensed(NamedTuple):
-    """What a controller is given at one sample.
+    """Input of a controller at one sample.
 
     Attributes:
         time_s: of the sample [s].

@@ -41,7 +41,7 @@ class LiveCommands:
 
     @property
     def falls_back(self) -> bool:
-        """Whether the fallback's law is in charge."""
+        """True while the fallback's law is in charge."""
         return self._compensator.falls_back
 
     def after(self, pull_mm: float, reference_deg: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from twin.control.comparison import Comparison
 from twin.control.score import comparisons
 from twin.control.settings import ControlSettings
-from twin.control.trial import Trial
+from twin.control.trial import ControlTrial
 from twin.episode import Episode
 from twin.files.atomic import write_whole
 from twin.files.ours import MADE_BY
@@ -85,7 +85,7 @@ def write_table(folder: Path, comparison: Comparison) -> None:
     write_whole(folder / TABLE, f"{said}\n\n{control_table(comparison)}\n\n<!-- {MADE_BY} -->\n")
 
 
-def record_of(trial: Trial, settings: ControlSettings, controller: str) -> Episode:
+def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -> Episode:
     """Return the episode of a trial on the first twin, simulated anew along its commands."""
     preset = settings.held_out(0)
     episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
@@ -95,7 +95,7 @@ def record_of(trial: Trial, settings: ControlSettings, controller: str) -> Episo
     )
 
 
-def write_record(folder: Path, trial: Trial, settings: ControlSettings, controller: str) -> Path:
+def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, controller: str) -> Path:
     """Write a trial as MCAP: command, truth, measurement, `/reference` and the controller's estimate."""
     from twin.recording.estimate import estimate_message, estimate_topic
     from twin.recording.messages import to_nanoseconds

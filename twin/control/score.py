@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.control.condition import ControlCondition
-from twin.control.trial import Trial
+from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
 from twin.gate.paired import compare_paired
 
@@ -81,7 +81,7 @@ class ControlResult:
         return rows
 
 
-def measures_of(trial: Trial) -> tuple[float, ...]:
+def measures_of(trial: ControlTrial) -> tuple[float, ...]:
     """Return the measures of a trial, in the order of `MEASURES`; -1 where nothing was estimated."""
     off = (trial.estimate_deg - trial.bend_deg)[trial.scored]
     estimate = float(np.sqrt(np.mean(off**2)))

@@ -10,7 +10,7 @@ from twin.control.condition import SLOW, ControlCondition
 from twin.control.knowledge import ControlKnowledge
 from twin.control.limits import CommandLimits
 from twin.control.reference import SIGNALS, reference
-from twin.control.trial import Drive
+from twin.control.trial import ControlCase
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.hashes import sha256_of
@@ -119,12 +119,12 @@ class ControlSettings:
             speed = min(speed, drawn.servo_speed)
         return drawn.replace(servo_speed=speed, sensor_latency=drawn.sensor_latency + self.latency_s)
 
-    def drives(
+    def cases(
         self, condition: ControlCondition, stroke_mm: tuple[float, float], knowledge: ControlKnowledge
-    ) -> list[tuple[str, Drive]]:
-        """Return signal and drive of every trial of a condition on a stroke: all twins on all signals."""
+    ) -> list[tuple[str, ControlCase]]:
+        """Return signal and case of every trial of a condition on a stroke: all twins on all signals."""
         place = self.strokes_mm.index(stroke_mm)
-        drives = []
+        cases = []
         for number in range(self.twins):
             preset = self.held_out(number)
             for kind in condition.signals:
@@ -135,21 +135,21 @@ class ControlSettings:
                     condition.noise, condition.level, (len(wanted),), np.random.default_rng(which)
                 )
                 bend = condition.sheath_bend(preset, len(wanted))
-                drives.append((kind, Drive(preset, wanted, noise, bend, self.physics)))
-        return drives
+                cases.append((kind, ControlCase(preset, wanted, noise, bend, self.physics)))
+        return cases
 
-    def tuning_drives(self, knowledge: ControlKnowledge) -> list[Drive]:
-        """Return the drives that settings are tried on: other twins, reduced, one for each signal."""
+    def tuning_cases(self, knowledge: ControlKnowledge) -> list[ControlCase]:
+        """Return the cases that settings are tried on: other twins, reduced, one for each signal."""
         place = self.strokes_mm.index(knowledge.stroke_mm)
-        drives = []
+        cases = []
         for number, kind in enumerate(SLOW):
             which = [self.seed, _TUNING_REFERENCES, place, number]
             wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), which)
             rng = np.random.default_rng([self.seed, _TUNING_NOISE, place, number])
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
             preset = self._drawn(_TUNING_TWINS, place * len(SLOW) + number)
-            drives.append(Drive(preset, wanted, noise, physics="reduced"))
-        return drives
+            cases.append(ControlCase(preset, wanted, noise, physics="reduced"))
+        return cases
 
     def _reference(
         self, kind: str, knowledge: ControlKnowledge, seconds: float, which: list[int]

@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
-class Drive:
-    """What a trial is made of, besides its controller.
+class ControlCase:
+    """Plant, reference and noise of a trial.
 
     Attributes:
         preset: the endoscope that is controlled.
@@ -35,7 +35,7 @@ class Drive:
 
 
 @dataclasses.dataclass(frozen=True)
-class Trial:
+class ControlTrial:
     """Course of a trial, N samples.
 
     Attributes:
@@ -82,13 +82,13 @@ class Trial:
         return float(np.abs(np.diff(self.pull_mm[self.scored])).sum())
 
 
-def run_trial(controller: str, knowledge: ControlKnowledge, drive: Drive) -> Trial:
+def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -> ControlTrial:
     """Run a controller on a plant.
 
     Args:
         controller: its name.
         knowledge: what it may know.
-        drive: plant, reference and noise.
+        case: plant, reference and noise.
 
     Raises:
         ValueError: the controller is unknown, or the plant cannot be.
@@ -96,9 +96,9 @@ def run_trial(controller: str, knowledge: ControlKnowledge, drive: Drive) -> Tri
     """
     (spec,) = find_controllers([controller])
     driven, T = spec.make(knowledge), knowledge.sample_time
-    plant = Plant(drive.preset, T, drive.physics)
-    wanted, count = drive.reference_deg, len(drive.reference_deg)
-    late = round(drive.preset.sensor_latency / T)
+    plant = Plant(case.preset, T, case.physics)
+    wanted, count = case.reference_deg, len(case.reference_deg)
+    late = round(case.preset.sensor_latency / T)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
     limits = knowledge.limits
@@ -106,11 +106,11 @@ def run_trial(controller: str, knowledge: ControlKnowledge, drive: Drive) -> Tri
     pull[0], bend[0] = first, plant.start(first)
     driven.start(first, float(wanted[0]))
     for k in range(count):
-        measured[k] = bend[max(k - late, 0)] + drive.noise_deg[k]
+        measured[k] = bend[max(k - late, 0)] + case.noise_deg[k]
         following = float(wanted[min(k + 1, count - 1)])
         command = driven.step(Sensed(k * T, float(measured[k]), float(wanted[k]), following))
         estimate[k], fell_back[k] = driven.bend_deg, driven.falls_back
         if k + 1 < count:
-            sheath = float(drive.sheath_bend[k + 1]) if len(drive.sheath_bend) else None
+            sheath = float(case.sheath_bend[k + 1]) if len(case.sheath_bend) else None
             pull[k + 1], bend[k + 1] = command, plant.step(command, sheath)
-    return Trial(wanted, pull, bend, measured, estimate, fell_back, T)
+    return ControlTrial(wanted, pull, bend, measured, estimate, fell_back, T)

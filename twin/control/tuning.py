@@ -1,7 +1,7 @@
 """Tuning of controllers: the same number of settings is tried for each, on other twins than are scored.
 
 Settings are points of a Sobol sequence (Sobol 1967) over all that a controller has, on logarithmic scales;
-the last quarter of them are drawn about the best. The error is the root mean square over all drives. One
+the last quarter of them are drawn about the best. The error is the root mean square over all cases. One
 search serves a sensor, on all strokes together.
 """
 
@@ -15,7 +15,7 @@ from scipy.stats import qmc
 
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec
-from twin.control.trial import Drive, run_trial
+from twin.control.trial import ControlCase, run_trial
 from twin.errors import DivergedError
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class Tuned:
 
     Attributes:
         settings: the best, by name.
-        rmse_deg: its error on the drives of the tuning [deg].
+        rmse_deg: its error on the cases of the tuning [deg].
         tried: how many settings were.
     """
 
@@ -41,13 +41,13 @@ class Tuned:
 
 
 def tune(
-    spec: ControllerSpec, cases: Sequence[tuple[ControlKnowledge, Drive]], candidates: int, seed: int
+    spec: ControllerSpec, cases: Sequence[tuple[ControlKnowledge, ControlCase]], candidates: int, seed: int
 ) -> Tuned:
     """Search the settings of a controller.
 
     Args:
         spec: the controller.
-        cases: knowledge and drive of each trial of a setting.
+        cases: knowledge and case of each trial of a setting.
         candidates: settings to try; a controller that has none is tried once.
         seed: of the search.
     """
@@ -84,13 +84,13 @@ def _named(names: Sequence[str], logarithms: Array) -> dict[str, float]:
 
 
 def _error(
-    spec: ControllerSpec, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, Drive]]
+    spec: ControllerSpec, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, ControlCase]]
 ) -> float:
     squares = []
-    for knowledge, drive in cases:
+    for knowledge, case in cases:
         told = dataclasses.replace(knowledge, settings={**knowledge.settings, spec.name: settings})
         try:
-            squares.append(run_trial(spec.name, told, drive).rmse_deg ** 2)
+            squares.append(run_trial(spec.name, told, case).rmse_deg ** 2)
         except DivergedError:
             return math.inf
     return float(np.sqrt(np.mean(squares)))

@@ -11,14 +11,14 @@ from twin.control.condition import ControlCondition
 from twin.control.reference import HOLD_S
 from twin.control.registry import find_controllers
 from twin.control.score import ControlResult
-from twin.control.trial import Trial
+from twin.control.trial import ControlTrial
 from twin.estimation.registry import Style
 from twin.report.figures import INK, clean_axes
 
 REFERENCE = Style("#000000", (0, (4, 2)), "", 1.2)
 
 
-def tracking_figure_of(shown: Mapping[str, Trial], title: str) -> Figure:
+def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
     """Draw the bend under each controller over its error, along one reference.
 
     Args:
@@ -51,7 +51,7 @@ def tracking_figure_of(shown: Mapping[str, Trial], title: str) -> Figure:
     return figure
 
 
-def loop_comparison_figure(shown: Mapping[str, Trial], before: str, after: str) -> Figure:
+def loop_comparison_figure(shown: Mapping[str, ControlTrial], before: str, after: str) -> Figure:
     """Draw the bend against what was wanted, without compensation and with it.
 
     Args:

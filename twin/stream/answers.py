@@ -37,7 +37,7 @@ def answer(runtime: AssuredEstimator, line: NumberedLine, commands: "LiveCommand
     try:
         time_s, pull_mm, measurement_deg, reference_deg = read_sample(line.content)
         if commands is None and not math.isnan(reference_deg):
-            raise InputError("reference_deg: no commands are made here, as no stroke is given (--stroke)")
+            raise InputError("reference_deg: no commands are made here, as no stroke is given")
     except ValueError as error:
         return Answer(error_line(error, line.number), None)
     if commands is not None and math.isnan(pull_mm):

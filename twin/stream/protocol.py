@@ -74,9 +74,7 @@ class ReadingLine(BaseModel):
     health: HealthPart
     command_mm: Annotated[
         float | None,
-        Field(
-            description="pull to command at the next sample, with `--stroke`; null before a reference [mm]"
-        ),
+        Field(description="pull to command next, where a stroke is given; null before a reference [mm]"),
     ] = None
 
 
