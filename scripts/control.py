@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from scripts.command import Summary, run_verb
+from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
     from twin.control.comparison import Comparison
+    from twin.control.settings import ControlSettings
 
 FIGURES = ("tracking.png", "loops.png", "errors.png")
 
@@ -104,6 +106,7 @@ def control(args: Control) -> Summary:
     )
     specs = specs_of(settings, args.controller)
     names = [spec.name for spec in specs]
+    _warn_of_training(settings)
     files = {RESULTS: '"control"', TABLE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
     out = output_folder(args.out, files)
     configuration = {"suite": args.suite, "controllers": names, **settings.to_dict()}
@@ -126,6 +129,23 @@ def control(args: Control) -> Summary:
         {"out": str(path), "controllers": names, "rows": len(values["rows"])},
         table=control_table(comparison, "plain"),
     )
+
+
+def _warn_of_training(settings: "ControlSettings") -> None:
+    """Say if commands may go beyond what RAM (twins) was trained for: its monitor falls back there."""
+    if settings.policy is None:
+        return
+    from twin.estimation.learned.trained_file import read_trained_file
+    from twin.runtime.deployment import KEY, Deployment
+
+    low, high = Deployment.from_dict(read_trained_file(settings.policy).description.get(KEY)).pull_mm
+    limits = [settings.limits(stroke) for stroke in settings.strokes_mm]
+    least, most = min(of.low_mm for of in limits), max(of.high_mm for of in limits)
+    if least < low or most > high:
+        complain(
+            f"endotwin control: commands may go from {least:g} to {most:g} mm, the trained file has met "
+            f"{low:.3g} to {high:.3g}: beyond, its fallback is in charge (`endotwin train --stroke`)"
+        )
 
 
 def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:

@@ -73,43 +73,39 @@ def compare(
     parts.total = len(specs) * (len(sensors) + len(conditions))
     on_progress(0, parts.total, "models")
     deployments = list(executor.map(ControlSettings.find_deployment, *_pairs(settings)))
-    searches = {
-        (sensor, spec.name): parts.start(
-            f"tuned_{spec.name}_{sensors.index(sensor)}", _search, spec.name, sensor, settings, deployments
-        )
-        for sensor in sensors
-        for spec in specs
-    }
-    found = parts.finish(searches)
-    tuned = {key: _settings_of(arrays, key[1]) for key, arrays in found.items()}
+    tuned: dict[tuple[float, float], dict[str, dict[str, float]]] = {sensor: {} for sensor in sensors}
+    searched = []
+    for ours in (False, True):  # what falls back on another law takes what was tuned for that
+        begun = {
+            (sensor, spec.name): parts.start(
+                f"tuned_{spec.name}_{place}", _search, spec.name, sensor, tuned[sensor], settings, deployments
+            )
+            for place, sensor in enumerate(sensors)
+            for spec in specs
+            if spec.ours is ours
+        }
+        for (sensor, name), arrays in parts.finish(begun).items():
+            found = tuned[sensor][name] = _settings_of(arrays, name)
+            searched.append(_told(name, sensor, found, arrays))
     runs = {}
     for place, condition in enumerate(conditions):
-        of_all = {spec.name: tuned[condition.sensor, spec.name] for spec in specs}
-        for spec in specs:
-            name = f"trials_{spec.name}_{place}"
+        of_all = tuned[condition.sensor]
+        for spec in sorted(specs, key=lambda spec: not spec.needs_policy):  # the longest first
             runs[place, spec.name] = parts.start(
-                name, _run, spec.name, condition, of_all, settings, deployments
+                f"trials_{spec.name}_{place}", _run, spec.name, condition, of_all, settings, deployments
             )
     done = parts.finish(runs)
     results, shown = [], {}
     for (place, name), arrays in done.items():
         condition = conditions[place]
         measures = {measure: arrays[measure] for measure in MEASURES}
-        mine = tuned[condition.sensor, name]
+        mine = tuned[condition.sensor][name]
         results.append(ControlResult(name, condition, settings.strokes_mm, measures, mine))
         if place == 0:
             shown[name] = _trial_of(arrays, condition.sample_time)
-    searched = [
-        {
-            "controller": name,
-            "noise_variance_deg2": sensor[0],
-            "sample_time_s": sensor[1],
-            "settings": tuned[sensor, name],
-            "rmse_deg": float(arrays["rmse_deg"][0]),
-            "tried": int(arrays["tried"][0]),
-        }
-        for (sensor, name), arrays in found.items()
-    ]
+    order = [spec.name for spec in specs]
+    results.sort(key=lambda result: (conditions.index(result.condition), order.index(result.controller)))
+    shown = {name: shown[name] for name in order}
     return Comparison(results, shown, searched)
 
 
@@ -174,18 +170,34 @@ def _knowledge(
 
 
 def _search(
-    name: str, sensor: tuple[float, float], settings: ControlSettings, deployments: list[Deployment]
+    name: str,
+    sensor: tuple[float, float],
+    others: dict[str, dict[str, float]],
+    settings: ControlSettings,
+    deployments: list[Deployment],
 ) -> Arrays:
-    """Tune one controller for one sensor."""
+    """Tune one controller for one sensor, with what was tuned for others."""
     (spec,) = find_controllers([name])
     cases = [
-        (known, case)
+        (dataclasses.replace(known, settings=others), case)
         for known in _knowledge(settings, sensor, deployments)
         for case in settings.tuning_cases(known)
     ]
     tuned = tune(spec, cases, settings.candidates, settings.seed)
     values = np.array(list(tuned.settings.values()))
     return {"settings": values, "rmse_deg": np.array([tuned.rmse_deg]), "tried": np.array([tuned.tried])}
+
+
+def _told(name: str, sensor: tuple[float, float], found: dict[str, float], arrays: Arrays) -> dict[str, Any]:
+    """Return what `control.json` says of a search."""
+    return {
+        "controller": name,
+        "noise_variance_deg2": sensor[0],
+        "sample_time_s": sensor[1],
+        "settings": found,
+        "rmse_deg": float(arrays["rmse_deg"][0]),
+        "tried": int(arrays["tried"][0]),
+    }
 
 
 def _settings_of(arrays: Arrays, name: str) -> dict[str, float]:
