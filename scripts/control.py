@@ -25,7 +25,8 @@ class Control:
     """Track reference bends on randomised twins, by feed-forward and by feedback.
 
     Each controller is tuned with the same number of trials on other twins than are scored, and meets the same
-    twins, references and noise. A stopped comparison goes on with the same command.
+    twins, references and noise. A stopped comparison goes on with the same command; one of more controllers or
+    conditions keeps what is there.
     """
 
     out: Path
@@ -109,10 +110,9 @@ def control(args: Control) -> Summary:
     _warn_of_training(settings)
     files = {RESULTS: '"control"', TABLE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
     out = output_folder(args.out, files)
-    configuration = {"suite": args.suite, "controllers": names, **settings.to_dict()}
     parts = len(names) * 2 * len(conditions)
     with (
-        open_run(out, configuration, ()),
+        open_run(out, settings.to_dict(), ()),
         choose_workers(parts, args.workers or os.cpu_count() or 1, args.dask) as (executor, _),
     ):
         comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))

@@ -61,8 +61,20 @@ def test_the_same_command_goes_on_and_another_one_is_refused(compared):
     assert "of another configuration (seed)" in said
 
 
+def test_one_of_more_controllers_keeps_what_is_there(compared):
+    folder, _ = compared
+    before = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}
+    code, out, said = typed(f"{SHORT} --controller linear pid twin-inverse --json", folder)
+    assert code == 0, said
+    after = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}
+    assert before.items() < after.items()
+    assert json.loads(out)["controllers"] == ["linear", "twin-inverse", "pid"]
+
+
 def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
     folder, _ = compared
+    code, _, said = typed(f"{SHORT} --controller linear pid", folder)
+    assert code == 0, said
     code, _, said = typed(f"{SHORT} --controller linear pid".replace("--workers 1", "--workers 2"), tmp_path)
     assert code == 0, said
     assert (tmp_path / "out/control.json").read_text() == (folder / "out/control.json").read_text()

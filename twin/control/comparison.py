@@ -78,9 +78,15 @@ def compare(
     for ours in (False, True):  # what falls back on another law takes what was tuned for that
         begun = {
             (sensor, spec.name): parts.start(
-                f"tuned_{spec.name}_{place}", _search, spec.name, sensor, tuned[sensor], settings, deployments
+                f"tuned_{spec.name}_{_sensor_name(sensor)}",
+                _search,
+                spec.name,
+                sensor,
+                tuned[sensor],
+                settings,
+                deployments,
             )
-            for place, sensor in enumerate(sensors)
+            for sensor in sensors
             for spec in specs
             if spec.ours is ours
         }
@@ -92,7 +98,13 @@ def compare(
         of_all = tuned[condition.sensor]
         for spec in sorted(specs, key=lambda spec: not spec.needs_policy):  # the longest first
             runs[place, spec.name] = parts.start(
-                f"trials_{spec.name}_{place}", _run, spec.name, condition, of_all, settings, deployments
+                f"trials_{spec.name}_{condition.slug}",
+                _run,
+                spec.name,
+                condition,
+                of_all,
+                settings,
+                deployments,
             )
     done = parts.finish(runs)
     results, shown = [], {}
@@ -186,6 +198,10 @@ def _search(
     tuned = tune(spec, cases, settings.candidates, settings.seed)
     values = np.array(list(tuned.settings.values()))
     return {"settings": values, "rmse_deg": np.array([tuned.rmse_deg]), "tried": np.array([tuned.tried])}
+
+
+def _sensor_name(sensor: tuple[float, float]) -> str:
+    return f"{sensor[0]:g}_{sensor[1]:g}"
 
 
 def _told(name: str, sensor: tuple[float, float], found: dict[str, float], arrays: Arrays) -> dict[str, Any]:

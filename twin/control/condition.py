@@ -1,6 +1,7 @@
 """Conditions of a comparison of controllers: noise, sample time, references, and what happens on the way."""
 
 import dataclasses
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,11 @@ class ControlCondition:
     sample_time: float = 0.02
     signals: tuple[str, ...] = SLOW
     bends: bool = False
+
+    @property
+    def slug(self) -> str:
+        """Name for files: letters, digits, points and _."""
+        return re.sub(r"[^A-Za-z0-9.]+", "_", self.name)
 
     @property
     def variance(self) -> float:
