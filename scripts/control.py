@@ -25,8 +25,8 @@ class Control:
     """Track reference bends on randomised twins, by feed-forward and by feedback.
 
     Each controller is tuned with the same number of trials on other twins than are scored, and meets the same
-    twins, references and noise. A stopped comparison goes on with the same command; one of more controllers or
-    conditions keeps what is there.
+    twins, references and noise. A stopped comparison goes on with the same command; one of more controllers
+    or conditions keeps what is there.
     """
 
     out: Path
