@@ -1,11 +1,25 @@
-"""Registration of the environments with Gymnasium, which finds it by the entry point `gymnasium.envs`."""
+"""Registration of the environments with Gymnasium, when this module is imported.
+
+Gymnasium imports the module that stands before an id, as in
+`gymnasium.make("rl.registration:EndoTwin/Tracking-v0")`; its plug-ins by entry points ended with 1.0.
+An environment is imported when one is made.
+"""
+
+import gymnasium
 
 ENVIRONMENT_ID = "EndoTwin/Estimation-v0"
+TRACKING_ID = "EndoTwin/Tracking-v0"
+_ENTRY_POINTS = {
+    ENVIRONMENT_ID: "rl.environment:EstimationEnvironment",
+    TRACKING_ID: "rl.tracking:TrackingEnvironment",
+}
 
 
 def register_environments() -> None:
-    """Make `ENVIRONMENT_ID` known to Gymnasium; it imports the environment when one is made."""
-    import gymnasium
+    """Make the ids known to Gymnasium."""
+    for name, entry_point in _ENTRY_POINTS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(name, entry_point=entry_point)
 
-    if ENVIRONMENT_ID not in gymnasium.registry:
-        gymnasium.register(ENVIRONMENT_ID, entry_point="rl.environment:EstimationEnvironment")
+
+register_environments()
