@@ -109,7 +109,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             randomized: whether every episode draws another endoscope, from the ranges of the preset's file;
                 line and scales remain those of the nominal one, as all that is known of it.
             stroke_mm: lowest and highest pull of the work, which references are made for; the command may
-                go half the stroke's width further at either end [mm].
+                go the stroke's width further at either end [mm].
             speed_mm_s: fastest change of the command [mm / s].
             signals: kinds of reference, one of which each episode draws (`twin.control.reference.SIGNALS`).
             noise_variance: R of the Gaussian noise of measurements [deg^2].
@@ -127,7 +127,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         source = self.nominal.name if isinstance(preset, Preset) else preset
         self.ranges = load_ranges(source) if randomized else None
         low, high = stroke_mm
-        stroke, margin = CommandLimits(low, high, speed_mm_s), (high - low) / 2
+        stroke, margin = CommandLimits(low, high, speed_mm_s), high - low
         self.limits = dataclasses.replace(stroke, low_mm=low - margin, high_mm=high + margin)
         self.physics, self.sample_time, self.seconds = physics, sample_time, seconds
         self.plant = Plant(self.nominal, sample_time, physics)

@@ -23,7 +23,7 @@ def test_every_controller_has_its_row():
 @pytest.fixture
 def documented():
     """The controller of the document, registered as it stands there."""
-    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", DOCUMENT, re.DOTALL)
     exec(compile(code, "docs/control.md", "exec"), {"__name__": "documented"})
     yield "bang"
     registry._SPECS.pop("bang")

@@ -102,14 +102,14 @@ def test_one_seed_is_one_episode_whatever_was_before(physics):
 def test_no_action_makes_the_command_leave_its_limits():
     environment = short(stroke_mm=(-0.6, 1.0), speed_mm_s=4.0, seconds=8.0)
     limits = environment.limits
-    assert (limits.low_mm, limits.high_mm) == pytest.approx((-1.4, 1.8))
+    assert (limits.low_mm, limits.high_mm) == pytest.approx((-2.2, 2.6))
     rng, pulls = np.random.default_rng(0), []
     for seed in range(4):
         _, info = environment.reset(seed=seed)
         pulls.append([info["pull_mm"]])
         truncated = False
         while not truncated:
-            if len(pulls[-1]) % 60 == 1:  # long pushes either way, far outside [-1, 1] too
+            if len(pulls[-1]) % 100 == 1:  # long pushes either way, far outside [-1, 1] too
                 push = rng.choice([-1, 1]) * rng.uniform(0.5, 3)
             action = np.array([push + rng.uniform(-0.3, 0.3)], np.float32)
             _, _, _, truncated, info = environment.step(action)
