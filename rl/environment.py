@@ -79,8 +79,8 @@ class BatchEnvironment(SharedEnvironment):
 class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """One episode at a time, for Gymnasium's tools; the same task and agent as the batched environment.
 
-    `gymnasium.make("rl.registration:EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)`; without
-    records it makes a short one from the model itself, so that the id works by itself.
+    `gymnasium.make("rl.registration:EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)`;
+    without records it makes a short one from the model itself, so that the id works by itself.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012  Gymnasium's own name
