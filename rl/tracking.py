@@ -23,6 +23,7 @@ from twin.preset.file import load_preset
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 from twin.signals.noise import draw_noise
+from twin.signals.sensor import samples_late
 
 if TYPE_CHECKING:
     from twin.rendering.portrait import Portrait
@@ -158,7 +159,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._noise = draw_noise("gaussian", self.noise_variance, self._reference.shape, rng)
         first = self.line.pull_mm(float(self._reference[0]))
         pull_mm = min(max(first, self.limits.low_mm), self.limits.high_mm)
-        late = round(self.plant.preset.sensor_latency / self.sample_time)
+        late = samples_late(self.plant.preset.sensor_latency, self.sample_time)
         self._bends = deque([self.plant.start(pull_mm)], maxlen=late + 1)
         self._sample, self._change, self._smooth = 0, 0.0, 0.0
         self._smoothen()
@@ -225,7 +226,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._drive(state.preset)
         self.plant.restore_state(state.plant)
         self._reference, self._noise, self._sample = state.reference_deg, state.noise_deg, state.sample
-        late = round(state.preset.sensor_latency / self.sample_time)
+        late = samples_late(state.preset.sensor_latency, self.sample_time)
         self._bends = deque(state.bends_deg, maxlen=late + 1)
         self._change, self._smooth = state.change_mm, state.smooth_deg
         self.np_random.bit_generator.state = state.generator

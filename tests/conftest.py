@@ -7,6 +7,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thr
 import numpy as np
 import pytest
 import small_policy
+import untaught_policy
 from hypothesis import settings
 from models import COLEMAN_HODGDON
 from small_dataset import make
@@ -65,8 +66,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="session")
 def ram_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The paper's RAM, hardly trained: one file for all processes of a run of the tests."""
-    base = tmp_path_factory.getbasetemp()
-    return small_policy.shared((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policy")
+    return small_policy.shared(_of_all(tmp_path_factory) / "policy")
+
+
+@pytest.fixture(scope="session")
+def twins_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """RAM (twins) that nothing was taught to: one file for all processes of a run of the tests."""
+    return untaught_policy.shared(_of_all(tmp_path_factory) / "twins_policy")
+
+
+def _of_all(factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of all processes of a run."""
+    base = factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
 @pytest.fixture

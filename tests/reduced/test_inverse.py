@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from both_twins import same_state
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
 from twin.reduced import ReducedTwins
+from twin.reduced.twins import TOLERANCE
 
 T = 0.1
 STROKE = (-4e-3, 4e-3)
@@ -137,3 +140,94 @@ def test_what_cannot_be_wanted_is_refused_in_one_line():
         with pytest.raises(ValueError, match=message) as refused:
             twins.inverse(**{"stroke": STROKE} | inputs)
         assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=["rigid", "servo", "encoder"])
+def test_the_common_pull_of_one_is_its_inverse_where_that_is_reached(drive):
+    """Out of reach, it is the end of the stroke; the inverse goes no further than it helps."""
+    (preset,) = drawn(1, 1, **drive)
+    twins, rng = ReducedTwins([preset], T), np.random.default_rng(2)
+    reached = 0
+    for share in rng.uniform(-0.2, 1.2, 25):
+        ends = [bend_after(twins, end)[0] for end in STROKE]
+        wanted = ends[0] + share * (ends[1] - ends[0])
+        found = twins.inverse(wanted, stroke=STROKE)
+        pull, bend = twins.common_pull(np.ones(1), wanted, STROKE)
+        if ends[0] < wanted < ends[1]:
+            assert (pull, bend) == (found.pull[0, 0], found.bend[0, 0])
+            reached += 1
+        else:
+            nearer = int(wanted >= ends[1])
+            assert pull == STROKE[nearer]
+            assert bend == pytest.approx(ends[nearer], abs=1e-12)
+        twins.step(pull)
+    assert reached > 5
+
+
+def bend_after(twins: ReducedTwins, pull: float) -> np.ndarray:
+    """Bend of all one sample later, at a pull; nothing moves."""
+    before = twins.save_state()
+    bend = twins.step(pull).copy()
+    twins.restore_state(before)
+    return bend
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5).filter(any),
+    st.lists(st.floats(-0.8, 0.8), min_size=4, max_size=4),
+    st.integers(0, 3),
+)
+def test_the_common_pull_brings_the_weighted_bend_and_moves_nothing(weights, wanted, seed):
+    twins = ReducedTwins(drawn(5, seed), T)
+    weights = np.array(weights) / np.sum(weights)
+    for of in wanted:
+        before = twins.save_state()
+        pull, bend = twins.common_pull(weights, of, STROKE)
+        assert same_state(twins.save_state(), before)
+        assert STROKE[0] <= pull <= STROKE[1]
+        reached = weights @ twins.step(pull)
+        assert bend == pytest.approx(reached, abs=1e-12)
+        assert abs(reached - of) <= TOLERANCE
+
+
+def test_weights_below_zero_count_as_what_they_are():
+    twins, weights = ReducedTwins(drawn(4, 7), T), np.array([0.9, 0.5, -0.3, -0.1])
+    for of in (0.3, -0.4, 0.6):
+        pull, _ = twins.common_pull(weights, of, STROKE)
+        assert weights @ twins.step(pull) == pytest.approx(of, abs=TOLERANCE)
+
+
+def test_a_common_pull_out_of_reach_is_the_nearer_end_of_the_stroke():
+    """The members stick: short of it, a sample would bring none of the way behind which they move."""
+    twins, weights = ReducedTwins(drawn(5, 5), T), np.full(5, 0.2)
+    for within, wanted, end in (
+        ((-1e-5, 1e-5), 0.4, 1e-5),
+        ((-1e-5, 1e-5), -0.4, -1e-5),
+        (STROKE, 3.0, 4e-3),
+    ):
+        pull, bend = twins.common_pull(weights, wanted, within)
+        assert pull == end
+        assert bend == pytest.approx(weights @ bend_after(twins, end), abs=1e-12)
+    # The command may stand outside of what it may go to.
+    twins.step(2e-3)
+    assert twins.common_pull(weights, 0.9, (-1e-3, 1e-3))[0] == 1e-3
+
+
+def test_a_tolerance_that_is_asked_for_is_kept():
+    twins, weights = ReducedTwins(drawn(3, 6), T), np.array([0.2, 0.3, 0.5])
+    for tolerance in (1e-2, 1e-4, 1e-6):
+        pull, _ = twins.common_pull(weights, 0.5, STROKE, tolerance)
+        assert abs(weights @ bend_after(twins, pull) - 0.5) <= tolerance
+
+
+def test_counts_of_an_encoder_that_the_bend_lies_between_are_not_out_of_reach():
+    """A count is 0.3 deg here: the nearest of both is taken, not an end of the stroke."""
+    preset = URETEROSCOPE.replace(encoder_counts=4000)
+    count = 2 * np.pi * preset.pulley_radius / 4000
+    twins = ReducedTwins([preset], T)
+    for wanted in np.random.default_rng(3).uniform(-0.6, 0.6, 12):
+        pull, bend = twins.common_pull(np.ones(1), wanted, STROKE)
+        assert abs(bend - wanted) < count / preset.wire_offset
+        assert abs(pull) < 3e-3
+        twins.step(pull)

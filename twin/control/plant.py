@@ -7,8 +7,7 @@ import numpy as np
 from twin.errors import InputError
 from twin.preset.preset import Preset
 from twin.preset.sample_time import check_sample_time
-from twin.signals.excitation import approach
-from twin.simulation import check_physics
+from twin.simulation import check_physics, simulate
 
 
 class Plant:
@@ -33,13 +32,14 @@ class Plant:
         if preset.bending_planes != 1:
             raise InputError(f"{preset.name!r} has two bending planes: control is of one")
         check_physics(physics)
-        self.preset = preset
+        self.preset, self._sample_time, self._physics = preset, sample_time, physics
         self._periods = check_sample_time(preset, sample_time)
         self.endoscope: Any
         if physics == "reduced":
             from twin.reduced.endoscope import ReducedEndoscope
 
-            self.endoscope = ReducedEndoscope(preset)
+            self.endoscope = ReducedEndoscope(preset, sample_time)
+            self._periods = 1  # it is in equilibrium at samples alone, and finds its way between them itself
         else:
             from twin.physics import Endoscope
 
@@ -50,9 +50,16 @@ class Plant:
         """Go from rest to a pull [mm], as the records of `simulate` begin; returns the bend [deg]."""
         self.endoscope.reset()
         self.pull_mm, self.sheath_bend = pull_mm, self.preset.sheath_bend
-        zero = self.preset.command_zero
-        for way in approach(pull_mm * 1e-3 - zero, self.preset.control_period):
-            self.endoscope.advance(zero + way, 0.0, self.sheath_bend)
+        at_samples: list[Any] = []
+        simulate(
+            self.preset,
+            np.full(2, pull_mm * 1e-3),  # a record is no shorter
+            self._sample_time,
+            physics=self._physics,
+            endoscope=self.endoscope,
+            on_sample=lambda endoscope: at_samples.append(endoscope.save_state()),
+        )
+        self.endoscope.restore_state(at_samples[0])
         return self.bend_deg()
 
     def step(self, pull_mm: float, sheath_bend: float | None = None) -> float:

@@ -39,6 +39,10 @@ def reference(
         raise InputError(f"unknown reference {kind!r:.40}; valid: {', '.join(SIGNALS)}")
     middle, half = sum(reached_deg) / 2, SHARE * (reached_deg[1] - reached_deg[0]) / 2
     if kind == "fast-sine":
+        if not seconds >= 2 * sample_time:
+            raise InputError(
+                f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples"
+            )
         time = np.arange(round(seconds / sample_time)) * sample_time
         moving = middle + half * np.sin(2 * np.pi * time / FAST_PERIOD_S)
     else:

@@ -11,6 +11,7 @@ from twin.control.plant import Plant
 from twin.control.reference import HOLD_S
 from twin.control.registry import find_controllers
 from twin.preset.preset import Preset
+from twin.signals.sensor import samples_late
 
 Array = NDArray[np.float64]
 
@@ -98,7 +99,7 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     driven, T = spec.make(knowledge), knowledge.sample_time
     plant = Plant(case.preset, T, case.physics)
     wanted, count = case.reference_deg, len(case.reference_deg)
-    late = round(case.preset.sensor_latency / T)
+    late = samples_late(case.preset.sensor_latency, T)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
     limits = knowledge.limits

@@ -1,4 +1,4 @@
-"""One reduced twin with the readings of the MuJoCo twin's `Endoscope`, advanced by control periods."""
+"""One reduced twin with the readings of the MuJoCo twin's `Endoscope`, advanced step by step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,12 @@ Array = NDArray[np.float64]
 
 
 class ReducedEndoscope:
-    """One reduced twin, driven by control periods, with the readings of the MuJoCo twin's `Endoscope`."""
+    """One reduced twin, driven step by step, with the readings of the MuJoCo twin's `Endoscope`."""
 
-    def __init__(self, preset: Preset) -> None:
-        """Build the endoscope of a preset, at rest."""
+    def __init__(self, preset: Preset, step_time: float | None = None) -> None:
+        """Build the endoscope of a preset, at rest; a step is a control period where no time is given [s]."""
         self.preset = preset
-        self.twins = ReducedTwins([preset])
+        self.twins = ReducedTwins([preset], step_time)
         self._group_of = group_of_hinge(preset.vertebrae)
 
     @classmethod
@@ -30,12 +30,12 @@ class ReducedEndoscope:
         self.twins.reset()
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
-        """Advance the endoscope by one control period.
+        """Advance the endoscope by one step.
 
         Args:
-            pull: commanded pulling distance of wire a at the end of the period [m].
+            pull: commanded pulling distance of wire a at the end of the step [m].
             lateral_pull: the same of wire c; it needs two bending planes.
-            sheath_bend: angle that the sheath is bent by from now on [rad]; as before where not given.
+            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
 
         Raises:
             ValueError: a command is not finite, the sheath's bend is negative, or there is no second plane.

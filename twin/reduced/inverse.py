@@ -248,9 +248,17 @@ def find_common_pull(
         tolerance: of the sum [rad].
 
     Returns:
-        The pull [m], and the sum that it brings [rad]: the nearest that can be reached.
+        The pull [m], and the sum that it brings [rad]: the nearest that can be reached. Where no pull leads
+        as far, the end of the stroke: endoscopes that stick move only after a longer way.
     """
     work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     trial = Trial(parameters, state, scratch, work, 0, weights, inputs, periods)
     reached = _find(trial, 0, target, limits, tolerance, np.empty(2))
-    return inputs[0, 0], reached
+    pull = inputs[0, 0]
+    if abs(reached - target) > tolerance:
+        end = limits[1] if reached < target else limits[0]
+        of_end = _bend_at(trial, 0, end)
+        # An end beyond the target is none: there the bend jumps over it, as the counts of an encoder do.
+        if (of_end - target) * (reached - target) >= 0.0:
+            return end, of_end
+    return pull, reached

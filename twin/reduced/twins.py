@@ -170,8 +170,6 @@ class ReducedTwins:
             np.array(stroke),
             tolerance,
         )
-        if abs(reached - bend) > tolerance:
-            pull = stroke[0] if bend < reached else stroke[1]
         return float(pull), float(reached)
 
     @property

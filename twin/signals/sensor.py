@@ -1,5 +1,7 @@
 """Bending sensor: sampling rate, noise, resolution, latency, and hold between readings."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,14 @@ Array = NDArray[np.float64]
 
 _COINCIDENT = 1e-6
 """Tolerance of times, relative to the shortest sample time: sums of periods differ by rounding."""
+
+
+def samples_late(latency: float, sample_time: float) -> int:
+    """Return how many samples late a reading arrives, by the latency and T [s], where every sample is read.
+
+    One that is on its way at a sample is there at the next.
+    """
+    return math.ceil(latency / sample_time - _COINCIDENT)
 
 
 def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) -> Array:

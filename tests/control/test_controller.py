@@ -1,0 +1,79 @@
+"""The interface of controllers: whatever a controller wants or measures, it commands what can be followed."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from controlled import LIMITS, STROKE_MM, T, assert_within, closed_loop, knowledge
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.control.controller import Controller, Sensed
+from twin.control.registry import controller_specs, find_controllers
+
+any_number = st.one_of(st.floats(), st.sampled_from([math.nan, math.inf, -math.inf]))
+WORST = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e6, 0.0, None]
+"""Measurements; None is the true one."""
+SEGMENTS = st.lists(
+    st.tuples(st.sampled_from(WORST), st.sampled_from([1, -1]), st.integers(1, 150)), min_size=3, max_size=6
+)
+"""Measurements, whether their sign changes from sample to sample, and for how many samples they last."""
+
+
+class Wanting(Controller):
+    """A controller that wants what it is told to, one after the other."""
+
+    def __init__(self, wanted) -> None:
+        super().__init__(LIMITS, T)
+        self._wants, self.noted = iter(wanted), []
+
+    def _wanted_mm(self, sensed: Sensed) -> float:
+        return next(self._wants)
+
+    def _commanded(self) -> None:
+        self.noted.append(self.pull_mm)
+
+
+@given(st.lists(any_number, min_size=1), st.floats(LIMITS.low_mm, LIMITS.high_mm))
+def test_whatever_is_wanted_a_number_within_the_limits_is_commanded(wanted, first):
+    controller = Wanting(wanted)
+    controller.start(first, 0.0)
+    pulls = [first]
+    for before in wanted:
+        pulls.append(controller.step(Sensed(0.0, 0.0, 0.0, 0.0)))
+        assert controller.pull_mm == pulls[-1]
+        if math.isnan(before):
+            assert pulls[-1] == pulls[-2]
+    assert_within(LIMITS, pulls)
+    assert controller.noted == pulls[1:]
+
+
+@pytest.mark.parametrize("name", [spec.name for spec in controller_specs()])
+@settings(max_examples=5)
+@given(segments=SEGMENTS, seed=st.integers(0, 99))
+def test_every_controller_stays_within_the_limits_whatever_it_measures(name, segments, seed, twins_policy):
+    rng = np.random.default_rng(seed)
+    stream = [
+        None if value is None else value * sign**k for value, sign, count in segments for k in range(count)
+    ][:400]
+    (spec,) = find_controllers([name])
+    known = knowledge(policy=twins_policy)
+    controller = spec.make(known)
+
+    def seen(sample: int, bend: float) -> float:
+        return bend + rng.normal() if stream[sample] is None else stream[sample]
+
+    levels = rng.uniform(-90, 90, len(stream) // 20 + 1)  # some of them beyond the stroke
+    wanted = np.repeat(levels, 20)[: len(stream)]
+    course = closed_loop(controller, lambda pull: 20 * pull, wanted, seen, first_mm=STROKE_MM[0])
+    assert_within(LIMITS, course.pull_mm)
+    assert not np.isinf(course.believed_deg).any()
+
+
+def test_a_controller_that_was_not_told_otherwise_believes_nothing_and_never_falls_back():
+    controller = Wanting(itertools.repeat(1.0))
+    controller.start(0.0, 5.0)
+    controller.step(Sensed(0.0, 5.0, 5.0, 5.0))
+    assert math.isnan(controller.bend_deg)
+    assert controller.falls_back is False

@@ -1,0 +1,81 @@
+"""The inverse of the model of Coleman and Hodgdon, on an endoscope that is this model."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from controlled import (
+    DEPLOYMENT,
+    FALLBACK,
+    LIMITS,
+    MODEL,
+    PRESET,
+    STROKE_MM,
+    T,
+    assert_within,
+    closed_loop,
+    knowledge,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.control.controllers.model_inverse import CLOSE_MM, MODEL_INVERSE
+from twin.control.limits import CommandLimits
+from twin.hysteresis import ColemanHodgdon
+
+STEEPEST = 1.5 * (MODEL.c_deg_per_mm + 2 * MODEL.a_per_mm * MODEL.b_deg_per_mm * 3.5)
+
+
+class ModelEndoscope:
+    """Eq. 4 of the paper, written out by hand."""
+
+    def __init__(self, model: ColemanHodgdon, pull_mm: float, bend_deg: float) -> None:
+        self.model, self.pull_mm, self.bend = model, pull_mm, bend_deg
+
+    def __call__(self, pull_mm: float) -> float:
+        a, b, c = self.model.a_per_mm, self.model.b_deg_per_mm, self.model.c_deg_per_mm
+        increment = pull_mm - self.pull_mm
+        self.bend += a * abs(increment) * (b * pull_mm - self.bend) + c * increment
+        self.pull_mm = pull_mm
+        return self.bend
+
+
+@settings(max_examples=20)
+@given(st.floats(1.0, 1.6), st.floats(18, 26), st.floats(1, 15), st.floats(0.1, 0.9), st.floats(-20, 20))
+def test_on_the_model_itself_nothing_is_left_of_the_error(a, b, c, rate, bend):
+    model = ColemanHodgdon(a, b, c)
+    deployment = dataclasses.replace(DEPLOYMENT, fallback=dataclasses.replace(FALLBACK, model=model))
+    known = knowledge(deployment=deployment, limits=CommandLimits(-8.0, 8.0, 40.0))
+    time = np.arange(300) * T
+    wanted = bend + 25 * np.sin(rate * time) + 8 * np.sin(2.3 * rate * time)
+    endoscope = ModelEndoscope(model, 0.0, bend)
+    course = closed_loop(MODEL_INVERSE.make(known), endoscope, wanted, lambda k, bend: np.nan)
+    assert np.abs(course.bend_deg - wanted).max() < CLOSE_MM * (c + 2 * a * b * 8)
+
+
+def test_where_the_limit_of_speed_binds_it_goes_on_behind_it_without_an_error():
+    """The model takes note of the command that was given, not of the one that was wanted."""
+    known = knowledge(limits=CommandLimits(-3.5, 3.5, 2.0))
+    wanted = np.concatenate([np.zeros(10), np.full(60, 45.0), np.full(60, -30.0)])
+    endoscope = ModelEndoscope(MODEL, 0.0, 0.0)
+    course = closed_loop(MODEL_INVERSE.make(known), endoscope, wanted)
+    assert_within(known.limits, course.pull_mm)
+    speed = np.abs(np.diff(course.pull_mm)) / T
+    assert speed.max() == pytest.approx(2.0)
+    off = np.abs(course.bend_deg - wanted)
+    assert off.max() > 30
+    for end in (69, 129):
+        assert off[end] < CLOSE_MM * STEEPEST
+
+
+def test_out_of_reach_it_stands_at_the_end_of_the_stroke():
+    course = closed_loop(MODEL_INVERSE.make(knowledge()), lambda pull: 0.0, np.full(40, -200.0))
+    assert course.pull_mm[-1] == LIMITS.low_mm
+
+
+def test_it_knows_the_identified_model_and_nothing_of_the_preset():
+    known = [knowledge(preset=of) for of in (PRESET, PRESET.replace(wire_stiffness=6e3))]
+    wanted = 30 * np.sin(np.arange(100) * T)
+    first, second = (closed_loop(MODEL_INVERSE.make(of), lambda pull: 0.0, wanted) for of in known)
+    np.testing.assert_array_equal(first.pull_mm, second.pull_mm)
+    assert np.ptp(first.pull_mm) > 0.5 * (STROKE_MM[1] - STROKE_MM[0]) / 2

@@ -1,0 +1,43 @@
+"""The inverse of the nominal twin, on an endoscope that is the nominal twin."""
+
+import numpy as np
+import pytest
+from controlled import LIMITS, PRESET, T, assert_within, knowledge
+
+from twin.control.limits import CommandLimits
+from twin.control.reference import SIGNALS, reference
+from twin.control.trial import ControlCase, run_trial
+from twin.reduced.twins import TOLERANCE
+
+
+def tracked(kind, known, preset=PRESET):
+    wanted = reference(kind, known.line.reached_deg, 15.0, T, np.random.default_rng(4))
+    nothing = np.full(len(wanted), np.nan)
+    return run_trial("twin-inverse", known, ControlCase(preset, wanted, nothing, physics="reduced"))
+
+
+@pytest.mark.parametrize("kind", SIGNALS)
+def test_on_the_nominal_twin_the_tolerance_alone_is_left_of_the_error(kind):
+    """The endoscope is stepped by control periods, the twin by samples: that differs by less again."""
+    known = knowledge()
+    trial = tracked(kind, known)
+    settled = np.abs(trial.error_deg)
+    if kind == "random-steps":  # a step is more than one sample can bring
+        settled = settled[np.abs(np.diff(trial.reference_deg, prepend=0))[trial.scored] == 0]
+        settled = np.sort(settled)[: len(settled) // 2]
+    assert settled.max() < 3 * np.degrees(TOLERANCE)
+    assert_within(LIMITS, trial.pull_mm)
+
+
+def test_another_endoscope_is_followed_with_its_own_error():
+    trial = tracked("sine", knowledge(), PRESET.replace(wire_stiffness=6e3, sheath_friction_floor=2.0))
+    assert 1.0 < trial.rmse_deg < 20.0
+
+
+def test_out_of_reach_it_stands_at_the_end_of_the_stroke():
+    known = knowledge(limits=CommandLimits(-2.0, 2.0, 8.0))
+    wanted = np.concatenate([np.zeros(35), np.full(30, 80.0), np.full(30, -80.0)])
+    nothing = np.full(len(wanted), np.nan)
+    trial = run_trial("twin-inverse", known, ControlCase(PRESET, wanted, nothing, physics="reduced"))
+    assert trial.pull_mm[64] == 2.0
+    assert trial.pull_mm[94] == -2.0

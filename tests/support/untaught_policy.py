@@ -1,0 +1,25 @@
+"""A file of RAM (twins) that nothing was taught to: a filter on a few twins, whose policy does nothing."""
+
+import fcntl
+from pathlib import Path
+
+from controlled import DEPLOYMENT
+from small_twins import TINY, small_step, twins
+
+from rl.twins.graph import export_twins
+from rl.twins.records import draw_members
+from twin.reduced.following import members_to_dict
+from twin.runtime.deployment import KEY
+
+
+def shared(folder: Path) -> Path:
+    """Export into a folder, or take what another process of these tests has exported there."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "policy.onnx"
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.is_file():
+            members = draw_members(*twins(), TINY.members, TINY.seed)
+            described = {"members": members_to_dict(members), KEY: DEPLOYMENT.to_dict()}
+            export_twins(small_step(), len(members), {"agent": "ram-twins"} | described, path)
+    return path
