@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.control.condition import ControlCondition
 from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
-from twin.gate.paired import compare_paired
+from twin.gate.paired import reduction_interval
 
 Array = NDArray[np.float64]
 MEASURES = ("rmse_deg", "worst_deg", "travel_mm", "estimate_rmse_deg", "fallback_share")
@@ -106,17 +106,16 @@ def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[
         for other in results:
             if other.condition != result.condition or other.controller == ours:
                 continue
-            paired = compare_paired(result.squares, other.squares, np.random.default_rng(seed))
-            rival = max(paired.rival_deg, 1e-9)
+            interval = reduction_interval(result.squares, other.squares, np.random.default_rng(seed))
             found.append(
                 {
                     "condition": result.condition.name,
                     "controller": ours,
                     "rival": other.controller,
-                    "rmse_deg": paired.rmse_deg,
-                    "rival_rmse_deg": paired.rival_deg,
-                    "reduction": -paired.difference_deg / rival,
-                    "reduction_ci95": [-paired.high_deg / rival, -paired.low_deg / rival],
+                    "rmse_deg": result.rmse_deg,
+                    "rival_rmse_deg": other.rmse_deg,
+                    "reduction": 1 - result.rmse_deg / max(other.rmse_deg, 1e-9),
+                    "reduction_ci95": list(interval),
                 }
             )
     return found

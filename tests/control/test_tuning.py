@@ -1,0 +1,89 @@
+"""Tuning: every candidate is tried, the best is taken; of two as good the one that moves less."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin.control import tuning
+from twin.control.registry import ControllerSpec, Setting
+from twin.control.tuning import tune
+from twin.errors import DivergedError
+
+
+def spec(**settings):
+    return ControllerSpec("toy", 0, "nothing", lambda *_: None, settings)
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """Replace trials by a bowl about rate = 2 and gain = 0.05 on logarithmic scales; returns the tried."""
+    seen = []
+
+    def run_trial(name, knowledge, case):
+        mine = knowledge.settings[name]
+        seen.append(mine)
+        off = math.log(mine["rate"] / 2) ** 2 + math.log(mine.get("gain", 0.05) / 0.05) ** 2
+        return SimpleNamespace(rmse_deg=case * (0.1 + off), travel_mm=mine["rate"])
+
+    monkeypatch.setattr(tuning, "run_trial", run_trial)
+    monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
+    return seen
+
+
+KNOWLEDGE = SimpleNamespace(settings={"other": {"gain": 1.0}})
+RATE, GAIN = Setting(1.0, 0.1, 40.0), Setting(0.2, 0.001, 1.0)
+
+
+def test_more_candidates_come_nearer_to_the_best(tried):
+    errors = [
+        tune(spec(rate=RATE, gain=GAIN), [(KNOWLEDGE, 1.0)], count, 0).rmse_deg for count in (2, 16, 256)
+    ]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.25
+
+
+def test_as_many_are_tried_as_is_said_on_all_cases_and_within_the_range(tried):
+    found = tune(spec(rate=RATE, gain=GAIN), [(KNOWLEDGE, 1.0), (KNOWLEDGE, 2.0)], 16, 3)
+    assert (found.tried, len(tried)) == (16, 32)
+    assert tried[0] == pytest.approx({"rate": 1.0, "gain": 0.2})  # the default is the first
+    rates, gains = (np.array([of[name] for of in tried]) for name in ("rate", "gain"))
+    assert RATE.low * (1 - 1e-9) <= rates.min() < rates.max() <= RATE.high * (1 + 1e-9)
+    assert GAIN.low * (1 - 1e-9) <= gains.min() < gains.max() <= GAIN.high * (1 + 1e-9)
+
+
+def test_the_error_is_the_root_mean_square_over_cases(tried):
+    found = tune(spec(rate=RATE), [(KNOWLEDGE, 3.0), (KNOWLEDGE, 4.0)], 1, 0)
+    alone = 0.1 + math.log(2) ** 2
+    assert found.rmse_deg == pytest.approx(alone * math.sqrt((9 + 16) / 2))
+
+
+def test_of_those_that_are_about_as_good_the_least_travel_is_taken(monkeypatch):
+    def run_trial(name, knowledge, case):
+        rate = knowledge.settings[name]["rate"]
+        return SimpleNamespace(rmse_deg=1.0 if rate > 5 else 1.04 if rate > 2 else 2.0, travel_mm=rate)
+
+    monkeypatch.setattr(tuning, "run_trial", run_trial)
+    monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
+    found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
+    assert 2.0 < found.settings["rate"] < 3.0
+    assert found.rmse_deg == 1.04
+
+
+def test_a_setting_that_diverges_is_not_taken(monkeypatch):
+    def run_trial(name, knowledge, case):
+        rate = knowledge.settings[name]["rate"]
+        if rate < 3:
+            raise DivergedError("no equilibrium")
+        return SimpleNamespace(rmse_deg=rate, travel_mm=rate)
+
+    monkeypatch.setattr(tuning, "run_trial", run_trial)
+    monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
+    found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
+    assert found.settings["rate"] >= 3
+
+
+def test_what_has_no_settings_is_tried_once(tried, monkeypatch):
+    monkeypatch.setattr(tuning, "run_trial", lambda *_: SimpleNamespace(rmse_deg=0.7, travel_mm=1.0))
+    assert tune(spec(), [(KNOWLEDGE, 1.0)], 16, 0) == tuning.Tuned({}, pytest.approx(0.7), 1)
