@@ -7,8 +7,6 @@ from controlled import DEPLOYMENT, MODEL, STROKE_MM, R, T, closed_loop, knowledg
 from twin.control.controllers.active_model_pi import ACTIVE_MODEL_PI
 from twin.estimation.active_model import ActiveModel
 
-RATE = 0.02
-
 
 def course(sample_time=T, variance=R, seed=1):
     known = knowledge(sample_time=sample_time, noise_variance=variance)
@@ -38,6 +36,13 @@ def test_it_believes_the_filter_that_was_tuned_with_q_of_its_sample_time_and_the
     measured = np.array([of + rng.normal(0, variance**0.5) for of in followed.bend_deg])
     expected = tuned.estimate(followed.pull_mm, measured, 0.0)[0]
     np.testing.assert_allclose(followed.believed_deg, expected, atol=1e-6)
+
+
+def test_its_stream_has_the_sample_time_of_the_run():
+    """Else it would fill a gap with samples of another length."""
+    controller = ACTIVE_MODEL_PI.make(knowledge(sample_time=0.02))
+    controller.start(0.0, 0.0)
+    assert controller.estimator.sample_time == 0.02
 
 
 def test_what_the_model_does_not_know_is_fed_back():

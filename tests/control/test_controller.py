@@ -71,6 +71,19 @@ def test_every_controller_stays_within_the_limits_whatever_it_measures(name, seg
     assert not np.isinf(course.believed_deg).any()
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e308])
+@pytest.mark.parametrize("name", [spec.name for spec in controller_specs()])
+def test_a_reference_that_is_no_angle_ends_no_run(name, wrong, twins_policy):
+    wanted = np.full(120, 20.0)
+    wanted[30:40] = wrong
+    (spec,) = find_controllers([name])
+    course = closed_loop(spec.make(knowledge(policy=twins_policy)), lambda pull: 20 * pull, wanted)
+    assert_within(LIMITS, course.pull_mm)
+    if math.isnan(wrong):
+        held = course.pull_mm[30:40]
+        np.testing.assert_allclose(held, held[0], atol=0.2)  # D of a low-pass that goes on
+
+
 def test_a_controller_that_was_not_told_otherwise_believes_nothing_and_never_falls_back():
     controller = Wanting(itertools.repeat(1.0))
     controller.start(0.0, 5.0)

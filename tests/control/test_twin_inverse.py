@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
+from twin.control.controller import Sensed
+from twin.control.controllers.twin_inverse import TWIN_INVERSE
 from twin.control.limits import CommandLimits
+from twin.control.plant import Plant
 from twin.control.reference import SIGNALS, reference
 from twin.control.trial import ControlCase, run_trial
 from twin.reduced.twins import TOLERANCE
@@ -27,6 +30,18 @@ def test_on_the_nominal_twin_the_tolerance_alone_is_left_of_the_error(kind):
         settled = np.sort(settled)[: len(settled) // 2]
     assert settled.max() < 3 * np.degrees(TOLERANCE)
     assert_within(LIMITS, trial.pull_mm)
+
+
+@pytest.mark.parametrize("first", [-2.0, 1.5])
+def test_it_begins_where_the_endoscope_rests(first):
+    """The twin has gone from rest to the first pull, too: its first command brings the bend."""
+    known = knowledge()
+    endoscope = Plant(PRESET, T, "reduced")
+    wanted = endoscope.start(first) + 10.0
+    controller = TWIN_INVERSE.make(known)
+    controller.start(first, wanted)
+    pull = controller.step(Sensed(0.0, np.nan, wanted, wanted))
+    assert endoscope.step(pull) == pytest.approx(wanted, abs=3 * np.degrees(TOLERANCE))
 
 
 def test_another_endoscope_is_followed_with_its_own_error():

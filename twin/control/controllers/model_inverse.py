@@ -1,5 +1,6 @@
 """Inverse of the identified Coleman-Hodgdon model as feed-forward. It asks no sensor."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -31,6 +32,8 @@ class ModelInverse(Controller):
         def missing(pull_mm: float) -> float:
             return float(self._after(pull_mm)[0][0]) - sensed.next_deg
 
+        if math.isnan(sensed.next_deg):
+            return math.nan
         of_low, of_high = missing(low), missing(high)
         if of_low >= 0 or of_high <= 0:
             return low if of_low >= 0 else high
