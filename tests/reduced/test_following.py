@@ -72,6 +72,14 @@ def test_a_common_pull_is_that_of_the_members_it_is_asked_of_whatever_was_steppe
     assert members.common_pull_mm(following, weights, 20.0, (0.5, 0.6)) in (0.5, 0.6)
 
 
+@pytest.mark.parametrize("wanted", [np.nan, np.inf, -np.inf])
+def test_a_bend_that_is_no_number_has_no_common_pull(wanted):
+    """The sum of members is none where one of them found no equilibrium."""
+    members = Members(DRAWN, T)
+    following = members.start(np.array([0.7]))
+    assert np.isnan(members.common_pull_mm(following, np.full(3, 1 / 3), wanted, (-4.0, 4.0)))
+
+
 def test_one_member_needs_the_pull_of_its_own_inverse():
     members, twins = Members(DRAWN[:1], T), ReducedTwins(DRAWN[:1], T)
     following = members.start(np.array([0.0]))

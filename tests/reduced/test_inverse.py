@@ -214,6 +214,13 @@ def test_a_common_pull_out_of_reach_is_the_nearer_end_of_the_stroke():
     assert twins.common_pull(weights, 0.9, (-1e-3, 1e-3))[0] == 1e-3
 
 
+@pytest.mark.parametrize("wanted", [np.nan, np.inf, -np.inf])
+def test_a_common_pull_for_a_bend_that_is_no_number_is_refused(wanted):
+    twins = ReducedTwins([URETEROSCOPE], T)
+    with pytest.raises(ValueError, match=r"wanted bend of -?(nan|inf) rad: must be a finite number"):
+        twins.common_pull(np.ones(1), wanted, STROKE)
+
+
 def test_a_tolerance_that_is_asked_for_is_kept():
     twins, weights = ReducedTwins(drawn(3, 6), T), np.array([0.2, 0.3, 0.5])
     for tolerance in (1e-2, 1e-4, 1e-6):

@@ -1,5 +1,6 @@
 """Twins that follow the commands of a batch of filters: filters of one command share the twins of it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -91,9 +92,11 @@ class Members:
         Args:
             following: members along one command.
             weights: (M,) of the bend of each.
-            bend_deg: wanted sum [deg].
+            bend_deg: wanted sum; no pull, NaN, is returned where it is not finite [deg].
             within_mm: lowest and highest pull; the end that is nearer, where none brings it [mm].
         """
+        if not math.isfinite(bend_deg):
+            return math.nan
         self._twins.restore_state(following.twins[0])
         low, high = within_mm
         pull, _ = self._twins.common_pull(weights, float(np.radians(bend_deg)), (low * 1e-3, high * 1e-3))

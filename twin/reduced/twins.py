@@ -156,7 +156,12 @@ class ReducedTwins:
         Returns:
             The pull [m], and the sum that it brings [rad]. Where the stroke does not lead there, its end that
             is nearer: endoscopes that stick move only after a longer way.
+
+        Raises:
+            ValueError: the wanted sum is not finite.
         """
+        if not np.isfinite(bend):
+            raise InputError(f"wanted bend of {bend} rad: must be a finite number")
         self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], None)
         self._scratch = self._scratch or copy.deepcopy(self.state)
         pull, reached = find_common_pull(
