@@ -118,7 +118,7 @@ def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_
 @pytest.mark.parametrize(
     ("offset", "tuned"), [(-12.0, {}), (12.0, {}), (12.0, {"proportional_mm_per_deg": 0.03})]
 )
-def test_the_first_command_of_the_fallback_is_that_before_and_what_pi_asks_for_a_sample(
+def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_by_pi(
     twins_policy, offset, tuned
 ):
     """A sensor that is off from some sample on parts the trained filter from the fallback.
@@ -134,11 +134,13 @@ def test_the_first_command_of_the_fallback_is_that_before_and_what_pi_asks_for_a
     assert driven.runtime.reading.alarms & (Alarm.INNOVATION | Alarm.DISAGREEMENT)
     gains = {name: setting.default for name, setting in PI_SETTINGS.items()} | tuned
     line = knowledge().line
-    ahead = line.pull_mm(WANTED[first + 1]) - line.pull_mm(WANTED[first])
-    error = WANTED[first] - course.believed_deg[first]
-    of_error = gains["proportional_mm_per_deg"] + gains["integral_mm_per_deg_s"] * T
-    asked = course.pull_mm[first] + ahead + of_error * error
-    assert course.pull_mm[first + 1] == pytest.approx(asked, abs=1e-9)
+    total = course.pull_mm[first] - line.pull_mm(WANTED[first])
+    for k in range(first, first + 15):
+        error = WANTED[k] - course.believed_deg[k]
+        total += gains["integral_mm_per_deg_s"] * T * error
+        asked = line.pull_mm(WANTED[k + 1]) + gains["proportional_mm_per_deg"] * error + total
+        assert course.fell_back[k]
+        assert course.pull_mm[k + 1] == pytest.approx(asked, abs=1e-9)
 
 
 def test_a_trained_file_of_another_agent_is_refused_in_one_line(ram_policy):

@@ -37,7 +37,7 @@ def test_it_begins_where_the_endoscope_rests(first):
     """The twin has gone from rest to the first pull, too: its first command brings the bend."""
     known = knowledge()
     endoscope = Plant(PRESET, T, "reduced")
-    wanted = endoscope.start(first) + 10.0
+    wanted = endoscope.start(first) + np.copysign(5.0, first)
     controller = TWIN_INVERSE.make(known)
     controller.start(first, wanted)
     pull = controller.step(Sensed(0.0, np.nan, wanted, wanted))
