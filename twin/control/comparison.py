@@ -75,34 +75,33 @@ def compare(
     deployments = list(executor.map(ControlSettings.find_deployment, *_pairs(settings)))
     tuned: dict[tuple[float, float], dict[str, dict[str, float]]] = {sensor: {} for sensor in sensors}
     searched = []
-    for ours in (False, True):  # what falls back on another law takes what was tuned for that
+    for falls_back in (False, True):  # what falls back on another law takes what was tuned for that
         begun = {
             (sensor, spec.name): parts.start(
                 f"tuned_{spec.name}_{_sensor_name(sensor)}",
                 _search,
                 spec.name,
                 sensor,
-                tuned[sensor],
+                _of(spec, tuned[sensor]),
                 settings,
                 deployments,
             )
             for sensor in sensors
             for spec in specs
-            if spec.ours is ours
+            if bool(spec.falls_back_on) is falls_back
         }
         for (sensor, name), arrays in parts.finish(begun).items():
             found = tuned[sensor][name] = _settings_of(arrays, name)
             searched.append(_told(name, sensor, found, arrays))
     runs = {}
     for place, condition in enumerate(conditions):
-        of_all = tuned[condition.sensor]
         for spec in sorted(specs, key=lambda spec: not spec.needs_policy):  # the longest first
             runs[place, spec.name] = parts.start(
                 f"trials_{spec.name}_{condition.slug}",
                 _run,
                 spec.name,
                 condition,
-                of_all,
+                _of(spec, tuned[condition.sensor]),
                 settings,
                 deployments,
             )
@@ -198,6 +197,11 @@ def _search(
     tuned = tune(spec, cases, settings.candidates, settings.seed)
     values = np.array(list(tuned.settings.values()))
     return {"settings": values, "rmse_deg": np.array([tuned.rmse_deg]), "tried": np.array([tuned.tried])}
+
+
+def _of(spec: ControllerSpec, tuned: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """Return what was tuned for a controller and for its fallback, of all that was."""
+    return {name: tuned[name] for name in (spec.name, spec.falls_back_on) if name in tuned}
 
 
 def _sensor_name(sensor: tuple[float, float]) -> str:

@@ -44,6 +44,7 @@ class ControllerSpec:
         build: makes one for a run, with its settings by name.
         settings: numbers that are tuned, by name.
         needs_policy: whether it runs on a trained file of RAM (twins).
+        falls_back_on: name of the controller whose settings it takes for its fallback, if it has one.
         ours: whether it is this project's own, with which the others are compared.
         style: in figures.
     """
@@ -54,6 +55,7 @@ class ControllerSpec:
     build: "Callable[[ControlKnowledge, Mapping[str, float]], Controller]"
     settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
     needs_policy: bool = False
+    falls_back_on: str = ""
     ours: bool = False
     style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
 

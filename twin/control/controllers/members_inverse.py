@@ -54,6 +54,7 @@ MEMBERS_INVERSE = register_controller(
         build,
         {"rate_per_s": RATE},
         needs_policy=True,
+        falls_back_on=ACTIVE_MODEL_PI.name,
         ours=True,
         style=Style("#a3195b", "solid", "", 1.6),
     )
