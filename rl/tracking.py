@@ -14,7 +14,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.limits import CommandLimits
+from twin.control.limits import MARGIN, CommandLimits
 from twin.control.line import fit_line
 from twin.control.plant import Plant
 from twin.control.reference import SIGNALS, reference
@@ -127,9 +127,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.nominal = preset if isinstance(preset, Preset) else load_preset(preset)
         source = self.nominal.name if isinstance(preset, Preset) else preset
         self.ranges = load_ranges(source) if randomized else None
-        low, high = stroke_mm
-        stroke, margin = CommandLimits(low, high, speed_mm_s), high - low
-        self.limits = dataclasses.replace(stroke, low_mm=low - margin, high_mm=high + margin)
+        self.limits = CommandLimits(*stroke_mm, speed_mm_s).wider(MARGIN)
         self.physics, self.sample_time, self.seconds = physics, sample_time, seconds
         self.plant = Plant(self.nominal, sample_time, physics)
         self.line = fit_line(self.nominal, stroke_mm)
@@ -157,8 +155,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         signal = self.signals[rng.integers(len(self.signals))]
         self._reference = reference(signal, self.line.reached_deg, self.seconds, self.sample_time, rng)
         self._noise = draw_noise("gaussian", self.noise_variance, self._reference.shape, rng)
-        first = self.line.pull_mm(float(self._reference[0]))
-        pull_mm = min(max(first, self.limits.low_mm), self.limits.high_mm)
+        pull_mm = self.limits.nearest(self.line.pull_mm(float(self._reference[0])))
         late = samples_late(self.plant.preset.sensor_latency, self.sample_time)
         self._bends = deque([self.plant.start(pull_mm)], maxlen=late + 1)
         self._sample, self._change, self._smooth = 0, 0.0, 0.0

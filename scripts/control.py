@@ -136,9 +136,9 @@ def _warn_of_training(settings: "ControlSettings") -> None:
     if settings.policy is None:
         return
     from twin.estimation.learned.trained_file import read_trained_file
-    from twin.runtime.deployment import KEY, Deployment
+    from twin.runtime.load import deployment_of
 
-    low, high = Deployment.from_dict(read_trained_file(settings.policy).description.get(KEY)).pull_mm
+    low, high = deployment_of(read_trained_file(settings.policy)).pull_mm
     limits = [settings.limits(stroke) for stroke in settings.strokes_mm]
     least, most = min(of.low_mm for of in limits), max(of.high_mm for of in limits)
     if least < low or most > high:

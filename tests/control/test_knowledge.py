@@ -1,4 +1,4 @@
-"""What controllers know before a run: the nominal endoscope's, and a filter told of the sensor."""
+"""Knowledge of controllers before a run: the nominal endoscope's, and a filter told of the sensor."""
 
 import numpy as np
 import pytest

@@ -42,7 +42,7 @@ def states(ram) -> list[TwinsState]:
 
 
 def foretold(ram: RamTwins, state: TwinsState, members_deg: np.ndarray, parts) -> np.ndarray:
-    """What the graph says of these members, (B, M), where nothing is measured and the tendon rests."""
+    """Prediction of the graph for these members, (B, M), where nothing is measured and the tendon rests."""
     batch = len(members_deg)
     memory = tuple(np.repeat(of, batch, axis=0) for of in state.memory)
     nothing = np.full(batch, np.nan)

@@ -1,4 +1,4 @@
-"""What controllers of the ureteroscope know before a run, and a loop around any plant."""
+"""Knowledge of controllers of the ureteroscope before a run, and a loop around any plant."""
 
 import math
 from collections.abc import Callable

@@ -236,7 +236,7 @@ def _run(
     rows, first = [], None
     for known in _knowledge(settings, condition.sensor, deployments):
         told = dataclasses.replace(known, settings=tuned)
-        for _, case in settings.cases(condition, known.stroke_mm, told):
+        for case in settings.cases(condition, known.stroke_mm, told):
             trial = run_trial(name, told, case)
             first = first or trial
             rows.append(measures_of(trial))

@@ -18,11 +18,15 @@ from collections.abc import Mapping
 from twin.control.feedback import LinearFeedback
 from twin.control.limits import CommandLimits
 from twin.control.line import Line
+from twin.control.registry import Setting
 from twin.errors import InputError
 from twin.estimation.learned.member_weights import MemberWeights
 from twin.estimation.learned.ram_twins import RamTwins, TwinsState
 from twin.runtime.assured import AssuredEstimator
 from twin.runtime.reading import Source
+
+RATE = Setting(3.0, 0.3, 30.0)
+"""Rate at which the estimated error is removed [1 / s]."""
 
 
 class Compensator:

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cached_property
 from pathlib import Path
 
 from twin.control.limits import CommandLimits
@@ -38,7 +37,7 @@ class ControlKnowledge:
     policy: Path | None = None
     settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
-    @cached_property
+    @property
     def line(self) -> Line:
         """The linear map of the nominal endoscope."""
         return fit_line(self.preset, self.stroke_mm)

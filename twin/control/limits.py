@@ -2,8 +2,12 @@
 
 import dataclasses
 import math
+from typing import Self
 
 from twin.errors import InputError
+
+MARGIN = 1.0
+"""Command beyond a stroke on either side, as a share of its width: endoscopes with much friction need it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,13 +37,19 @@ class CommandLimits:
         if not 0 < self.speed_mm_s < math.inf:
             raise InputError(f"speed = {self.speed_mm_s:g} mm/s: must be positive and finite")
 
+    def wider(self, share: float) -> Self:
+        """Return limits that reach beyond either end by a share of the stroke's width."""
+        beyond = share * (self.high_mm - self.low_mm)
+        return dataclasses.replace(self, low_mm=self.low_mm - beyond, high_mm=self.high_mm + beyond)
+
+    def nearest(self, pull_mm: float) -> float:
+        """Return the pull within the stroke that is nearest to one [mm]."""
+        return min(max(pull_mm, self.low_mm), self.high_mm)
+
     def reach(self, pull_mm: float, sample_time: float) -> tuple[float, float]:
         """Return the lowest and the highest pull [mm] one sample after another one."""
         way = self.speed_mm_s * sample_time
-        return (
-            min(max(pull_mm - way, self.low_mm), self.high_mm),
-            max(min(pull_mm + way, self.high_mm), self.low_mm),
-        )
+        return self.nearest(pull_mm - way), self.nearest(pull_mm + way)
 
     def within(self, wanted_mm: float, pull_mm: float, sample_time: float) -> float:
         """Return the pull nearest to a wanted one [mm] that can follow `pull_mm`; NaN stays where it is."""

@@ -1,5 +1,6 @@
 """Straight line between pull and bend: what control without hysteresis compensation goes by."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ class Line(NamedTuple):
         return (bend_deg - self.offset_deg) / self.slope
 
 
+@functools.lru_cache(maxsize=64)  # every trial of a comparison asks for the same few
 def fit_line(preset: Preset, stroke_mm: tuple[float, float]) -> Line:
     """Return the line of least squares through the closed loop of an endoscope on a stroke [mm]."""
     low, high = stroke_mm

@@ -5,20 +5,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.control.compensator import Compensator
+from twin.control.compensator import RATE, Compensator
 from twin.control.feedback import PI_SETTINGS
 from twin.control.limits import CommandLimits
 from twin.control.line import fit_line
+from twin.control.registry import tuned
 from twin.errors import InputError
 from twin.estimation.health import Health
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.preset.file import preset_of
 from twin.preset.preset import Preset
 from twin.runtime.assured import AssuredEstimator
-from twin.runtime.deployment import KEY, Deployment
+from twin.runtime.load import deployment_of
 
-RATE_PER_S = 3.0
-"""Rate at which the estimated error is removed, where none is given [1 / s]."""
 _IGNORED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
 
 
@@ -72,7 +71,7 @@ def prepare_commands(
     runtime: AssuredEstimator,
     stroke_mm: tuple[float, float],
     speed_mm_s: float | None = None,
-    rate_per_s: float = RATE_PER_S,
+    rate_per_s: float = RATE.default,
 ) -> LiveCommands:
     """Return the commands beside a runtime.
 
@@ -89,9 +88,8 @@ def prepare_commands(
     """
     if not 0 < rate_per_s < math.inf:
         raise InputError(f"rate = {rate_per_s:g} 1/s: must be positive and finite")
-    description = read_trained_file(path).description
-    deployment = Deployment.from_dict(description.get(KEY))
-    preset = _preset_in(description, path)
+    file = read_trained_file(path)
+    deployment, preset = deployment_of(file), _preset_in(file.description, path)
     if speed_mm_s is None:
         speed_mm_s = deployment.pull_speed_mm_s
         if preset.servo_speed:
@@ -103,7 +101,7 @@ def prepare_commands(
             f"stroke [{limits.low_mm:g}, {limits.high_mm:g}] mm: must be within [{low:.3g}, {high:.3g}], "
             "the pulls that the file was trained for"
         )
-    gains: dict[str, float] = {name: setting.default for name, setting in PI_SETTINGS.items()}
+    gains = tuned(PI_SETTINGS, {})
     compensator = Compensator(runtime, limits, fit_line(preset, stroke_mm), rate_per_s, gains)
     return LiveCommands(runtime, compensator, limits)
 

@@ -61,8 +61,12 @@ class ControllerSpec:
 
     def make(self, knowledge: "ControlKnowledge") -> "Controller":
         """Return a new controller, with what was tuned for it."""
-        defaults = {name: setting.default for name, setting in self.settings.items()}
-        return self.build(knowledge, defaults | dict(knowledge.settings.get(self.name, {})))
+        return self.build(knowledge, tuned(self.settings, knowledge.settings.get(self.name, {})))
+
+
+def tuned(settings: Mapping[str, Setting], found: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of settings: what was found by tuning, else their defaults."""
+    return {name: setting.default for name, setting in settings.items()} | dict(found)
 
 
 _SPECS: dict[str, ControllerSpec] = {}

@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.control.condition import SLOW, ControlCondition
 from twin.control.knowledge import ControlKnowledge
-from twin.control.limits import CommandLimits
+from twin.control.limits import MARGIN, CommandLimits
 from twin.control.reference import SIGNALS, reference
 from twin.control.trial import ControlCase
 from twin.errors import InputError
@@ -52,7 +52,7 @@ class ControlSettings:
     strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
     twins: int = 10
     seconds: float = 40.0
-    margin: float = 1.0
+    margin: float = MARGIN
     speed_mm_s: float = 5.0
     latency_s: float = 0.0
     physics: str = "mujoco"
@@ -78,10 +78,7 @@ class ControlSettings:
 
     def limits(self, stroke_mm: tuple[float, float]) -> CommandLimits:
         """Return the limits of the command on a stroke [mm]."""
-        low, high = stroke_mm
-        CommandLimits(low, high, self.speed_mm_s)
-        beyond = self.margin * (high - low)
-        return CommandLimits(low - beyond, high + beyond, self.speed_mm_s)
+        return CommandLimits(*stroke_mm, self.speed_mm_s).wider(self.margin)
 
     def knowledge(
         self, stroke_mm: tuple[float, float], sensor: tuple[float, float], deployment: Deployment
@@ -121,8 +118,8 @@ class ControlSettings:
 
     def cases(
         self, condition: ControlCondition, stroke_mm: tuple[float, float], knowledge: ControlKnowledge
-    ) -> list[tuple[str, ControlCase]]:
-        """Return signal and case of every trial of a condition on a stroke: all twins on all signals."""
+    ) -> list[ControlCase]:
+        """Return the case of every trial of a condition on a stroke: all twins on all signals."""
         place = self.strokes_mm.index(stroke_mm)
         cases = []
         for number in range(self.twins):
@@ -135,7 +132,7 @@ class ControlSettings:
                     condition.noise, condition.level, (len(wanted),), np.random.default_rng(which)
                 )
                 bend = condition.sheath_bend(preset, len(wanted))
-                cases.append((kind, ControlCase(preset, wanted, noise, bend, self.physics)))
+                cases.append(ControlCase(preset, wanted, noise, bend, self.physics))
         return cases
 
     def tuning_cases(self, knowledge: ControlKnowledge) -> list[ControlCase]:

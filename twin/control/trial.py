@@ -102,8 +102,7 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     late = samples_late(case.preset.sensor_latency, T)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
-    limits = knowledge.limits
-    first = min(max(knowledge.line.pull_mm(float(wanted[0])), limits.low_mm), limits.high_mm)
+    first = knowledge.limits.nearest(knowledge.line.pull_mm(float(wanted[0])))
     pull[0], bend[0] = first, plant.start(first)
     driven.start(first, float(wanted[0]))
     for k in range(count):

@@ -82,13 +82,11 @@ def control_errors_figure(results: Sequence[ControlResult]) -> Figure:
     width = 0.8 / len(names)
     for result in results:
         place = conditions.index(result.condition) + (names.index(result.controller) + 0.5) * width - 0.4
-        (style,) = (spec.style for spec in find_controllers([result.controller]))
+        colour = _line(result.controller)["color"]
         twins = result.by_twin_deg
         across = place + np.linspace(-0.25, 0.25, len(twins)) * width
-        axes.plot(across, twins, "o", color=style.colour, markersize=2.4, alpha=0.55, markeredgewidth=0)
-        axes.hlines(
-            result.rmse_deg, place - 0.4 * width, place + 0.4 * width, color=style.colour, linewidth=2
-        )
+        axes.plot(across, twins, "o", color=colour, markersize=2.4, alpha=0.55, markeredgewidth=0)
+        axes.hlines(result.rmse_deg, place - 0.4 * width, place + 0.4 * width, color=colour, linewidth=2)
     axes.set_yscale("log")
     axes.set_ylabel("tracking RMSE [deg]")
     axes.set_xticks(range(len(conditions)), [condition.name for condition in conditions], fontsize=8.5)

@@ -11,7 +11,7 @@ import numpy as np
 from twin.errors import InputError
 from twin.estimation.estimator import Sensor
 from twin.estimation.health import StreamLimits
-from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.load import load_estimator_at
 from twin.estimation.real_number import real_number
 from twin.estimation.registry import method_specs
@@ -58,12 +58,7 @@ def prepare_runtime(
     """
     path = Path(path)
     file = read_trained_file(path)
-    if KEY not in file.description:
-        raise InputError(f"{path} holds no fallback: an earlier version wrote it; train again")
-    try:
-        deployment = Deployment.from_dict(file.description[KEY])
-    except ValueError as error:
-        raise InputError(f"{path} cannot be deployed: {error}") from error
+    deployment = deployment_of(file)
     if sample_time is not None:
         sample_time = _positive("sample_time", sample_time)
     if noise_variance is None:
@@ -73,6 +68,20 @@ def prepare_runtime(
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     return functools.partial(AssuredEstimator, method, advanced, deployment, T, noise_variance, limits=limits)
+
+
+def deployment_of(file: TrainedFile) -> Deployment:
+    """Return the fallback of a trained file, and the limits of its training.
+
+    Raises:
+        ValueError: it holds none, or one that cannot be.
+    """
+    if KEY not in file.description:
+        raise InputError(f"{file.path} holds no fallback: an earlier version wrote it; train again")
+    try:
+        return Deployment.from_dict(file.description[KEY])
+    except ValueError as error:
+        raise InputError(f"{file.path} cannot be deployed: {error}") from error
 
 
 def _positive(name: str, value: Any) -> float:

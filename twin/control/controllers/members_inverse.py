@@ -2,18 +2,15 @@
 
 from collections.abc import Mapping
 
-from twin.control.compensator import Compensator
+from twin.control.compensator import RATE, Compensator
 from twin.control.controller import Controller, Sensed
 from twin.control.controllers.active_model_pi import ACTIVE_MODEL_PI
 from twin.control.feedback import PI_SETTINGS
 from twin.control.knowledge import ControlKnowledge
-from twin.control.registry import ControllerSpec, Setting, register_controller
+from twin.control.registry import ControllerSpec, register_controller, tuned
 from twin.estimation.registry import Style
 from twin.runtime.assured import AssuredEstimator
 from twin.runtime.load import prepare_runtime
-
-RATE = Setting(3.0, 0.3, 30.0)
-"""Rate at which the estimated error is removed [1 / s]."""
 
 
 class MembersInverse(Controller):
@@ -24,8 +21,7 @@ class MembersInverse(Controller):
         self._make_runtime = prepare_runtime(
             knowledge.trained, noise_variance=knowledge.noise_variance, sample_time=knowledge.sample_time
         )
-        gains = {name: setting.default for name, setting in PI_SETTINGS.items()}
-        self._gains = gains | dict(knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
+        self._gains = tuned(PI_SETTINGS, knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
         self._rate, self._line = settings["rate_per_s"], knowledge.line
         self.runtime: AssuredEstimator
 
@@ -41,17 +37,12 @@ class MembersInverse(Controller):
         return wanted
 
 
-def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> MembersInverse:
-    """Return the controller of a run."""
-    return MembersInverse(knowledge, settings)
-
-
 MEMBERS_INVERSE = register_controller(
     ControllerSpec(
         "members-inverse",
         6,
         "members and estimate of RAM (twins)",
-        build,
+        MembersInverse,
         {"rate_per_s": RATE},
         needs_policy=True,
         falls_back_on=ACTIVE_MODEL_PI.name,

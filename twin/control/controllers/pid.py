@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from twin.control.controller import Controller, Sensed
+from twin.control.controller import Sensed
 from twin.control.feedback import PI_SETTINGS, EstimateFeedback
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, Setting, register_controller
@@ -50,17 +50,12 @@ class Pid(EstimateFeedback):
         return wanted + self._derivative * (moving - self.estimator.rate_deg_s)
 
 
-def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> Controller:
-    """Return the controller of a run."""
-    return Pid(knowledge, settings)
-
-
 PID = register_controller(
     ControllerSpec(
         "pid",
         4,
         "the measurement",
-        build,
+        Pid,
         {
             **PI_SETTINGS,
             "derivative_mm_s_per_deg": Setting(0.001, 0.0001, 0.02),
