@@ -43,7 +43,7 @@ class Control:
     stroke: tuple[float, float] | None = None
     """Stroke of the work [mm]: references use the middle 65 % of what it bends. [-1, 1] and [2, 4], if not
     given."""
-    margin: float = 1.0
+    margin: float = 1.5
     """Command beyond the stroke to either side, as a share of its width: twins with more friction need it."""
     twins: int = 10
     """Randomised endoscopes that are controlled."""
@@ -90,6 +90,9 @@ def control(args: Control) -> Summary:
     from twin.workers.choice import choose_workers
 
     conditions = find_conditions(args.suite)
+    if args.physics == "reduced" and any(condition.tip_force for condition in conditions):
+        complain("endotwin control: nothing touches the tip of a reduced twin: that condition is left out")
+        conditions = tuple(condition for condition in conditions if not condition.tip_force)
     given: dict[str, Any] = {"strokes_mm": (args.stroke,)} if args.stroke else {}
     settings = ControlSettings(
         load_preset(args.preset),

@@ -49,7 +49,7 @@ class Run:
     answered with "command_mm", the pull to command at the next sample (RAM (twins) alone)."""
     speed: float | None = None
     """Fastest change of these commands [mm/s]; that of the training, if not given."""
-    rate: float = 3.0
+    rate: float = 10.0
     """Rate at which these commands remove the estimated error [1/s]."""
     live: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show it in a viewer (Foxglove, Lichtblick) while it runs; a log is then played at its own pace."""

@@ -84,3 +84,22 @@ def test_a_command_that_is_no_number_and_a_sheath_bent_backwards_are_refused(phy
         plant.step(np.nan)
     with pytest.raises(ValueError, match="not negative"):
         plant.step(0.1, -9.0)
+
+
+def test_a_force_pushes_the_tip_and_what_is_let_go_is_held_by_friction():
+    bends = []
+    for force in (0.0, 0.05, 0.1, -0.1):
+        plant = Plant(PRESET, 0.1)
+        plant.start(1.0)
+        bends.append([plant.step(1.0, tip_force=force) for _ in range(8)][-1])
+        if force == 0.1:
+            let_go = [plant.step(1.0) for _ in range(8)][-1]
+    free, light, pushed, back = bends
+    assert back < free < light < let_go < pushed
+
+
+def test_a_reduced_endoscope_is_not_pushed():
+    plant = Plant(PRESET, 0.1, "reduced")
+    plant.start(0.0)
+    with pytest.raises(ValueError, match=r"force of 0\.1 N at the tip: needs MuJoCo"):
+        plant.step(0.0, tip_force=0.1)

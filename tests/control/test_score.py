@@ -67,6 +67,19 @@ def test_measures_leave_the_hold_at_the_start_out():
     bend = np.where(time < 3, 50.0, 1.0)
     pull = np.where(time < 3, time, 3.0)
     trial = ControlTrial(np.zeros(400), pull, bend, bend, np.full(400, np.nan), time > 5.5, 0.02)
-    rmse, worst, travel, estimate, fallen = measures_of(trial)
-    assert (rmse, worst, travel, estimate) == (1.0, 1.0, 0.0, -1.0)
-    assert fallen == pytest.approx(0.5, abs=0.01)
+    measures = dict(zip(MEASURES, measures_of(trial), strict=True))
+    assert measures.pop("fallback_share") == pytest.approx(0.5, abs=0.01)
+    assert set(measures.values()) == {1.0, 0.0, -1.0}
+    assert (measures["travel_mm"], measures["estimate_rmse_deg"]) == (0.0, -1.0)
+
+
+def test_late_errors_are_those_of_the_last_twenty_seconds():
+    time = np.arange(3000) * 0.02
+    bend = np.where(time < 40, 7.0, 3.0)
+    bend[-1] = 5.0
+    zero = np.zeros(3000)
+    measures = dict(
+        zip(MEASURES, measures_of(ControlTrial(zero, zero, bend, bend, zero, zero > 0, 0.02)), strict=True)
+    )
+    assert measures["late_rmse_deg"] == pytest.approx(np.sqrt(9 + 16 / 1000))
+    assert (measures["late_worst_deg"], measures["worst_deg"]) == (5.0, 7.0)

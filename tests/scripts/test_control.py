@@ -36,7 +36,7 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert row["stroke_mm"] == [-1.0, 1.0]
     assert row["rmse_ci95_deg"][0] <= row["rmse_deg"] <= row["rmse_ci95_deg"][1]
     assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 1, "pid": 2}
-    assert written["control"]["limits"] == [{"low_mm": -3.0, "high_mm": 3.0, "speed_mm_s": 5.0}]
+    assert written["control"]["limits"] == [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}]
     assert "| pid" in (folder / "out/control.md").read_text()
     for name in ("tracking.png", "loops.png", "errors.png"):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
@@ -47,7 +47,7 @@ def test_what_a_figure_shows_is_recorded_with_its_reference(compared):
     episode = read_episode(folder / "out/records/pid.mcap")
     assert episode.metadata["controller"] == "pid"
     assert len(episode.time) == 6 / 0.02
-    assert abs(episode.pull_mm).max() <= 3.0
+    assert abs(episode.pull_mm).max() <= 4.0
 
 
 def test_the_same_command_goes_on_and_another_one_is_refused(compared):

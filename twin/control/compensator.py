@@ -6,10 +6,11 @@ RAM (twins) predicts by twins that follow the command. The command of the next s
 
 where w are the weights that the filter gives the members now, r the reference. Only what the reference
 moves and a share of the estimated error are asked for: one that asked for the whole error would follow the
-noise of the estimate across the dead band of every reversal.
+noise of the estimate. Nor does the command turn round, and cross the dead band of a reversal, for less than
+the estimate can tell: r_next must be on the other side of it by a share of its 95 % interval.
 
 While the runtime does not trust RAM (twins), linear map and PI on its estimate, the fallback's then, are
-in charge, without a jump.
+in charge, without a jump. While the sensor is silent or stuck, the command is held.
 """
 
 import math
@@ -23,10 +24,12 @@ from twin.errors import InputError
 from twin.estimation.learned.member_weights import MemberWeights
 from twin.estimation.learned.ram_twins import RamTwins, TwinsState
 from twin.runtime.assured import AssuredEstimator
-from twin.runtime.reading import Source
+from twin.runtime.reading import Alarm, Source
 
-RATE = Setting(3.0, 0.3, 30.0)
-"""Rate at which the estimated error is removed [1 / s]."""
+COMPENSATOR_SETTINGS = {"rate_per_s": Setting(10.0, 1.0, 50.0), "turning_share": Setting(0.7, 0.1, 2.0)}
+"""Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in
+halves of the estimate's 95 % interval [-]."""
+_SILENT = Alarm.TIMEOUT | Alarm.STUCK
 
 
 class Compensator:
@@ -34,6 +37,7 @@ class Compensator:
 
     Attributes:
         falls_back: whether PI on the fallback's estimate is in charge.
+        holds: whether the command is held, as no measurement comes.
     """
 
     def __init__(
@@ -41,7 +45,7 @@ class Compensator:
         runtime: AssuredEstimator,
         limits: CommandLimits,
         line: Line,
-        rate_per_s: float,
+        settings: Mapping[str, float],
         gains: Mapping[str, float],
     ) -> None:
         """Prepare a run.
@@ -50,7 +54,7 @@ class Compensator:
             runtime: that is pushed each sample before a command is asked for.
             limits: of the command.
             line: of the nominal endoscope, for the fallback.
-            rate_per_s: at which the estimated error is removed [1 / s].
+            settings: by the names of `COMPENSATOR_SETTINGS`.
             gains: of the fallback, by the names of `PI_SETTINGS`.
 
         Raises:
@@ -61,9 +65,11 @@ class Compensator:
             raise InputError(f"{runtime.method} has no twins to invert: commands are made on RAM (twins)")
         self._runtime, self._limits = runtime, limits
         self._members, self._weights = advanced.members, MemberWeights(advanced.network)
-        self._share = -math.expm1(-rate_per_s * runtime.sample_time)
+        self._share = -math.expm1(-settings["rate_per_s"] * runtime.sample_time)
+        self._turning_share = settings["turning_share"]
         self._feedback = LinearFeedback(limits, runtime.sample_time, line, gains)
-        self.falls_back = False
+        self._direction = 0.0  # of the latest command
+        self.falls_back = self.holds = False
 
     def wanted_mm(self, pull_mm: float, reference_deg: float, next_deg: float) -> float:
         """Return the pull that is wanted at the next sample [mm], within stroke and speed.
@@ -75,14 +81,25 @@ class Compensator:
         """
         runtime = self._runtime
         reading, state = runtime.reading, runtime.advanced.state
-        if reading.source is not Source.ADVANCED or not isinstance(state, TwinsState):
-            if not self.falls_back:
-                self._feedback.begin(pull_mm, reference_deg)
-            self.falls_back = True
-            return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
-        self.falls_back = False
-        moved = next_deg - reference_deg + self._share * (reference_deg - reading.bend_deg)
+        went_on = self.falls_back and not self.holds
+        self.falls_back, self.holds = reading.source is not Source.ADVANCED, bool(reading.alarms & _SILENT)
+        if self.holds:
+            return pull_mm
+        if not self.falls_back and isinstance(state, TwinsState):
+            return self._inverse_mm(state, pull_mm, reference_deg, next_deg)
+        self.falls_back, self._direction = True, 0.0
+        if not went_on:
+            self._feedback.begin(pull_mm, reference_deg, reading.bend_deg)
+        return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
+
+    def _inverse_mm(self, state: TwinsState, pull_mm: float, reference_deg: float, next_deg: float) -> float:
+        """Return the pull that moves the weighted members by what is asked of them [mm]."""
+        bend, low, high = self._runtime.reading[:3]
+        moved = next_deg - reference_deg + self._share * (reference_deg - bend)
+        if moved * self._direction < 0 and abs(next_deg - bend) < self._turning_share * (high - low) / 2:
+            return pull_mm
+        self._direction = moved
         weights = self._weights.of(state)
         now = float(weights @ state.following.of_filters()[0])
-        within = self._limits.reach(pull_mm, runtime.sample_time)
+        within = self._limits.reach(pull_mm, self._runtime.sample_time)
         return self._members.common_pull_mm(state.following, weights, now + moved, within)

@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 from twin.control.reference import HOLD_S
 from twin.errors import InputError
 from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
 from twin.signals.noise import noise_variance
 
 Array = NDArray[np.float64]
 SLOW = ("sine", "multi-sine", "random-steps")
 BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
 """Bending of the sheath: its begin [s], its time [s] and its angle [rad]."""
+TOUCHED_AT_S = 18.0
+"""Begin of a contact at the tip [s]; it stays."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +31,9 @@ class ControlCondition:
         sample_time: T [s].
         signals: kinds of reference.
         bends: whether the sheath bends by a quarter turn on the way, untold.
+        tip_force: that pushes the tip sideways from `TOUCHED_AT_S` on, untold; in MuJoCo alone [N].
+        wider: factor on the ranges that endoscopes are drawn from.
+        changes: parameters that all endoscopes have, whatever was drawn.
     """
 
     name: str
@@ -36,6 +42,9 @@ class ControlCondition:
     sample_time: float = 0.02
     signals: tuple[str, ...] = SLOW
     bends: bool = False
+    tip_force: float = 0.0
+    wider: float = 1.0
+    changes: tuple[tuple[str, float], ...] = ()
 
     @property
     def slug(self) -> str:
@@ -51,6 +60,18 @@ class ControlCondition:
     def sensor(self) -> tuple[float, float]:
         """R and T of the sensor that controllers are tuned for."""
         return self.variance, self.sample_time
+
+    def draw(self, preset: Preset, ranges: Ranges, rng: np.random.Generator) -> Preset:
+        """Return an endoscope that this condition asks for."""
+        drawn = (ranges if self.wider == 1.0 else ranges.wider(self.wider)).draw(preset, rng)
+        return drawn.replace(**dict(self.changes))
+
+    def tip_forces(self, samples: int) -> Array:
+        """Return the force on the tip at each sample [N]; empty where nothing touches it."""
+        if not self.tip_force:
+            return np.empty(0)
+        touched = np.arange(samples) * self.sample_time >= HOLD_S + TOUCHED_AT_S
+        return np.where(touched, self.tip_force, 0.0)
 
     def sheath_bend(self, preset: Preset, samples: int) -> Array:
         """Return the bend of the sheath at each sample [rad]; empty where it stays."""
@@ -70,6 +91,10 @@ CONDITIONS = (
     ControlCondition("Poisson 1", "poisson", 1.0),
     ControlCondition("sine of 4 s", signals=("fast-sine",)),
     ControlCondition("sheath bends", bends=True),
+    ControlCondition("tip touched", tip_force=0.1),
+    ControlCondition("wider twins", wider=1.5),
+    ControlCondition("stick-slip", changes=(("stiction", 0.5),)),
+    ControlCondition("warm-up, backlash", changes=(("backlash", 3e-4), ("friction_warm_up", 0.5))),
 )
 SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
 

@@ -35,6 +35,7 @@ class Controller(abc.ABC):
         pull_mm: latest command [mm].
         bend_deg: what it believes the angle to be; NaN where it does not ask [deg].
         falls_back: whether a simpler law is in charge, as the better one is not trusted now.
+        holds: whether the command is held, as no measurement comes.
     """
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
@@ -42,7 +43,7 @@ class Controller(abc.ABC):
         self.sample_time = sample_time
         self.pull_mm = math.nan
         self.bend_deg = math.nan
-        self.falls_back = False
+        self.falls_back = self.holds = False
 
     def start(self, pull_mm: float, reference_deg: float) -> None:
         """Begin a run on an endoscope that rests at a pull [mm] near a first reference [deg]."""

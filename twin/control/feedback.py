@@ -40,9 +40,11 @@ class LinearFeedback:
         self._integral = gains["integral_mm_per_deg_s"]
         self._sum_mm = 0.0
 
-    def begin(self, pull_mm: float, reference_deg: float) -> None:
-        """Begin at a command, without a jump: what the line would command less it is in the integral."""
-        self._sum_mm = pull_mm - self._line.pull_mm(reference_deg)
+    def begin(self, pull_mm: float, reference_deg: float, bend_deg: float) -> None:
+        """Begin at a command, without a jump: what line and error would add to it is in the integral."""
+        error = reference_deg - bend_deg
+        of_error = self._proportional * error if math.isfinite(error) else 0.0
+        self._sum_mm = pull_mm - self._line.pull_mm(reference_deg) - of_error
 
     def wanted_mm(self, pull_mm: float, bend_deg: float, reference_deg: float, next_deg: float) -> float:
         """Return the pull that is wanted at the next sample [mm]; NaN where the estimate is none.
@@ -95,7 +97,7 @@ class EstimateFeedback(Controller):
         self.estimator: Believed
 
     def _start(self, reference_deg: float) -> None:
-        self.feedback.begin(self.pull_mm, reference_deg)
+        self.feedback.begin(self.pull_mm, reference_deg, reference_deg)
         self.estimator = self._make_estimator(reference_deg)
         self.bend_deg = reference_deg
 

@@ -6,8 +6,9 @@ from typing import Self
 
 from twin.errors import InputError
 
-MARGIN = 1.0
-"""Command beyond a stroke on either side, as a share of its width: endoscopes with much friction need it."""
+MARGIN = 1.5
+"""Command beyond a stroke on either side, as a share of its width: the most that an endoscope of the
+ureteroscope's ranges needs to follow the references of a stroke is 1.4."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.control.compensator import RATE, Compensator
+from twin.control.compensator import COMPENSATOR_SETTINGS, Compensator
 from twin.control.feedback import PI_SETTINGS
 from twin.control.limits import CommandLimits
 from twin.control.line import fit_line
@@ -25,7 +25,8 @@ class LiveCommands:
     """Commands of one endoscope, for a motor driver that says in each sample where its command stands.
 
     A sample without a pull counts as one at the latest command; one without a reference keeps the latest. One
-    that the runtime ignores, as it is late or its time is none, is answered by the latest command.
+    that the runtime ignores, as it is late or its time is none, is answered by the latest command. While the
+    sensor is silent or stuck (alarms TIMEOUT and STUCK), the command that stands is held.
 
     Attributes:
         limits: of the command.
@@ -42,6 +43,11 @@ class LiveCommands:
     def falls_back(self) -> bool:
         """True while the fallback's law is in charge."""
         return self._compensator.falls_back
+
+    @property
+    def holds(self) -> bool:
+        """True while the command is held, as no measurement comes."""
+        return self._compensator.holds
 
     def after(self, pull_mm: float, reference_deg: float) -> float:
         """Return the pull to command at the next sample [mm]; NaN before the first pull and reference.
@@ -71,7 +77,7 @@ def prepare_commands(
     runtime: AssuredEstimator,
     stroke_mm: tuple[float, float],
     speed_mm_s: float | None = None,
-    rate_per_s: float = RATE.default,
+    rate_per_s: float = COMPENSATOR_SETTINGS["rate_per_s"].default,
 ) -> LiveCommands:
     """Return the commands beside a runtime.
 
@@ -101,8 +107,8 @@ def prepare_commands(
             f"stroke [{limits.low_mm:g}, {limits.high_mm:g}] mm: must be within [{low:.3g}, {high:.3g}], "
             "the pulls that the file was trained for"
         )
-    gains = tuned(PI_SETTINGS, {})
-    compensator = Compensator(runtime, limits, fit_line(preset, stroke_mm), rate_per_s, gains)
+    gains, settings = tuned(PI_SETTINGS, {}), tuned(COMPENSATOR_SETTINGS, {"rate_per_s": rate_per_s})
+    compensator = Compensator(runtime, limits, fit_line(preset, stroke_mm), settings, gains)
     return LiveCommands(runtime, compensator, limits)
 
 

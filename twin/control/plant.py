@@ -62,15 +62,22 @@ class Plant:
         self.endoscope.restore_state(at_samples[0])
         return self.bend_deg()
 
-    def step(self, pull_mm: float, sheath_bend: float | None = None) -> float:
-        """Go to the next command [mm], and bend of the sheath [rad], in one sample; returns the bend [deg].
+    def step(self, pull_mm: float, sheath_bend: float | None = None, tip_force: float = 0.0) -> float:
+        """Go to the next command in one sample; returns the bend [deg].
+
+        Args:
+            pull_mm: command [mm].
+            sheath_bend: bend of the sheath then, as before where not given [rad].
+            tip_force: pushes the tip sideways meanwhile, in MuJoCo alone [N].
 
         Raises:
-            ValueError: the command is not finite, or the sheath's bend is negative.
+            ValueError: a number is not finite, the sheath's bend is negative, or a reduced endoscope is
+                pushed.
             FloatingPointError: the simulation diverged.
         """
         bend = self.sheath_bend if sheath_bend is None else sheath_bend
         before, now = self.pull_mm * 1e-3, pull_mm * 1e-3
+        self._push(tip_force)
         for period in range(1, self._periods):
             share = period / self._periods
             self.endoscope.advance(
@@ -79,6 +86,12 @@ class Plant:
         self.endoscope.advance(now, 0.0, bend)
         self.pull_mm, self.sheath_bend = pull_mm, bend
         return self.bend_deg()
+
+    def _push(self, tip_force: float) -> None:
+        if self._physics == "mujoco":
+            self.endoscope.push_tip(tip_force)
+        elif tip_force:
+            raise InputError(f"force of {tip_force:g} N at the tip: needs MuJoCo, not {self._physics!r}")
 
     def bend_deg(self) -> float:
         """Return the bending angle [deg]."""

@@ -13,7 +13,15 @@ from twin.evaluation.metrics import confidence_interval
 from twin.gate.paired import reduction_interval
 
 Array = NDArray[np.float64]
-MEASURES = ("rmse_deg", "worst_deg", "travel_mm", "estimate_rmse_deg", "fallback_share")
+MEASURES = (
+    "rmse_deg",
+    "worst_deg",
+    "late_rmse_deg",
+    "late_worst_deg",
+    "travel_mm",
+    "estimate_rmse_deg",
+    "fallback_share",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +81,8 @@ class ControlResult:
                         "rmse_ci95_deg": [low, high],
                         "worst_twin_rmse_deg": float(mine["rmse_deg"].max()),
                         "worst_deg": float(mine["worst_deg"].max()),
+                        "late_rmse_deg": float(mine["late_rmse_deg"].mean()),
+                        "late_worst_deg": float(mine["late_worst_deg"].max()),
                         "travel_mm": float(mine["travel_mm"].mean()),
                         "estimate_rmse_deg": estimate if estimate >= 0 else None,
                         "fallback_share": float(mine["fallback_share"].mean()),
@@ -88,6 +98,8 @@ def measures_of(trial: ControlTrial) -> tuple[float, ...]:
     return (
         trial.rmse_deg,
         trial.worst_deg,
+        float(np.sqrt(np.mean(trial.late_error_deg**2))),
+        float(np.abs(trial.late_error_deg).max()),
         trial.travel_mm,
         estimate if np.isfinite(estimate) else -1.0,
         float(trial.fell_back[trial.scored].mean()),

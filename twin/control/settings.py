@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.condition import SLOW, ControlCondition
+from twin.control.condition import CONDITIONS, SLOW, ControlCondition
 from twin.control.knowledge import ControlKnowledge
 from twin.control.limits import MARGIN, CommandLimits
 from twin.control.reference import SIGNALS, reference
@@ -105,12 +105,13 @@ class ControlSettings:
         model = identify_coleman_hodgdon(records, self.seed)[0]
         return prepare_deployment(records, model, MODEL_SAMPLE_TIME * MODEL_STRIDE, self.seed)
 
-    def held_out(self, number: int) -> Preset:
-        """Return an endoscope that is scored: drawn from the ranges, with the servo of the limits."""
-        return self._drawn(_TWINS, number)
+    def held_out(self, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
+        """Return an endoscope that is scored under a condition, with the servo of the limits."""
+        return self._drawn(_TWINS, number, condition)
 
-    def _drawn(self, stream: int, number: int) -> Preset:
-        drawn = self.ranges.draw(self.preset, np.random.default_rng([self.seed, stream, number]))
+    def _drawn(self, stream: int, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
+        rng = np.random.default_rng([self.seed, stream, number])
+        drawn = condition.draw(self.preset, self.ranges, rng)
         speed = self.speed_mm_s * 1e-3
         if drawn.servo_speed:
             speed = min(speed, drawn.servo_speed)
@@ -123,7 +124,7 @@ class ControlSettings:
         place = self.strokes_mm.index(stroke_mm)
         cases = []
         for number in range(self.twins):
-            preset = self.held_out(number)
+            preset = self.held_out(number, condition)
             for kind in condition.signals:
                 which = [self.seed, _REFERENCES, place, number, SIGNALS.index(kind)]
                 wanted = self._reference(kind, knowledge, self.seconds, which)
@@ -131,8 +132,8 @@ class ControlSettings:
                 noise = draw_noise(
                     condition.noise, condition.level, (len(wanted),), np.random.default_rng(which)
                 )
-                bend = condition.sheath_bend(preset, len(wanted))
-                cases.append(ControlCase(preset, wanted, noise, bend, self.physics))
+                bend, force = condition.sheath_bend(preset, len(wanted)), condition.tip_forces(len(wanted))
+                cases.append(ControlCase(preset, wanted, noise, bend, force, self.physics))
         return cases
 
     def tuning_cases(self, knowledge: ControlKnowledge) -> list[ControlCase]:

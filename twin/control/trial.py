@@ -14,6 +14,7 @@ from twin.preset.preset import Preset
 from twin.signals.sensor import samples_late
 
 Array = NDArray[np.float64]
+LATE_S = 20.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +26,7 @@ class ControlCase:
         reference_deg: (N,) wanted angle [deg].
         noise_deg: (N,) added to the true angle; NaN where nothing is measured [deg].
         sheath_bend: (N,) bend of the sheath during the trial [rad]; empty where it stays.
+        tip_force: (N,) that pushes the tip sideways [N]; empty where nothing touches it.
         physics: of the plant.
     """
 
@@ -32,6 +34,7 @@ class ControlCase:
     reference_deg: Array
     noise_deg: Array
     sheath_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    tip_force: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     physics: str = "mujoco"
 
 
@@ -78,6 +81,11 @@ class ControlTrial:
         return float(np.abs(self.error_deg).max())
 
     @property
+    def late_error_deg(self) -> Array:
+        """Errors of the last `LATE_S` [deg]: behind all that a condition lets happen on the way."""
+        return self.error_deg[-round(LATE_S / self.sample_time) :]
+
+    @property
     def travel_mm(self) -> float:
         """Distance that the command went in the scored samples [mm]: it wears the sheath."""
         return float(np.abs(np.diff(self.pull_mm[self.scored])).sum())
@@ -112,5 +120,6 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
         estimate[k], fell_back[k] = driven.bend_deg, driven.falls_back
         if k + 1 < count:
             sheath = float(case.sheath_bend[k + 1]) if len(case.sheath_bend) else None
-            pull[k + 1], bend[k + 1] = command, plant.step(command, sheath)
+            force = float(case.tip_force[k + 1]) if len(case.tip_force) else 0.0
+            pull[k + 1], bend[k + 1] = command, plant.step(command, sheath, force)
     return ControlTrial(wanted, pull, bend, measured, estimate, fell_back, T)

@@ -37,6 +37,7 @@ class State:
             elements) [N].
         friction_direction: direction of the friction that two planes share, (pairs,) [rad]; else empty.
         grip: share of its `stiction` that holds each element of the sheath, flat [-]; empty without it.
+        tip_force: that pushes the tip sideways [N].
     """
 
     physics: Array
@@ -46,6 +47,7 @@ class State:
     sheath_friction: Array
     friction_direction: Array
     grip: Array
+    tip_force: float
 
 
 class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -82,6 +84,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         model, data = self.model.ptr, self.data.ptr
         self._pair = model, data
         self._qpos, self._qvel = data.qpos[None], data.qvel[None]
+        self._tip = model.site("tip").bodyid.item()
+        self._on_tip, self._tip_force = data.xfrc_applied[self._tip], 0.0
         self._act, self._ctrl, self._warnings = data.act, data.ctrl, data.warning.number
         self._rewritten = Rewritten.of(self.layout, [getattr(model, name)[None] for name in REWRITTEN])
         self._rewritten.joints[:] = joint_friction(preset)
@@ -94,7 +98,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         if hasattr(self, "_drives"):  # dm_control resets while it builds, before there is anything to read
             for drive in self._drives:
                 drive.reset()
-            self._travel = 0.0
+            self._travel = self._tip_force = 0.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
             self._loads.reset()
             self._follow_load()
@@ -195,6 +199,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             step = drive.advance(command) - self._act.item(plane)
             self._ctrl[2 * plane : 2 * plane + 2] = step / period
             self._travel += abs(step)
+        if self._tip_force:
+            self._push()
         model, data = self._pair
         start = data.time  # MuJoCo sets a diverged simulation back to 0
         mujoco.mj_step(model, data, self._steps)
@@ -206,6 +212,29 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
         if self._loads.takes_notes:
             self._loads.note(self._rewritten, data.qfrc_constraint[None], _ALONE)
+
+    def push_tip(self, force: float) -> None:
+        """Push the last vertebra sideways from now on, towards more bend; the direction follows the tip.
+
+        The force belongs to the state.
+
+        Args:
+            force: [N]; 0 ends it.
+
+        Raises:
+            ValueError: it is not finite.
+        """
+        if not math.isfinite(force):
+            raise InputError(f"force of {force} N at the tip: must be a finite number")
+        self._tip_force = force
+        self._on_tip[:] = 0.0
+
+    def _push(self) -> None:
+        """Turn the force with the tip."""
+        model, data = self._pair
+        mujoco.mj_kinematics(model, data)
+        sideways = data.xmat[self._tip].reshape(3, 3)[:, 2]
+        self._on_tip[:3] = self._tip_force * sideways
 
     def _follow_load(self) -> None:
         """Update friction and damping to the present wire tension."""
@@ -221,7 +250,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
         drive = tuple(drive.state() for drive in self._drives)
         bend, friction = float(self._sheath_bend[0]), self.sheath_friction()
-        return State(physics, drive, self._travel, bend, friction, *self._loads.memory())
+        return State(physics, drive, self._travel, bend, friction, *self._loads.memory(), self._tip_force)
 
     def restore_state(self, state: State) -> None:
         """Restore a saved state of an endoscope of the same preset.
@@ -243,6 +272,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._rewritten.sheath[0] = state.sheath_friction
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
-        self._travel = state.travel
+        self._travel, self._tip_force = state.travel, state.tip_force
         self._sheath_bend = np.array([state.sheath_bend])
         mujoco.mj_fwdPosition(model, data)
