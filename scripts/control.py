@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,13 @@ if TYPE_CHECKING:
     from twin.control.comparison import Comparison
     from twin.control.settings import ControlSettings
 
-FIGURES = ("tracking.png", "loops.png", "errors.png")
+FIGURES = {
+    "tracking.png": "One reference (dashed) under every controller on the first endoscope; error; command.",
+    "loops.png": "Angle over what was wanted, without compensation and with it.",
+    "errors.png": "Error of every endoscope, a dot each; bars are all trials together.",
+}
+"""Figures, and what each shows."""
+PAGE = "control.html"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +37,7 @@ class Control:
     """
 
     out: Path
-    """Folder for control.json, table, figures and recordings."""
+    """Folder for control.json, page, table, figures and recordings."""
     preset: str = "ureteroscope"
     """Endoscope: name of a preset, or a YAML file with ranges."""
     policy: Path | None = None
@@ -38,8 +45,8 @@ class Control:
     controller: tuple[str, ...] = ("all",)
     """Names of the controllers, or all."""
     suite: str = "short"
-    """short: Gaussian noise of 1 deg^2 at 50 Hz; full: other noises, 10 Hz, a fast reference, and a sheath
-    that bends on the way."""
+    """short: Gaussian noise of 1 deg^2 at 50 Hz; full: also other noises, 10 Hz, a fast reference, a
+    sheath that bends, a contact at the tip, and endoscopes that no training saw."""
     stroke: tuple[float, float] | None = None
     """Stroke of the work [mm]: references use the middle 65 % of what it bends. [-1, 1] and [2, 4], if not
     given."""
@@ -68,7 +75,7 @@ class Control:
 
 
 def control(args: Control) -> Summary:
-    """Write `control.json`, table, figures and recordings."""
+    """Write `control.json`, page, table, figures and recordings."""
     from twin.errors import require_extra
 
     for extra in ("sim", "viz"):
@@ -87,6 +94,7 @@ def control(args: Control) -> Summary:
     from twin.control.settings import ControlSettings
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
+    from twin.report.control_page import write_control_page
     from twin.workers.choice import choose_workers
 
     conditions = find_conditions(args.suite)
@@ -111,7 +119,7 @@ def control(args: Control) -> Summary:
     specs = specs_of(settings, args.controller)
     names = [spec.name for spec in specs]
     _warn_of_training(settings)
-    files = {RESULTS: '"control"', TABLE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
+    files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
     out = output_folder(args.out, files)
     parts = len(names) * 2 * len(conditions)
     with (
@@ -123,14 +131,15 @@ def control(args: Control) -> Summary:
         values = control_values(comparison, settings, ours)
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)
-        _draw(comparison, out, ours)
-        write_table(out, comparison)
+        drawn = _draw(comparison, out, ours)
+        write_table(out, values["totals"])
+        write_control_page(values, drawn, out / PAGE, _command(args))
         path = write_values(out, values)
     line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"
     return Summary(
         line,
         {"out": str(path), "controllers": names, "rows": len(values["rows"])},
-        table=control_table(comparison, "plain"),
+        table=control_table(values["totals"], "plain"),
     )
 
 
@@ -151,7 +160,8 @@ def _warn_of_training(settings: "ControlSettings") -> None:
         )
 
 
-def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
+def _draw(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[bytes, str]]:
+    """Write the figures; returns each with what it shows."""
     from twin.files.atomic import write_whole
     from twin.report.control_figures import (
         control_errors_figure,
@@ -166,8 +176,25 @@ def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
     tracking = tracking_figure_of(shown, f"{first.signals[0]}, {first.name}, first twin")
     figures = [tracking, loop_comparison_figure(shown, names[0], ours or names[-1])]
     figures.append(control_errors_figure(comparison.results))
-    for name, figure in zip(FIGURES, figures, strict=True):
-        write_whole(out / name, to_png_bytes(figure))
+    drawn = []
+    for (name, caption), figure in zip(FIGURES.items(), figures, strict=True):
+        png = to_png_bytes(figure)
+        write_whole(out / name, png)
+        drawn.append((png, caption))
+    return drawn
+
+
+def _command(args: Control) -> str:
+    """Return the command that makes this page again."""
+    words = ["endotwin", "control", "--preset", args.preset, "--suite", args.suite]
+    if args.policy is not None:
+        words += ["--policy", str(args.policy)]
+    words += ["--controller", *args.controller, "--twins", f"{args.twins}", "--seconds", f"{args.seconds:g}"]
+    if args.stroke is not None:
+        words += ["--stroke", *(f"{end:g}" for end in args.stroke)]
+    words += ["--margin", f"{args.margin:g}", "--speed", f"{args.speed:g}", "--latency", f"{args.latency:g}"]
+    words += ["--physics", args.physics, "--candidates", f"{args.candidates}", "--seed", f"{args.seed}"]
+    return shlex.join([*words, "--out", str(args.out)])
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,5 +1,7 @@
 """Scores: rows by signal and stroke, errors of twins, and how much less error ours has."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,16 @@ def test_a_row_for_each_signal_and_stroke_is_of_its_own_trials():
     assert rows[4]["rmse_deg"] == pytest.approx(values[1, :, 1].mean())
     assert rows[4]["worst_twin_rmse_deg"] == values[1, :, 1].max()
     assert rows[4]["estimate_rmse_deg"] is None  # nothing was estimated
+
+
+def test_totals_are_of_all_trials():
+    of = result("ours", errors(0, 1.0))
+    measures = of.measures | {"late_rmse_deg": errors(1, 2.0), "late_worst_deg": errors(2, 3.0)}
+    total = dataclasses.replace(of, measures=measures).total()
+    assert total["rmse_deg"] == of.rmse_deg
+    assert total["worst_twin_rmse_deg"] == of.by_twin_deg.max()
+    assert total["late_rmse_deg"] == pytest.approx(np.sqrt((errors(1, 2.0) ** 2).mean()))
+    assert total["late_worst_deg"] == errors(2, 3.0).max()
 
 
 def test_a_constant_ratio_is_the_reduction_and_all_of_its_interval():

@@ -37,7 +37,11 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert row["rmse_ci95_deg"][0] <= row["rmse_deg"] <= row["rmse_ci95_deg"][1]
     assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 1, "pid": 2}
     assert written["control"]["limits"] == [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}]
-    assert "| pid" in (folder / "out/control.md").read_text()
+    assert "| R = 1 " in (folder / "out/control.md").read_text()
+    page = (folder / "out/control.html").read_text()
+    assert page.count("<img") == 3
+    assert "endotwin control --preset ureteroscope --suite short --controller linear pid" in page
+    assert [of["controller"] for of in written["totals"]] == ["linear", "pid"]
     for name in ("tracking.png", "loops.png", "errors.png"):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
 

@@ -2,11 +2,13 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from twin import __version__
 from twin.control.comparison import Comparison
 from twin.control.score import comparisons
 from twin.control.settings import ControlSettings
@@ -27,6 +29,8 @@ def control_values(comparison: Comparison, settings: ControlSettings, ours: str 
     results = comparison.results
     limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
     protocol = {
+        "version": __version__,
+        "policy_sha256": settings.to_dict()["policy"],
         "preset": settings.preset.name,
         "physics": settings.physics,
         "twins": settings.twins,
@@ -39,6 +43,7 @@ def control_values(comparison: Comparison, settings: ControlSettings, ours: str 
     }
     return {
         "control": protocol,
+        "totals": [result.total() for result in results],
         "rows": [row for result in results for row in result.rows()],
         "comparisons": comparisons(results, ours, settings.seed) if ours else [],
         "tuned": comparison.tuned,
@@ -52,37 +57,32 @@ def write_values(folder: Path, values: dict[str, Any]) -> Path:
     return path
 
 
-def control_table(comparison: Comparison, fmt: str = "markdown") -> str:
-    """Return the table of all conditions: one column each, one row a controller; RMSE in degrees.
+def control_table(totals: Sequence[dict[str, Any]], fmt: str = "markdown") -> str:
+    """Return the table of errors: one row a condition, one column a controller [deg].
 
     Args:
-        comparison: the results.
+        totals: of each controller under each condition, as `control.json` has them.
         fmt: of the table, as `tabulate` names it: `markdown` or `plain`.
     """
     from tabulate import tabulate
 
-    conditions = list(dict.fromkeys(result.condition for result in comparison.results))
-    rows = []
-    for name in dict.fromkeys(result.controller for result in comparison.results):
-        mine = {of.condition: of for of in comparison.results if of.controller == name}
-        cells = [
-            f"{mine[condition].rmse_deg:.2f} ({mine[condition].by_twin_deg.max():.2f})"
-            for condition in conditions
-        ]
-        travel = float(mine[conditions[0]].measures["travel_mm"].mean())
-        rows.append([name, *cells, f"{travel:.1f}"])
-    heads = ["controller", *(condition.name for condition in conditions), "way [mm]"]
+    names = list(dict.fromkeys(total["controller"] for total in totals))
+    cells: dict[str, dict[str, str]] = {}
+    for total in totals:
+        said = f"{total['rmse_deg']:.2f} ({total['worst_twin_rmse_deg']:.2f})"
+        cells.setdefault(total["condition"], {})[total["controller"]] = said
+    rows = [[condition, *(of.get(name, "") for name in names)] for condition, of in cells.items()]
+    first = next(iter(cells))
+    ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
+    rows.append([f"way of the command, {first} [mm]", *(f"{ways[name]:.1f}" for name in names)])
     kind = "pipe" if fmt == "markdown" else fmt
-    return str(tabulate(rows, heads, tablefmt=kind, disable_numparse=True))
+    return str(tabulate(rows, ["condition", *names], tablefmt=kind, disable_numparse=True))
 
 
-def write_table(folder: Path, comparison: Comparison) -> None:
+def write_table(folder: Path, totals: Sequence[dict[str, Any]]) -> None:
     """Write the table as Markdown."""
-    said = (
-        "RMSE of tracking [deg], in brackets that of the worst twin; "
-        "the way of the command is that of the first column."
-    )
-    write_whole(folder / TABLE, f"{said}\n\n{control_table(comparison)}\n\n<!-- {MADE_BY} -->\n")
+    said = "RMSE of tracking [deg], in brackets that of the worst twin."
+    write_whole(folder / TABLE, f"{said}\n\n{control_table(totals)}\n\n<!-- {MADE_BY} -->\n")
 
 
 def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -> Episode:

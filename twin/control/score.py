@@ -59,6 +59,20 @@ class ControlResult:
         """Root mean square error of all trials [deg]."""
         return float(np.sqrt(self.squares.mean()))
 
+    def total(self) -> dict[str, Any]:
+        """Return what all trials together come to; late values are of the last 20 s."""
+        measures = self.measures
+        return {
+            "controller": self.controller,
+            "condition": self.condition.name,
+            "rmse_deg": self.rmse_deg,
+            "worst_twin_rmse_deg": float(self.by_twin_deg.max()),
+            "late_rmse_deg": float(np.sqrt(np.mean(measures["late_rmse_deg"] ** 2))),
+            "late_worst_deg": float(measures["late_worst_deg"].max()),
+            "travel_mm": float(measures["travel_mm"].mean()),
+            "fallback_share": float(measures["fallback_share"].mean()),
+        }
+
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each signal and stroke."""
         condition, rows = self.condition, []

@@ -74,25 +74,30 @@ def loop_comparison_figure(shown: Mapping[str, ControlTrial], before: str, after
 
 
 def control_errors_figure(results: Sequence[ControlResult]) -> Figure:
-    """Draw the error of every controller under every condition: each twin a dot, their mean a bar."""
+    """Draw the error of every controller under every condition: each twin a dot, all of them a bar."""
     conditions: list[ControlCondition] = list(dict.fromkeys(result.condition for result in results))
     names = list(dict.fromkeys(result.controller for result in results))
-    figure = Figure(figsize=(3.4 + 1.35 * len(conditions), 3.6), layout="constrained")
+    apart = 0.8 / len(names)
+    tall = 1.2 + 0.13 * (len(names) + 1) * len(conditions)
+    figure = Figure(figsize=(8.0, max(tall, 2.6)), layout="constrained")
     axes = clean_axes(figure.subplots())
-    width = 0.8 / len(names)
     for result in results:
-        place = conditions.index(result.condition) + (names.index(result.controller) + 0.5) * width - 0.4
+        place = conditions.index(result.condition) + (names.index(result.controller) + 0.5) * apart - 0.4
         colour = _line(result.controller)["color"]
         twins = result.by_twin_deg
-        across = place + np.linspace(-0.25, 0.25, len(twins)) * width
-        axes.plot(across, twins, "o", color=colour, markersize=2.4, alpha=0.55, markeredgewidth=0)
-        axes.hlines(result.rmse_deg, place - 0.4 * width, place + 0.4 * width, color=colour, linewidth=2)
-    axes.set_yscale("log")
-    axes.set_ylabel("tracking RMSE [deg]")
-    axes.set_xticks(range(len(conditions)), [condition.name for condition in conditions], fontsize=8.5)
-    axes.set_xlim(-0.5, len(conditions) - 0.5)
-    ticks = [tick for tick in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20) if _is_near(tick, axes.get_ylim())]
-    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        across = np.full(len(twins), place)
+        axes.plot(twins, across, "o", color=colour, markersize=2.8, alpha=0.55, markeredgewidth=0)
+        axes.vlines(result.rmse_deg, place - 0.45 * apart, place + 0.45 * apart, color=colour, linewidth=2)
+    for between in range(1, len(conditions)):
+        axes.axhline(between - 0.5, color="#dfe3e8", linewidth=0.8)
+    axes.grid(visible=False, axis="y")
+    axes.set_xscale("log")
+    axes.set_xlabel("tracking RMSE [deg]")
+    axes.set_yticks(range(len(conditions)), [condition.name for condition in conditions], fontsize=8.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(conditions) - 0.5, -0.5)
+    ticks = [tick for tick in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if _is_near(tick, axes.get_xlim())]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     handles = [Line2D([], [], color=_line(name)["color"], linewidth=2, label=name) for name in names]
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)
