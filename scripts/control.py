@@ -83,6 +83,8 @@ def control(args: Control) -> Summary:
     from twin.control.comparison import compare, specs_of
     from twin.control.condition import find_conditions
     from twin.control.results import (
+        RECORD_SIGN,
+        RECORDS,
         RESULTS,
         TABLE,
         control_table,
@@ -120,6 +122,7 @@ def control(args: Control) -> Summary:
     names = [spec.name for spec in specs]
     _warn_of_training(settings)
     files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
+    files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
     out = output_folder(args.out, files)
     parts = len(names) * 2 * len(conditions)
     with (

@@ -54,6 +54,16 @@ def test_what_a_figure_shows_is_recorded_with_its_reference(compared):
     assert abs(episode.pull_mm).max() <= 4.0
 
 
+def test_a_record_that_is_not_ours_is_left_as_it_is(tmp_path):
+    (tmp_path / "out/records").mkdir(parents=True)
+    (tmp_path / "out/records/pid.mcap").write_bytes(b"a measured afternoon")
+    code, _, said = typed(f"{SHORT} --controller linear pid", tmp_path)
+    assert code == 2
+    assert "pid.mcap" in said
+    assert (tmp_path / "out/records/pid.mcap").read_bytes() == b"a measured afternoon"
+    assert not (tmp_path / "out/control.json").exists()
+
+
 def test_the_same_command_goes_on_and_another_one_is_refused(compared):
     folder, _ = compared
     before = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}

@@ -21,6 +21,8 @@ from twin.simulation import simulate
 RESULTS = "control.json"
 TABLE = "control.md"
 RECORDS = "records"
+RECORD_SIGN = "tracking_rmse_deg"
+"""Metadata that no other recording has."""
 REFERENCE_TOPIC = "/reference"
 
 
@@ -89,7 +91,7 @@ def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -
     """Return the episode of a trial on the first twin, simulated anew along its commands."""
     preset = settings.held_out(0)
     episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
-    facts = {"controller": controller, "tracking_rmse_deg": trial.rmse_deg}
+    facts = {"controller": controller, RECORD_SIGN: trial.rmse_deg}
     return dataclasses.replace(
         episode, measured_bend=np.radians(trial.measured_deg), metadata={**episode.metadata, **facts}
     )
