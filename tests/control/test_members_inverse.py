@@ -88,15 +88,17 @@ def test_it_turns_round_where_the_reference_is_beyond_what_the_estimate_can_tell
         reading = driven.runtime.reading
         apart = abs(WANTED[k + 1] - reading.bend_deg) / ((reading.high_deg - reading.low_deg) / 2)
         held += pull == before
+        follows = (WANTED[k + 1] - WANTED[k]) * (pull - before) > 0  # it turns with its reference
         if (pull - before) * direction < 0:
             turned += 1
-            assert apart >= 1.0
+            assert follows or apart >= 1.0
         if pull == before:
             assert apart < 1.0
+            assert (WANTED[k + 1] - WANTED[k]) * direction >= 0
         else:
             direction = pull - before
     assert turned > 5
-    assert held > 5
+    assert held > 2
 
 
 def test_it_moves_the_command_far_less_for_about_the_same_error(twins_policy):
@@ -184,7 +186,7 @@ def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_
 
 
 @pytest.mark.parametrize(
-    ("offset", "tuned"), [(-12.0, {}), (12.0, {}), (12.0, {"proportional_mm_per_deg": 0.03})]
+    ("offset", "tuned"), [(-25.0, {}), (25.0, {}), (25.0, {"proportional_mm_per_deg": 0.03})]
 )
 def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_by_pi(
     twins_policy, offset, tuned

@@ -7,7 +7,7 @@ RAM (twins) predicts by twins that follow the command. The command of the next s
 where w are the weights that the filter gives the members now, r the reference. Only what the reference
 moves and a share of the estimated error are asked for: one that asked for the whole error would follow the
 noise of the estimate. Nor does the command turn round, and cross the dead band of a reversal, for less than
-the estimate can tell: r_next must be on the other side of it by a share of its 95 % interval.
+the estimate can tell: unless the reference turns, it must be off by a share of its 95 % interval.
 
 While the runtime does not trust RAM (twins), linear map and PI on its estimate, the fallback's then, are
 in charge, without a jump. While the sensor is silent or stuck, the command is held.
@@ -96,7 +96,10 @@ class Compensator:
         """Return the pull that moves the weighted members by what is asked of them [mm]."""
         bend, low, high = self._runtime.reading[:3]
         moved = next_deg - reference_deg + self._share * (reference_deg - bend)
-        if moved * self._direction < 0 and abs(next_deg - bend) < self._turning_share * (high - low) / 2:
+        if (
+            moved * self._direction < 0 <= (next_deg - reference_deg) * self._direction
+            and abs(next_deg - bend) < self._turning_share * (high - low) / 2
+        ):
             return pull_mm
         self._direction = moved
         weights = self._weights.of(state)
