@@ -6,34 +6,16 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
+from rendered import DOWN, SMALL, STRAIGHT, UP, make_episode, needs_gl
 
-from twin.episode import Episode
-from twin.physics import headless, simulate
+from twin.physics import simulate
 from twin.preset.file import load_preset
-from twin.rendering.film import Film, _chain
+from twin.rendering.actor import _chain
+from twin.rendering.film import Film
 from twin.rendering.loop_panel import LoopPanel
-from twin.rendering.render import render, render_frame, render_mp4, render_png, telling_samples
+from twin.rendering.render import render, render_frame, render_mp4
+from twin.rendering.still import render_png, telling_samples
 from twin.rendering.video import read_frames
-
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
-VERTEBRAE = 16
-SMALL = {"width": 320, "height": 180}
-STRAIGHT, UP, DOWN = 0, 10, 30  # samples of the episode below
-
-
-def make_episode(*, hinges: int = VERTEBRAE) -> Episode:
-    """A sine of pull, and a bend that follows it a little late, without simulation."""
-    time = np.arange(41) * 0.1
-    bend = np.radians(80) * np.sin(2 * np.pi * time / 4)
-    return Episode(
-        time=time,
-        pull=2e-3 * np.sin(2 * np.pi * time / 4 + 0.4),
-        bend=bend,
-        measured_bend=bend,
-        joint_angle=np.repeat(bend[:, None] / VERTEBRAE, VERTEBRAE, axis=1)[:, :hinges],
-        wire_tension=np.zeros((41, 2, 1)),
-        sheath_friction=np.zeros((41, 2, 0)),
-    )
 
 
 def drawn_rows(picture: np.ndarray) -> np.ndarray:
@@ -98,7 +80,7 @@ def test_frame_has_the_size_asked_for_and_the_episode_bounds_the_index():
 
 def test_the_trace_grows_and_ends_at_the_sample():
     episode = make_episode()
-    panel = LoopPanel(episode.pull_mm, episode.bend_deg, 320, 240)
+    panel = LoopPanel(episode, 320, 240)
     pictures = [panel.draw(index).astype(int) for index in (2, 20, 40)]
     inked = [(picture[..., 0] - picture[..., 1] > 80).sum() for picture in pictures]
     assert inked[0] < inked[1] < inked[2]

@@ -2,12 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 from gated import export_small
 from typed import typed
 
 from twin.control.registry import controller_specs
-from twin.recording import read_episode
+from twin.recording import read_episode, read_estimates
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
 
@@ -52,6 +53,9 @@ def test_what_a_figure_shows_is_recorded_with_its_reference(compared):
     assert episode.metadata["controller"] == "pid"
     assert len(episode.time) == 6 / 0.02
     assert abs(episode.pull_mm).max() <= 4.0
+    reference_deg = read_estimates(folder / "out/records/pid.mcap", "/reference")
+    assert reference_deg.shape == episode.time.shape
+    assert np.isfinite(reference_deg).all()
 
 
 def test_a_record_that_is_not_ours_is_left_as_it_is(tmp_path):

@@ -23,7 +23,6 @@ TABLE = "control.md"
 RECORDS = "records"
 RECORD_SIGN = "tracking_rmse_deg"
 """Metadata that no other recording has."""
-REFERENCE_TOPIC = "/reference"
 
 
 def control_values(comparison: Comparison, settings: ControlSettings, ours: str | None) -> dict[str, Any]:
@@ -99,7 +98,7 @@ def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -
 
 def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, controller: str) -> Path:
     """Write a trial as MCAP: command, truth, measurement, `/reference` and the controller's estimate."""
-    from twin.recording.estimate import estimate_message, estimate_topic
+    from twin.recording.estimate import REFERENCE_TOPIC, estimate_message, estimate_topic
     from twin.recording.messages import to_nanoseconds
     from twin.recording.writer import EpisodeWriter
 

@@ -193,14 +193,22 @@ class Contents:
         for topic in self.required_topics:
             if topic not in self.topics.values():
                 raise InputError(f"topic {topic} is missing")
-        for topic, encoding, schema in self._channels.values():
-            if topic not in TOPICS:
-                continue
-            wanted, found = SCHEMAS[topic].DESCRIPTOR.full_name, self._schemas.get(schema, "none")
-            if (encoding, found) != ("protobuf", wanted):
+        for topic in sorted({*self.topics.values()} & TOPICS):
+            self.check_schema(topic, SCHEMAS[topic])
+
+    def check_schema(self, topic: str, *kinds: Any) -> None:
+        """Check that every channel of a topic has Protobuf messages of one of some classes.
+
+        Raises:
+            ValueError: one has another encoding or schema.
+        """
+        wanted = [kind.DESCRIPTOR.full_name for kind in kinds]
+        for name, encoding, schema in self._channels.values():
+            found = self._schemas.get(schema, "none")
+            if name == topic and (encoding != "protobuf" or found not in wanted):
                 raise InputError(
                     f"topic {topic} has {encoding!r} messages of schema {found}: "
-                    f"must be 'protobuf' of {wanted}"
+                    f"must be 'protobuf' of {' or '.join(wanted)}"
                 )
 
     def _check_joints(self) -> None:

@@ -14,6 +14,10 @@ HEALTH_TOPIC = "/health"
 """Topic of what a running estimator found wrong with a sample."""
 
 
+REFERENCE_TOPIC = "/reference"
+"""Topic of the angles that a controller was to follow, as messages of `Estimate`."""
+
+
 def estimate_topic(method: str) -> str:
     """Return the topic of a method's estimates: `/estimate/` and its name, in letters, digits, - and _."""
     return "/estimate/" + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")

@@ -117,7 +117,7 @@ def decode(
     joints = [JointStates.FromString(payload).joints for payload in payloads.get("/joint_states", [])]
     own, sideways = _hinges(joints, count)
     measured_bend = np.full(count, np.nan)
-    measured_bend[_places(times["/measurement"], times["/command"])] = np.radians(
+    measured_bend[places_of(times["/measurement"], times["/command"], "/measurement")] = np.radians(
         [message.bend_deg for message in measurements]
     )
     time = np.array(times["/command"], dtype=float) / 1e9
@@ -152,12 +152,16 @@ def decode(
     return arrays | lateral
 
 
-def _places(measurements: Sequence[int], commands: Sequence[int]) -> list[int]:
-    """Return the index of each measurement's time among those of the commands; some may have none."""
+def places_of(times: Sequence[int], commands: Sequence[int], topic: str) -> list[int]:
+    """Return the index of each message's time among those of the commands; some may have no message.
+
+    Raises:
+        ValueError: a message is at none of those times, or not after the one before.
+    """
     index = {time: place for place, time in enumerate(commands)}
-    places = [index.get(time, -1) for time in measurements]
+    places = [index.get(time, -1) for time in times]
     if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
-        raise InputError("the messages of /measurement are not at the times of those of /command")
+        raise InputError(f"the messages of {topic} are not at the times of those of /command")
     return places
 
 

@@ -5,12 +5,21 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.opcode import Opcode
+from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
 from twin.recording.contents import JOINTS_TOPIC, TOPICS, Contents
+from twin.recording.endotwin_pb2 import Estimate, Measurement
 from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
+from twin.recording.messages import places_of
+
+Array = NDArray[np.float64]
+
+COMMAND_TOPIC = "/command"
+"""Topic whose messages are the samples of an episode."""
 
 HINT = "; `recover_episode` saves what is whole"
 """Hint after the fault of a file that is cut off or damaged."""
@@ -56,6 +65,42 @@ def read_metadata(path: str | Path) -> dict[str, Any]:
         return contents.metadata()
     except Exception as error:
         raise InputError(f"{path} holds no whole episode: {one_line(error)}") from error
+
+
+def read_estimates(path: str | Path, topic: str) -> Array:
+    """Read the angles of a topic of `Estimate` messages beside an episode: an estimator's, or `/reference`.
+
+    Args:
+        path: as of `read_episode`.
+        topic: the topic.
+
+    Returns:
+        (N,) angle at each sample of the episode [deg], NaN where there is no message; (0,) if the file has
+        no such topic.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is not an MCAP file, is cut off or damaged, or the messages of the topic are of another
+            schema, infinite, or not at the times of the samples.
+    """
+    path = Path(path)
+    contents = _read(path, {COMMAND_TOPIC, topic})
+    if topic not in contents.topics.values():
+        return np.empty(0)
+    try:
+        contents.check_schema(topic, Estimate, Measurement)  # the latter in files of EndoTwin 0.1
+        commands = contents.times.get(COMMAND_TOPIC, [])
+        angle_deg = np.full(len(commands), np.nan)
+        messages = [Estimate.FromString(payload) for payload in contents.payloads.get(topic, [])]
+        places = places_of(contents.times.get(topic, []), commands, topic)
+        angle_deg[places] = [message.bend_deg for message in messages]
+        if np.isinf(angle_deg).any():
+            raise InputError(f"an angle of {topic} is infinite")
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path} holds no whole {topic}: {one_line(error)}") from error
+    return angle_deg
 
 
 def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:

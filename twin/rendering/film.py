@@ -1,67 +1,84 @@
-"""Frames of an episode: the recorded poses before a camera that keeps all of them in view, and the loop.
+"""Frames of an episode: its poses before a camera that keeps all in view, and the panel beside them."""
 
-An episode holds the angle of every hinge, so nothing is simulated again: the recorded pose is set and drawn.
-"""
+from typing import Any
 
 import numpy as np
+from matplotlib import get_data_path
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
-from scipy.spatial.transform import Rotation
+from PIL import Image, ImageDraw, ImageFont
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.physics.endoscope import Endoscope
-from twin.physics.view import SideView
-from twin.preset.preset import Preset
-from twin.rendering.loop_panel import INK, MUTED, TRACE, LoopPanel, Picture, font
+from twin.rendering.actor import Actor
+from twin.rendering.beside import NOTHING, Beside
+from twin.rendering.loop_panel import LoopPanel
+from twin.rendering.time_panel import TimePanel
+from twin.rendering.trace_panel import INK, MUTED, TRACE, Picture
 
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 1280, 720
+GHOST_INK = 0.3
+"""Share of its ink that a ghost is drawn with."""
 
 
 class Film:
-    """Renderer of one episode: endoscope, camera and loop panel; each frame is drawn on demand."""
+    """Renderer of one episode: endoscope, ghost, camera and panel; each frame is drawn on demand."""
 
-    def __init__(self, episode: Episode, width: int = WIDTH, height: int = HEIGHT) -> None:
+    def __init__(
+        self, episode: Episode, width: int = WIDTH, height: int = HEIGHT, beside: Beside = NOTHING
+    ) -> None:
         """Build the model of the episode's preset and draw the static parts.
 
         Args:
             episode: the record; one without hinge angles (a measured one) is drawn with a constant curvature.
-            width: of a frame [pixels], even; its left half shows the endoscope, its right half the loop.
+            width: of a frame [pixels], even; its left half shows the endoscope, its right half the loop, or
+                the course of the bend where a reference is known.
             height: of a frame [pixels], even.
+            beside: what is drawn with the episode.
 
         Raises:
-            ValueError: a size is odd or out of range.
+            ValueError: a size is odd or out of range, or what is beside is not at the times of the episode.
             OSError: nothing on this system can draw without a screen.
         """
         if width % 2 or height % 2 or not (160 <= width <= 2560 and 120 <= height <= 1280):
             raise InputError(f"size {width} x {height}: both must be even, from 160 x 120 to 2560 x 1280")
-        self.episode = episode
+        beside.check(episode)
+        self.episode, self.beside = episode, beside
         self.width, self.height = width, height
         self._scene_width = width // 2
-        self._joint_angle = _joint_angle(episode)
-        preset = _preset(episode, self._joint_angle.shape[1])
-        self._endoscope = Endoscope.from_preset(preset)
-        self._chain = _chain(self._joint_angle, episode.lateral_joint_angle, preset.section_length)
-        self._centre, self._half_height = _framing(self._chain, self._scene_width / height)
-        self._view = SideView(self._endoscope, self._centre, self._half_height, self._scene_width, height)
-        self._panel = LoopPanel(episode.pull_mm, episode.bend_deg, width - self._scene_width, height)
+        self._actors = [Actor(one) for one in (episode, beside.ghost) if one is not None]
+        chains = [actor.chain for actor in self._actors]
+        self._centre, self._half_height = _framing(chains, self._scene_width / height)
+        for actor in self._actors:
+            actor.face(self._centre, self._half_height, self._scene_width, height)
+        panel = TimePanel if beside.has_reference else LoopPanel
+        self._panel = panel(episode, width - self._scene_width, height, beside)
 
     def pose(self, index: int) -> Picture:
         """Return a picture of the endoscope alone at sample `index`, on white, (height, width / 2, 3)."""
-        lateral = self.episode.lateral_joint_angle
-        self._endoscope.set_pose(self._joint_angle[index], lateral[index] if len(lateral) else None)
-        return self._view.picture()
+        return self._actors[0].picture(index)
 
-    def tip(self, index: int) -> tuple[float, float]:
-        """Return the position of the tip in the picture `pose(index)`, as (column, row) [pixels]."""
-        column, row = self._pixels(self._chain[index, -1])
+    def scene(self, index: int) -> Picture:
+        """Return `pose(index)` with the pose of the ghost, if there is one, pale behind it."""
+        picture = self.pose(index)
+        for ghost in self._actors[1:]:
+            picture = over(picture, pale(ghost.picture(index), GHOST_INK)).astype(np.uint8)
+        return picture
+
+    def tip(self, index: int, actor: int = 0) -> tuple[float, float]:
+        """Return the position of the tip in the picture `pose(index)`, as (column, row) [pixels].
+
+        Args:
+            index: of the sample.
+            actor: 1 for the tip of the ghost.
+        """
+        column, row = self._pixels(self._actors[actor].chain[index, -1])
         return float(column), float(row)
 
     def frame(self, index: int) -> Picture:
-        """Return the frame of sample `index`, (height, width, 3): endoscope, numbers and loop."""
-        scene = Image.fromarray(self.pose(index))
+        """Return the frame of sample `index`, (height, width, 3): endoscope, numbers and panel."""
+        scene = Image.fromarray(self.scene(index))
         self._write_numbers(ImageDraw.Draw(scene), index)
         return np.concatenate([np.asarray(scene), self._panel.draw(index)], axis=1)
 
@@ -80,6 +97,9 @@ class Film:
         pull = f"pull {self.episode.pull_mm[index]:+z.2f} mm"
         pen.text((left, 114 * unit), pull, INK, small)
         pen.text((left, 140 * unit), f"time {self.episode.time[index]:.1f} s", MUTED, small)
+        if self.beside.ghost is not None:
+            ghost = f"ghost {self.beside.ghost.bend_deg[index]:+z.1f}°"
+            pen.text((left, 166 * unit), ghost, MUTED, small)
         length_mm, length = self.scale_bar()
         bottom = self.height - 40 * unit
         pen.line((left, bottom, left + length, bottom), INK, max(round(2 * unit), 1))
@@ -91,51 +111,29 @@ class Film:
         return np.array([self._scene_width / 2, self.height / 2]) + scaled * [1, -1]
 
 
-def _joint_angle(episode: Episode) -> Array:
-    """Return the recorded hinge angles (N, vertebrae) [rad]; without them, a constant curvature."""
-    recorded = episode.joint_angle
-    if (
-        recorded.ndim == 2
-        and recorded.shape[1] > 0
-        and np.allclose(recorded.sum(axis=1), episode.bend, atol=1e-3)
-    ):
-        return recorded
-    vertebrae = Preset(name="shape").vertebrae
-    return np.repeat(episode.bend[:, None] / vertebrae, vertebrae, axis=1)
+def pale(picture: NDArray[Any], ink: float) -> Array:
+    """Return a picture on white, (height, width, 3), with a share of its ink."""
+    lighter: Array = 255 - ink * (255.0 - picture)
+    return lighter
 
 
-def _preset(episode: Episode, vertebrae: int) -> Preset:
-    """Return a preset of the shape stated in the metadata of the episode; else one of default size."""
-    recorded = episode.metadata.get("preset") or {}
-    shape = {
-        name: recorded[name]
-        for name in ("section_length", "wire_offset", "sheath_length", "bending_planes")
-        if name in recorded
-    }
-    return Preset(name="recorded").replace(vertebrae=vertebrae, **shape)
+def over(solid: NDArray[Any], behind: NDArray[Any]) -> Array:
+    """Return a picture on white, (height, width, 3), in front of another."""
+    cover = np.clip((255.0 - solid.min(axis=-1, keepdims=True)) / 25, 0, 1)
+    picture: Array = cover * solid + (1 - cover) * behind
+    return picture
 
 
-def _chain(joint_angle: Array, lateral: Array, section_length: float) -> Array:
-    """Return the ends of the links, base to tip, as seen from the side: (N, vertebrae + 1, 2) as (x, z) [m].
-
-    Every hinge turns the link after it about -y, and then, with two bending planes, about z.
-    """
-    count, vertebrae = joint_angle.shape
-    lateral = lateral if len(lateral) else np.zeros_like(joint_angle)
-    turned = Rotation.identity(count)
-    ends = np.zeros((count, vertebrae + 1, 2))
-    for index in range(vertebrae):
-        hinges = np.stack([-joint_angle[:, index], lateral[:, index]], axis=1)
-        turned = turned * Rotation.from_euler("YZ", hinges)
-        along = turned.apply([1.0, 0.0, 0.0]) * section_length / vertebrae
-        ends[:, index + 1] = ends[:, index] + along[:, [0, 2]]
-    return ends
+def font(size: float, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """Return the font of the axes for text that Pillow writes, `size` pixels high."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(f"{get_data_path()}/fonts/ttf/{name}", size)
 
 
-def _framing(chain: Array, aspect: float) -> tuple[Array, float]:
+def _framing(chains: list[Array], aspect: float) -> tuple[Array, float]:
     """Return centre (2,) and half the height [m] of a view of aspect ratio `aspect` that holds every pose."""
-    reach = np.linalg.norm(np.diff(chain[0], axis=0), axis=1).sum()
-    low = np.minimum(chain.min(axis=(0, 1)), [-0.22 * reach, -0.30 * reach])
-    high = np.maximum(chain.max(axis=(0, 1)), [0.75 * reach, 0.30 * reach])
+    reach = max(np.linalg.norm(np.diff(chain[0], axis=0), axis=1).sum() for chain in chains)
+    low = np.min([[-0.22 * reach, -0.30 * reach], *(chain.min(axis=(0, 1)) for chain in chains)], axis=0)
+    high = np.max([[0.75 * reach, 0.30 * reach], *(chain.max(axis=(0, 1)) for chain in chains)], axis=0)
     half = (high - low) / 2
     return (high + low) / 2, float(1.16 * max(half[1], half[0] / aspect))

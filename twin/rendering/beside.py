@@ -1,0 +1,92 @@
+"""Company of an episode in a picture: the record of another run, as a ghost, and what both were to follow."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+from twin.errors import InputError
+from twin.files.names import wrong_name
+from twin.rendering.trace_panel import GHOST, PALE, TRACE, Curve
+
+Array = NDArray[np.float64]
+
+SAME_TIME = 1e-6
+"""Times that differ by less are the same [s]."""
+_LONGEST_NAME = 24  # characters of a name for which the legend has room
+
+
+@dataclasses.dataclass(frozen=True)
+class Beside:
+    """Ghost and reference that are drawn with an episode.
+
+    Attributes:
+        ghost: record of another run at the same times; drawn pale, behind the episode.
+        reference_deg: (N,) angle that was wanted, NaN where none is known [deg]; empty for none.
+    """
+
+    ghost: Episode | None = None
+    reference_deg: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+
+    def check(self, episode: Episode) -> None:
+        """Refuse what is not at the times of an episode.
+
+        Raises:
+            ValueError: the ghost has other times, or the reference another number of samples.
+        """
+        time = episode.time
+        if self.ghost is not None and not (
+            len(self.ghost.time) == len(time) and np.allclose(self.ghost.time, time, rtol=0, atol=SAME_TIME)
+        ):
+            raise InputError(
+                f"ghost has {_span(self.ghost)}: must be at the times of the record, {_span(episode)}"
+            )
+        if len(self.reference_deg) not in (0, len(time)):
+            raise InputError(f"reference has {len(self.reference_deg)} samples, the record has {len(time)}")
+
+    @property
+    def has_reference(self) -> bool:
+        """True where an angle that was wanted is known at some sample."""
+        return bool(np.isfinite(self.reference_deg).any())
+
+
+NOTHING = Beside()
+"""No ghost and no reference."""
+
+
+def curves_of(over: str, episode: Episode, beside: Beside, *, moving: bool) -> list[Curve]:
+    """Return the bend of an episode, and of its ghost behind it, over `pull_mm` or `time`.
+
+    Args:
+        over: name of an array of the episode, along the horizontal axis.
+        episode: the record.
+        beside: what is drawn with it; names tell curves apart where there is anything.
+        moving: True where a trace moves over the curve, which is then pale; False where it is the trace.
+    """
+    x, bend_deg = getattr(episode, over), episode.bend_deg
+    name = _controller(episode) or "bend" if beside.ghost is not None or beside.has_reference else ""
+    curves = []
+    if beside.ghost is not None:
+        whose = _controller(beside.ghost)
+        called = f"ghost ({whose})" if whose else "ghost"
+        curves.append(
+            Curve(getattr(beside.ghost, over), beside.ghost.bend_deg, GHOST, dashed=True, name=called)
+        )
+    if not moving:
+        return [*curves, Curve(x, bend_deg, TRACE, name=name)]
+    key = [Curve(x[:0], bend_deg[:0], TRACE, name=name)] if name else []  # the legend shows the trace to come
+    return [*curves, Curve(x, bend_deg, PALE), *key]
+
+
+def _controller(episode: Episode) -> str:
+    """Return the controller that the metadata name; empty where they name none that can be written."""
+    name = episode.metadata.get("controller", "")
+    if wrong_name(name):
+        return ""
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+
+
+def _span(episode: Episode) -> str:
+    time = episode.time
+    return f"{len(time)} samples from {time[0]:g} to {time[-1]:g} s"
