@@ -10,7 +10,8 @@ from gymnasium.utils.env_checker import check_env as check_gymnasium
 from stable_baselines3.common.env_checker import check_env as check_stable_baselines
 
 from rl.registration import ENVIRONMENT_ID, TRACKING_ID
-from rl.tracking import ERROR_DEG, SMOOTHING_S, TRAVEL_COST_PER_MM, TrackingEnvironment
+from rl.tracking import TRAVEL_COST_PER_MM, TrackingEnvironment
+from twin.control.tracking_view import ERROR_DEG, SMOOTHING_S
 from twin.errors import InputError
 from twin.physics import headless
 from twin.preset.file import load_preset
