@@ -103,7 +103,7 @@ def test_one_seed_is_one_episode_whatever_was_before(physics):
 def test_no_action_makes_the_command_leave_its_limits():
     environment = short(stroke_mm=(-0.6, 1.0), speed_mm_s=4.0, seconds=8.0)
     limits = environment.limits
-    assert (limits.low_mm, limits.high_mm) == pytest.approx((-2.2, 2.6))
+    assert (limits.low_mm, limits.high_mm) == pytest.approx((-3.0, 3.4))
     rng, pulls = np.random.default_rng(0), []
     for seed in range(4):
         _, info = environment.reset(seed=seed)
