@@ -24,7 +24,9 @@ def test_every_controller_has_its_row():
 def test_the_documented_training_writes_what_the_controller_runs(tmp_path, monkeypatch):
     _, code = re.findall(r"```python\n(.*?)```", DOCUMENT, re.DOTALL)
     assert "TrackingTraining(seed=1)" in code
-    short = code.replace("TrackingTraining(", "TrackingTraining(samples=64, horizon=32, environments=2, ")
+    short = code.replace(
+        "TrackingTraining(", "TrackingTraining(samples=64, horizon=32, environments=2, minibatch=32, "
+    )
     monkeypatch.chdir(tmp_path)
     exec(compile(short, "docs/control.md", "exec"), {"__name__": "documented"})
     assert "--tracking-policy runs/ppo.onnx" in DOCUMENT
