@@ -268,8 +268,8 @@ def specs_of(settings: ControlSettings, names: Sequence[str]) -> tuple[Controlle
         if not spec.needs or getattr(settings, spec.needs) is not None:
             found.append(spec)
         elif spec.name in names:
-            of = f"{TRAINED[spec.needs]}: none is given (`--{spec.needs.replace('_', '-')}`)"
-            raise InputError(f"controller {spec.name!r} runs on a trained file of {of}")
+            of = f"a trained file of {TRAINED[spec.needs]}"
+            raise InputError(f"controller {spec.name!r} runs on {of}: none is given")
     return tuple(found)
 
 
