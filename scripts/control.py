@@ -219,6 +219,8 @@ def _command(args: Control) -> str:
     words = ["endotwin", "control", "--preset", args.preset, "--suite", args.suite]
     if args.policy is not None:
         words += ["--policy", str(args.policy)]
+    if args.tracking_policy is not None:
+        words += ["--tracking-policy", str(args.tracking_policy)]
     words += ["--controller", *args.controller, "--twins", f"{args.twins}", "--seconds", f"{args.seconds:g}"]
     if args.stroke is not None:
         words += ["--stroke", *(f"{end:g}" for end in args.stroke)]

@@ -8,6 +8,7 @@ from small_tracking import write_tiny
 from typed import typed
 
 from twin.control.registry import controller_specs
+from twin.files.hashes import sha256_of
 from twin.recording import read_episode
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
@@ -106,6 +107,23 @@ def test_every_controller_runs_on_a_trained_file(tmp_path):
     (own,) = {of["controller"] for of in written["comparisons"]}
     assert own == "members-inverse"
     assert len(written["comparisons"]) == len(controller_specs()) - 1
+
+
+def test_a_condition_at_another_rate_leaves_the_policy_out_and_says_so(tmp_path):
+    path = write_tiny(tmp_path / "ppo.onnx")
+    words = SHORT.replace("--twins 2", "--twins 1").replace("--candidates 2", "--candidates 1")
+    words = f"{words} --controller linear ppo --tracking-policy ppo.onnx --suite full"
+    code, _, said = typed(words, tmp_path)
+    assert code == 0, said
+    assert "ppo was trained at another T than that of: R = 1, 10 Hz" in said
+    written = json.loads((tmp_path / "out/control.json").read_text())
+    under = {
+        name: {of["condition"] for of in written["totals"] if of["controller"] == name}
+        for name in ("linear", "ppo")
+    }
+    assert under["linear"] - under["ppo"] == {"R = 1, 10 Hz"}
+    assert written["control"]["tracking_policy_sha256"] == sha256_of(path)
+    assert "--tracking-policy ppo.onnx" in (tmp_path / "out/control.html").read_text()
 
 
 def test_a_policy_of_another_loop_is_refused_before_anything_runs(tmp_path):
