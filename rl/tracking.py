@@ -18,6 +18,7 @@ from twin.control.limits import MARGIN, CommandLimits
 from twin.control.line import fit_line
 from twin.control.plant import Plant
 from twin.control.reference import SIGNALS, reference
+from twin.control.tracking_view import ERROR_DEG, OBSERVATION_LIMIT, OBSERVED, Observation, TrackingView
 from twin.errors import InputError
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
@@ -29,16 +30,9 @@ if TYPE_CHECKING:
     from twin.rendering.portrait import Portrait
 
 Array = NDArray[np.float64]
-Observation = NDArray[np.float32]
 
-ERROR_DEG, RATE_DEG_S, OFFSET_MM = 5.0, 10.0, 0.5
-"""Error [deg], rate of the reference [deg / s] and offset [mm] that are 1 in an observation."""
-SMOOTHING_S = 0.2
-"""Time constant of the low-passed error [s]: it averages noise over tens of samples."""
 TRAVEL_COST_PER_MM = 0.1
 """Cost of travel: the fastest command costs a quarter of what an error of 1 deg does."""
-_OBSERVATION_LIMIT = 10.0  # never reached on a sound endoscope, it only bounds the space
-_OBSERVED = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,15 +65,7 @@ class TrackingState:
 class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
     """An endoscope that is to follow a reference of its bend; id `EndoTwin/Tracking-v0`.
 
-    An observation is six numbers, of about unit size and within +-10:
-
-    0. measured angle less reference [`ERROR_DEG`];
-    1. the same, low-passed with `SMOOTHING_S`;
-    2. reference, from the middle of what the nominal endoscope reaches [half of that];
-    3. rate of the reference towards the next sample [`RATE_DEG_S`];
-    4. offset: command less the line's pull for the reference [`OFFSET_MM`];
-    5. latest change of the command [speed limit times T].
-
+    An observation is six numbers, of about unit size and within +-10, those of `TrackingView`.
     An action in [-1, 1] is the change of the offset [speed limit times T]. The offset is added to the line's
     pull for the next reference, and their sum is bounded by `CommandLimits`. The reward is
     -(error / `ERROR_DEG`)^2 of the true angle at the next sample, less `TRAVEL_COST_PER_MM` times the travel.
@@ -131,10 +117,11 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.physics, self.sample_time, self.seconds = physics, sample_time, seconds
         self.plant = Plant(self.nominal, sample_time, physics)
         self.line = fit_line(self.nominal, stroke_mm)
+        self.view = TrackingView(self.line, self.limits, sample_time)
         self.signals, self.noise_variance = tuple(signals), noise_variance
         self._check_signals()
         self.observation_space = gymnasium.spaces.Box(
-            -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (_OBSERVED,), np.float32
+            -OBSERVATION_LIMIT, OBSERVATION_LIMIT, (OBSERVED,), np.float32
         )
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.metadata = {**self.metadata, "render_fps": round(1 / sample_time)}
@@ -171,11 +158,9 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         if self._sample + 1 >= len(self._reference):
             raise gymnasium.error.ResetNeeded("no episode, or one that is over: reset the environment first")
-        before_mm, way_mm = self.plant.pull_mm, self.limits.speed_mm_s * self.sample_time
-        share = min(max(float(np.asarray(action).item()), -1.0), 1.0)
-        # The offset follows from the command, so that it does not wind up at a limit.
-        following = self.line.pull_mm(float(self._reference[self._sample + 1]))
-        wanted_mm = following + self._offset_mm() + share * way_mm
+        before_mm, now = self.plant.pull_mm, float(self._reference[self._sample])
+        following = float(self._reference[self._sample + 1])
+        wanted_mm = self.view.wanted_mm(float(np.asarray(action).item()), before_mm, now, following)
         pull_mm = self.limits.within(wanted_mm, before_mm, self.sample_time)
         self._bends.append(self.plant.step(pull_mm))
         self._sample, self._change = self._sample + 1, pull_mm - before_mm
@@ -241,31 +226,20 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
     def _drive(self, preset: Preset) -> None:
         self.plant = Plant(preset, self.sample_time, self.physics)
 
-    def _offset_mm(self) -> float:
-        return self.plant.pull_mm - self.line.pull_mm(float(self._reference[self._sample]))
-
     def _error_deg(self) -> float:
         """Return the measured error; the sensor's latency shows the oldest angle that is kept."""
         measured = self._bends[0] + self._noise[self._sample]
         return float(measured - self._reference[self._sample])
 
     def _smoothen(self) -> None:
-        share = 1 - np.exp(-self.sample_time / SMOOTHING_S)
-        self._smooth += float(share) * (self._error_deg() - self._smooth)
+        self._smooth = self.view.smoothed(self._smooth, self._error_deg())
 
     def _observe(self) -> Observation:
-        low, high = self.line.reached_deg
         now = float(self._reference[self._sample])
         following = float(self._reference[min(self._sample + 1, len(self._reference) - 1)])
-        seen = [
-            self._error_deg() / ERROR_DEG,
-            self._smooth / ERROR_DEG,
-            (now - (low + high) / 2) / ((high - low) / 2),
-            (following - now) / self.sample_time / RATE_DEG_S,
-            self._offset_mm() / OFFSET_MM,
-            self._change / (self.limits.speed_mm_s * self.sample_time),
-        ]
-        return np.clip(seen, -_OBSERVATION_LIMIT, _OBSERVATION_LIMIT).astype(np.float32)
+        return self.view.observation(
+            self._error_deg(), self._smooth, now, following, self.plant.pull_mm, self._change
+        )
 
     def _info(self) -> dict[str, Any]:
         return {

@@ -16,6 +16,8 @@ from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
     from twin.control.comparison import Comparison
+    from twin.control.condition import ControlCondition
+    from twin.control.registry import ControllerSpec
     from twin.control.settings import ControlSettings
 
 FIGURES = {
@@ -42,6 +44,8 @@ class Control:
     """Endoscope: name of a preset, or a YAML file with ranges."""
     policy: Path | None = None
     """Trained file of RAM (twins); without it, the controllers that need one are left out."""
+    tracking_policy: Path | None = None
+    """Policy that PPO trained to track (docs/control.md); without it, ppo is left out."""
     controller: tuple[str, ...] = ("all",)
     """Names of the controllers, or all."""
     suite: str = "short"
@@ -114,12 +118,14 @@ def control(args: Control) -> Summary:
         latency_s=args.latency,
         physics=args.physics,
         policy=args.policy,
+        tracking_policy=args.tracking_policy,
         candidates=args.candidates,
         seed=args.seed,
         **given,
     )
     specs = specs_of(settings, args.controller)
     names = [spec.name for spec in specs]
+    _check_tracking(settings, specs, conditions)
     _warn_of_training(settings)
     files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
     files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
@@ -144,6 +150,27 @@ def control(args: Control) -> Summary:
         {"out": str(path), "controllers": names, "rows": len(values["rows"])},
         table=control_table(values["totals"], "plain"),
     )
+
+
+def _check_tracking(
+    settings: "ControlSettings",
+    specs: "Sequence[ControllerSpec]",
+    conditions: "Sequence[ControlCondition]",
+) -> None:
+    """Refuse a policy of another loop before anything is run, and say which conditions it is left out of."""
+    from twin.control.comparison import places_of
+    from twin.control.controllers.ppo import load_tracking_policy
+
+    if settings.tracking_policy is not None:
+        first = conditions[0].sample_time
+        load_tracking_policy(settings.tracking_policy).check(first, settings.speed_mm_s)
+    for spec in specs:
+        places = places_of(spec, settings, conditions)
+        left_out = [of.name for place, of in enumerate(conditions) if place not in places]
+        if left_out:
+            complain(
+                f"endotwin control: {spec.name} was trained at another T than that of: {', '.join(left_out)}"
+            )
 
 
 def _warn_of_training(settings: "ControlSettings") -> None:
@@ -192,6 +219,8 @@ def _command(args: Control) -> str:
     words = ["endotwin", "control", "--preset", args.preset, "--suite", args.suite]
     if args.policy is not None:
         words += ["--policy", str(args.policy)]
+    if args.tracking_policy is not None:
+        words += ["--tracking-policy", str(args.tracking_policy)]
     words += ["--controller", *args.controller, "--twins", f"{args.twins}", "--seconds", f"{args.seconds:g}"]
     if args.stroke is not None:
         words += ["--stroke", *(f"{end:g}" for end in args.stroke)]

@@ -8,6 +8,7 @@ import pytest
 from controlled import LIMITS, STROKE_MM, T, assert_within, closed_loop, knowledge
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_tracking import write_tiny
 
 from twin.control.controller import Controller, Sensed
 from twin.control.registry import controller_specs, find_controllers
@@ -19,6 +20,14 @@ SEGMENTS = st.lists(
     st.tuples(st.sampled_from(WORST), st.sampled_from([1, -1]), st.integers(1, 150)), min_size=3, max_size=6
 )
 """Measurements, whether their sign changes from sample to sample, and for how many samples they last."""
+
+
+@pytest.fixture(scope="module")
+def files(twins_policy, tmp_path_factory):
+    """All trained files that controllers run on, by the fields of `ControlKnowledge`."""
+    folder = tmp_path_factory.mktemp("tracking")
+    tracking = write_tiny(folder / "ppo.onnx", sample_time=T, speed_mm_s=LIMITS.speed_mm_s)
+    return {"policy": twins_policy, "tracking_policy": tracking}
 
 
 class Wanting(Controller):
@@ -52,13 +61,13 @@ def test_whatever_is_wanted_a_number_within_the_limits_is_commanded(wanted, firs
 @pytest.mark.parametrize("name", [spec.name for spec in controller_specs()])
 @settings(max_examples=5)
 @given(segments=SEGMENTS, seed=st.integers(0, 99))
-def test_every_controller_stays_within_the_limits_whatever_it_measures(name, segments, seed, twins_policy):
+def test_every_controller_stays_within_the_limits_whatever_it_measures(name, segments, seed, files):
     rng = np.random.default_rng(seed)
     stream = [
         None if value is None else value * sign**k for value, sign, count in segments for k in range(count)
     ][:400]
     (spec,) = find_controllers([name])
-    known = knowledge(policy=twins_policy)
+    known = knowledge(**files)
     controller = spec.make(known)
 
     def seen(sample: int, bend: float) -> float:
@@ -73,11 +82,11 @@ def test_every_controller_stays_within_the_limits_whatever_it_measures(name, seg
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e308])
 @pytest.mark.parametrize("name", [spec.name for spec in controller_specs()])
-def test_a_reference_that_is_no_angle_ends_no_run(name, wrong, twins_policy):
+def test_a_reference_that_is_no_angle_ends_no_run(name, wrong, files):
     wanted = np.full(120, 20.0)
     wanted[30:40] = wrong
     (spec,) = find_controllers([name])
-    course = closed_loop(spec.make(knowledge(policy=twins_policy)), lambda pull: 20 * pull, wanted)
+    course = closed_loop(spec.make(knowledge(**files)), lambda pull: 20 * pull, wanted)
     assert_within(LIMITS, course.pull_mm)
     if math.isnan(wrong):
         held = course.pull_mm[30:40]

@@ -9,6 +9,7 @@ import pytest
 from twin.control import registry
 from twin.control.comparison import compare
 from twin.control.condition import find_conditions
+from twin.control.controllers.ppo import load_tracking_policy
 from twin.control.settings import ControlSettings
 from twin.preset import load_preset, load_ranges
 
@@ -18,6 +19,18 @@ DOCUMENT = (Path(__file__).resolve().parents[2] / "docs/control.md").read_text()
 def test_every_controller_has_its_row():
     first = {line.split("|")[1].strip(" `") for line in DOCUMENT.splitlines() if line.startswith("| `")}
     assert {spec.name for spec in registry.controller_specs()} <= first
+
+
+def test_the_documented_training_writes_what_the_controller_runs(tmp_path, monkeypatch):
+    _, code = re.findall(r"```python\n(.*?)```", DOCUMENT, re.DOTALL)
+    assert "TrackingTraining(seed=1)" in code
+    short = code.replace(
+        "TrackingTraining(", "TrackingTraining(samples=64, horizon=32, environments=2, minibatch=32, "
+    )
+    monkeypatch.chdir(tmp_path)
+    exec(compile(short, "docs/control.md", "exec"), {"__name__": "documented"})
+    assert "--tracking-policy runs/ppo.onnx" in DOCUMENT
+    assert load_tracking_policy(tmp_path / "runs/ppo.onnx").sample_time == 0.02
 
 
 @pytest.fixture

@@ -74,4 +74,4 @@ def test_defaults_are_within_their_search():
 def test_one_is_ours_and_runs_on_a_trained_file():
     ours = [spec for spec in controller_specs() if spec.ours]
     assert [spec.name for spec in ours] == ["members-inverse"]
-    assert ours[0].needs_policy
+    assert ours[0].needs == "policy"

@@ -10,7 +10,8 @@ from gymnasium.utils.env_checker import check_env as check_gymnasium
 from stable_baselines3.common.env_checker import check_env as check_stable_baselines
 
 from rl.registration import ENVIRONMENT_ID, TRACKING_ID
-from rl.tracking import ERROR_DEG, SMOOTHING_S, TRAVEL_COST_PER_MM, TrackingEnvironment
+from rl.tracking import TRAVEL_COST_PER_MM, TrackingEnvironment
+from twin.control.tracking_view import ERROR_DEG, SMOOTHING_S
 from twin.errors import InputError
 from twin.physics import headless
 from twin.preset.file import load_preset
@@ -102,7 +103,7 @@ def test_one_seed_is_one_episode_whatever_was_before(physics):
 def test_no_action_makes_the_command_leave_its_limits():
     environment = short(stroke_mm=(-0.6, 1.0), speed_mm_s=4.0, seconds=8.0)
     limits = environment.limits
-    assert (limits.low_mm, limits.high_mm) == pytest.approx((-2.2, 2.6))
+    assert (limits.low_mm, limits.high_mm) == pytest.approx((-3.0, 3.4))
     rng, pulls = np.random.default_rng(0), []
     for seed in range(4):
         _, info = environment.reset(seed=seed)

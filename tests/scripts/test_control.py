@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 from gated import export_small
+from small_tracking import write_tiny
 from typed import typed
 
 from twin.control.registry import controller_specs
+from twin.files.hashes import sha256_of
 from twin.recording import read_episode, read_estimates
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
@@ -100,8 +102,9 @@ def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
 
 def test_every_controller_runs_on_a_trained_file(tmp_path):
     export_small(tmp_path / "policy.onnx")
+    write_tiny(tmp_path / "ppo.onnx")
     words = SHORT.replace("--twins 2", "--twins 1").replace("--candidates 2", "--candidates 1")
-    code, out, said = typed(f"{words} --policy policy.onnx --json", tmp_path)
+    code, out, said = typed(f"{words} --policy policy.onnx --tracking-policy ppo.onnx --json", tmp_path)
     assert code == 0, said
     assert json.loads(out)["controllers"] == [spec.name for spec in controller_specs()]
     written = json.loads((tmp_path / "out/control.json").read_text())
@@ -110,12 +113,41 @@ def test_every_controller_runs_on_a_trained_file(tmp_path):
     assert len(written["comparisons"]) == len(controller_specs()) - 1
 
 
+def test_a_condition_at_another_rate_leaves_the_policy_out_and_says_so(tmp_path):
+    path = write_tiny(tmp_path / "ppo.onnx")
+    words = SHORT.replace("--twins 2", "--twins 1").replace("--candidates 2", "--candidates 1")
+    words = f"{words} --controller linear ppo --tracking-policy ppo.onnx --suite full"
+    code, _, said = typed(words, tmp_path)
+    assert code == 0, said
+    assert "ppo was trained at another T than that of: R = 1, 10 Hz" in said
+    written = json.loads((tmp_path / "out/control.json").read_text())
+    under = {
+        name: {of["condition"] for of in written["totals"] if of["controller"] == name}
+        for name in ("linear", "ppo")
+    }
+    assert under["linear"] - under["ppo"] == {"R = 1, 10 Hz"}
+    assert written["control"]["tracking_policy_sha256"] == sha256_of(path)
+    assert "--tracking-policy ppo.onnx" in (tmp_path / "out/control.html").read_text()
+
+
+def test_a_policy_of_another_loop_is_refused_before_anything_runs(tmp_path):
+    write_tiny(tmp_path / "ppo.onnx")
+    words = f"{SHORT} --controller ppo --tracking-policy ppo.onnx"
+    code, _, said = typed(f"{words} --speed 4", tmp_path)
+    assert code == 2
+    assert "speed limit = 4 mm/s: ppo.onnx was trained with 5 mm/s" in said
+    assert len(said.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
         ("--controller pidd", "unknown controller 'pidd'; valid: all, linear"),
         ("--controller members-inverse", "'members-inverse' runs on a trained file of RAM (twins)"),
+        ("--controller ppo", "'ppo' runs on a trained file of PPO on EndoTwin/Tracking-v0: none is given"),
         ("--policy nothing.onnx", "nothing.onnx"),
+        ("--tracking-policy nothing.onnx", "no trained file nothing.onnx"),
         ("--suite long", "unknown suite 'long'; valid: short, full"),
         ("--stroke 1 1", "stroke [1, 1] mm: the first must be below the second"),
         ("--twins 0", "--twins 0: must be from 1 to 1000"),

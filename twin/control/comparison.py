@@ -1,6 +1,7 @@
 """Comparison of controllers: models, tuning and trials, side by side on workers; a stopped one goes on."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.control.condition import ControlCondition
 from twin.control.knowledge import ControlKnowledge
-from twin.control.registry import ControllerSpec, find_controllers
+from twin.control.registry import TRAINED, ControllerSpec, find_controllers
 from twin.control.score import MEASURES, ControlResult, measures_of
 from twin.control.settings import ControlSettings
 from twin.control.trial import ControlTrial, run_trial
@@ -69,8 +70,11 @@ def compare(
     """
     specs = find_controllers(controllers)
     sensors = list(dict.fromkeys(condition.sensor for condition in conditions))
+    compared = [(place, spec) for spec in specs for place in places_of(spec, settings, conditions)]
+    met = {(conditions[place].sensor, spec.name) for place, spec in compared}
+    searches = [(sensor, spec) for sensor in sensors for spec in specs if (sensor, spec.name) in met]
     parts = _Parts(folder / PARTS, settings, executor, on_progress)
-    parts.total = len(specs) * (len(sensors) + len(conditions))
+    parts.total = len(searches) + len(compared)
     on_progress(0, parts.total, "models")
     deployments = list(executor.map(ControlSettings.find_deployment, *_pairs(settings)))
     tuned: dict[tuple[float, float], dict[str, dict[str, float]]] = {sensor: {} for sensor in sensors}
@@ -86,25 +90,24 @@ def compare(
                 settings,
                 deployments,
             )
-            for sensor in sensors
-            for spec in specs
+            for sensor, spec in searches
             if bool(spec.falls_back_on) is falls_back
         }
         for (sensor, name), arrays in parts.finish(begun).items():
             found = tuned[sensor][name] = _settings_of(arrays, name)
             searched.append(_told(name, sensor, found, arrays))
     runs = {}
-    for place, condition in enumerate(conditions):
-        for spec in sorted(specs, key=lambda spec: not spec.needs_policy):  # the longest first
-            runs[place, spec.name] = parts.start(
-                f"trials_{spec.name}_{condition.slug}",
-                _run,
-                spec.name,
-                condition,
-                _of(spec, tuned[condition.sensor]),
-                settings,
-                deployments,
-            )
+    for place, spec in sorted(compared, key=lambda one: (one[0], not one[1].needs)):  # the longest first
+        condition = conditions[place]
+        runs[place, spec.name] = parts.start(
+            f"trials_{spec.name}_{condition.slug}",
+            _run,
+            spec.name,
+            condition,
+            _of(spec, tuned[condition.sensor]),
+            settings,
+            deployments,
+        )
     done = parts.finish(runs)
     results, shown = [], {}
     for (place, name), arrays in done.items():
@@ -260,10 +263,29 @@ def specs_of(settings: ControlSettings, names: Sequence[str]) -> tuple[Controlle
     Raises:
         ValueError: one is unknown, or is named and needs a trained file that there is none of.
     """
-    specs = find_controllers(names)
-    if settings.policy is not None:
-        return specs
-    for spec in specs:
-        if spec.needs_policy and spec.name in names:
-            raise InputError(f"controller {spec.name!r} runs on a trained file of RAM (twins): none is given")
-    return tuple(spec for spec in specs if not spec.needs_policy)
+    found = []
+    for spec in find_controllers(names):
+        if not spec.needs or getattr(settings, spec.needs) is not None:
+            found.append(spec)
+        elif spec.name in names:
+            of = f"a trained file of {TRAINED[spec.needs]}"
+            raise InputError(f"controller {spec.name!r} runs on {of}: none is given")
+    return tuple(found)
+
+
+def places_of(
+    spec: ControllerSpec, settings: ControlSettings, conditions: Sequence[ControlCondition]
+) -> list[int]:
+    """Return which of the conditions a controller runs under.
+
+    One whose file is for one sample time is left out of others; under the first condition it must run.
+
+    Raises:
+        ValueError: its trained file is damaged, or of something else.
+    """
+    places = range(len(conditions))
+    path = getattr(settings, spec.needs) if spec.needs else None
+    if spec.sample_time_of is None or path is None:
+        return list(places)
+    trained = spec.sample_time_of(path)
+    return [place for place in places if not place or math.isclose(conditions[place].sample_time, trained)]

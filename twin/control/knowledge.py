@@ -6,6 +6,7 @@ from pathlib import Path
 
 from twin.control.limits import CommandLimits
 from twin.control.line import Line, fit_line
+from twin.control.registry import TRAINED
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.hysteresis import ColemanHodgdon
@@ -25,6 +26,7 @@ class ControlKnowledge:
         noise_variance: R of the sensor [deg^2].
         deployment: tuned active model on the identified model of Coleman and Hodgdon.
         policy: trained file of RAM (twins); None where there is none.
+        tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`; None where there is none.
         settings: what was tuned, by controller and name.
     """
 
@@ -35,6 +37,7 @@ class ControlKnowledge:
     noise_variance: float
     deployment: Deployment
     policy: Path | None = None
+    tracking_policy: Path | None = None
     settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
     @property
@@ -56,11 +59,24 @@ class ControlKnowledge:
 
     @property
     def trained(self) -> Path:
-        """The trained file.
+        """The trained file of RAM (twins).
 
         Raises:
             ValueError: there is none.
         """
-        if self.policy is None:
-            raise InputError("a controller on RAM (twins) needs a trained file")
-        return self.policy
+        return self._trained("policy")
+
+    @property
+    def trained_tracking(self) -> Path:
+        """The trained file of PPO on `EndoTwin/Tracking-v0`.
+
+        Raises:
+            ValueError: there is none.
+        """
+        return self._trained("tracking_policy")
+
+    def _trained(self, name: str) -> Path:
+        path: Path | None = getattr(self, name)
+        if path is None:
+            raise InputError(f"a controller on {TRAINED[name]} needs a trained file")
+        return path

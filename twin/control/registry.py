@@ -14,8 +14,14 @@ from twin.errors import InputError
 from twin.estimation.registry import Style
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from twin.control.controller import Controller
     from twin.control.knowledge import ControlKnowledge
+
+
+TRAINED = {"policy": "RAM (twins)", "tracking_policy": "PPO on EndoTwin/Tracking-v0"}
+"""Trained files that controllers run on: by the field of `ControlKnowledge`, what the file is of."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +49,8 @@ class ControllerSpec:
         told: what it goes by, in a few words.
         build: makes one for a run, with its settings by name.
         settings: numbers that are tuned, by name.
-        needs_policy: whether it runs on a trained file of RAM (twins).
+        needs: trained file that it runs on, by its name in `TRAINED`; empty if it runs on none.
+        sample_time_of: reads the one sample time that its trained file is for [s]; None if it is for any.
         falls_back_on: name of the controller whose settings it takes for its fallback, if it has one.
         ours: whether it is this project's own, with which the others are compared.
         style: in figures.
@@ -54,7 +61,8 @@ class ControllerSpec:
     told: str
     build: "Callable[[ControlKnowledge, Mapping[str, float]], Controller]"
     settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
-    needs_policy: bool = False
+    needs: str = ""
+    sample_time_of: "Callable[[Path], float] | None" = None
     falls_back_on: str = ""
     ours: bool = False
     style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))

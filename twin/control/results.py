@@ -32,6 +32,7 @@ def control_values(comparison: Comparison, settings: ControlSettings, ours: str 
     protocol = {
         "version": __version__,
         "policy_sha256": settings.to_dict()["policy"],
+        "tracking_policy_sha256": settings.to_dict().get("tracking_policy"),
         "preset": settings.preset.name,
         "physics": settings.physics,
         "twins": settings.twins,

@@ -42,6 +42,7 @@ class ControlSettings:
         latency_s: delay of the sensor [s].
         physics: of the plants.
         policy: trained file of RAM (twins), if there is one.
+        tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`, if there is one.
         candidates: settings that are tried for each controller.
         tuning_seconds: length of a reference of the tuning [s].
         seed: of everything that is drawn.
@@ -57,6 +58,7 @@ class ControlSettings:
     latency_s: float = 0.0
     physics: str = "mujoco"
     policy: Path | None = None
+    tracking_policy: Path | None = None
     candidates: int = 16
     tuning_seconds: float = 12.0
     seed: int = 0
@@ -93,6 +95,7 @@ class ControlSettings:
             variance,
             deployment,
             self.policy,
+            self.tracking_policy,
         )
 
     def find_deployment(self, stroke_mm: tuple[float, float]) -> Deployment:
@@ -161,4 +164,8 @@ class ControlSettings:
         values |= {"preset": self.preset.to_dict(), "ranges": self.ranges.to_dict()}
         values["strokes_mm"] = [list(stroke) for stroke in self.strokes_mm]
         values["policy"] = None if self.policy is None else sha256_of(self.policy)
+        # Left out where there is none: comparisons of before this field go on.
+        del values["tracking_policy"]
+        if self.tracking_policy is not None:
+            values["tracking_policy"] = sha256_of(self.tracking_policy)
         return values

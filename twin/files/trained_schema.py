@@ -91,6 +91,20 @@ class TrainedDescription(BaseModel):
     hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
 
 
+class TrackingFile(BaseModel):
+    """Description of a policy that tracks a bend, as far as it is read.
+
+    Attributes:
+        sample_time: T [s].
+        speed_mm_s: speed limit of the command [mm / s].
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    sample_time: Annotated[float, Field(ge=1e-6, le=100)]
+    speed_mm_s: Annotated[float, Field(gt=0, le=1e6)]
+
+
 class NumbersFile(BaseModel):
     """One array of the reference.
 

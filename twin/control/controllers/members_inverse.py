@@ -44,7 +44,7 @@ MEMBERS_INVERSE = register_controller(
         "members and estimate of RAM (twins)",
         MembersInverse,
         COMPENSATOR_SETTINGS,
-        needs_policy=True,
+        needs="policy",
         falls_back_on=ACTIVE_MODEL_PI.name,
         ours=True,
         style=Style("#a3195b", "solid", "", 1.6),

@@ -26,7 +26,7 @@ RAM_TWINS_PI = register_controller(
         "estimate of RAM (twins)",
         build,
         PI_SETTINGS,
-        needs_policy=True,
+        needs="policy",
         style=Style("#c77cb0", "dashed", ""),
     )
 )

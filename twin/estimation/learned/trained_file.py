@@ -59,12 +59,13 @@ class TrainedFile:
         return outputs
 
 
-def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
+def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`endotwin train`") -> TrainedFile:
     """Read a trained network.
 
     Args:
         path: the ONNX file.
         agent: that it must be of; any, if not given.
+        trainer: what writes such files, for the message.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -74,7 +75,7 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
     try:
         content = read_limited(path, LARGEST)
     except MissingFileError as error:
-        raise MissingFileError(f"no trained file {path}; `endotwin train` writes one") from error
+        raise MissingFileError(f"no trained file {path}; {trainer} writes one") from error
     # Else newer versions report their use to Microsoft, and leave a file that names the machine.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     # Imported when used: a table of methods needs none of them.
@@ -94,7 +95,7 @@ def read_trained_file(path: Path, agent: str | None = None) -> TrainedFile:
         found = validated(TrainedDescription, values).agent
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
         reason = f": {cut(error)}" if isinstance(error, InputError) else ""
-        raise InputError(f"{path} is not a trained file written by `endotwin train`{reason}") from error
+        raise InputError(f"{path} is not a trained file written by {trainer}{reason}") from error
     if agent is not None and found != agent:
         raise InputError(f"{path} holds the agent {shown(found)}, not {agent!r}")
     description = {name: value for name, value in values.items() if name != "agent"}

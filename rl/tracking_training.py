@@ -1,0 +1,177 @@
+"""Training of a tracking policy by PPO on `EndoTwin/Tracking-v0`, into one ONNX file that `ppo` runs.
+
+The endoscopes are reduced and another one is drawn for every episode; the parallel environments share out the
+strokes, so that one policy serves them all.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rl.trainers import OnProgress
+from twin.control.controllers.ppo import AGENT, INPUT, OUTPUT
+from twin.control.tracking_view import ERROR_DEG, OBSERVED
+from twin.files.bounds import check_between
+
+if TYPE_CHECKING:
+    import gymnasium
+    from stable_baselines3 import PPO
+
+_REPORTED = 100  # episodes that the mean reward is of
+
+
+@dataclasses.dataclass(frozen=True)
+class TrackingTraining:
+    """Settings of a training.
+
+    Attributes:
+        samples: of all environments together.
+        strokes_mm: strokes of the work, which the environments take in turn [mm].
+        environments: that run side by side.
+        horizon: samples of each between two updates.
+        minibatch: samples in one gradient step.
+        discount: factor of PPO.
+        log_std: of the first exploration; -2 is 0.14 of the speed limit, as an offset sums it up.
+        sample_time: T [s].
+        speed_mm_s: fastest change of the command [mm / s].
+        noise_variance: R of the sensor [deg^2].
+        seed: of network, exploration, endoscopes, references and noise.
+    """
+
+    samples: int = 400_000
+    strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
+    environments: int = 4
+    horizon: int = 1024
+    minibatch: int = 256
+    discount: float = 0.97
+    log_std: float = -2.0
+    sample_time: float = 0.02
+    speed_mm_s: float = 5.0
+    noise_variance: float = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what PPO cannot train on; the environments check the rest.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        check_between("samples", self.samples, 1, 10**9)
+        check_between("environments", self.environments, len(self.strokes_mm) or 1, 1000)
+        check_between("horizon", self.horizon, 2, 10**6)
+        check_between("seed", self.seed, 0, 2**32 - 1 - self.environments)
+
+
+def train_tracking(
+    path: Path,
+    preset: str = "ureteroscope",
+    training: TrackingTraining | None = None,
+    on_progress: OnProgress | None = None,
+) -> float:
+    """Train a policy and write it, whole or not at all.
+
+    Args:
+        path: the ONNX file.
+        preset: name of the nominal endoscope, or a YAML file with ranges.
+        training: settings.
+        on_progress: told samples done, samples in all and the mean reward per sample of the latest episodes
+            [deg^2]: their mean square error with the cost of travel, under exploration.
+
+    Returns:
+        That mean reward at the end [deg^2].
+
+    Raises:
+        ValueError: a setting cannot be.
+        OSError: the disk is full or fails.
+    """
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.logger import Logger
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+    from rl.compiled_code import no_folder_of_compiled_code
+    from rl.tracking import TrackingEnvironment
+
+    settings = training or TrackingTraining()
+    torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
+
+    def make(number: int) -> "Callable[[], gymnasium.Env[Any, Any]]":
+        return functools.partial(
+            TrackingEnvironment,
+            preset,
+            randomized=True,
+            stroke_mm=settings.strokes_mm[number % len(settings.strokes_mm)],
+            speed_mm_s=settings.speed_mm_s,
+            noise_variance=settings.noise_variance,
+            sample_time=settings.sample_time,
+            physics="reduced",
+        )
+
+    makers = [make(number) for number in range(settings.environments)]
+    with no_folder_of_compiled_code():
+        ppo = PPO(
+            "MlpPolicy",
+            VecMonitor(DummyVecEnv(makers)),
+            n_steps=settings.horizon,
+            batch_size=settings.minibatch,
+            gamma=settings.discount,
+            policy_kwargs={"log_std_init": settings.log_std},
+            stats_window_size=_REPORTED,
+            seed=settings.seed,
+            device="cpu",
+        )
+        ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder elsewhere
+
+        def tell(local: dict[str, Any], _: dict[str, Any]) -> bool:
+            if on_progress is not None and ppo.num_timesteps < settings.samples:
+                on_progress(ppo.num_timesteps, settings.samples, _mean_reward_deg2(ppo))
+            return True
+
+        ppo.learn(settings.samples, callback=tell)
+    reward = _mean_reward_deg2(ppo)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    told = {"preset": preset, "mean_reward_deg2": None if math.isnan(reward) else reward}
+    export_actor(ppo, dataclasses.asdict(settings) | told, path)
+    if on_progress is not None:
+        on_progress(settings.samples, settings.samples, reward)
+    return reward
+
+
+def export_actor(ppo: "PPO", description: dict[str, Any], path: Path) -> None:
+    """Write the deterministic actor of PPO as ONNX: from an observation to an action within [-1, 1]."""
+    import torch
+
+    from rl.export import export_module
+
+    class Actor(torch.nn.Module):
+        """The network without value function and exploration."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.hidden = ppo.policy.mlp_extractor.policy_net
+            self.mean = ppo.policy.action_net
+
+        def forward(self, observation: torch.Tensor) -> torch.Tensor:
+            action: torch.Tensor = self.mean(self.hidden(observation)).clamp(-1, 1)
+            return action
+
+    export_module(
+        Actor(),
+        {INPUT: torch.zeros(2, OBSERVED)},
+        [OUTPUT],
+        {INPUT: [0]},
+        {"agent": AGENT, **description},
+        path,
+    )
+
+
+def _mean_reward_deg2(ppo: "PPO") -> float:
+    """Return the mean reward per sample of the latest episodes [deg^2]; NaN before one is over."""
+    episodes = ppo.ep_info_buffer or ()
+    samples = sum(episode["l"] for episode in episodes)
+    if not samples:
+        return math.nan
+    return float(ERROR_DEG**2 * sum(episode["r"] for episode in episodes) / samples)
