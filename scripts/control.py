@@ -26,6 +26,8 @@ FIGURES = {
     "errors.png": "Error of every endoscope, a dot each; bars are all trials together.",
 }
 """Figures, and what each shows."""
+POSES = "poses.png"
+POSES_CAPTION = "Where the endoscope under compensation and the one without it, pale, differ most."
 PAGE = "control.html"
 
 
@@ -127,7 +129,13 @@ def control(args: Control) -> Summary:
     names = [spec.name for spec in specs]
     _check_tracking(settings, specs, conditions)
     _warn_of_training(settings)
-    files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
+    files = {
+        RESULTS: '"control"',
+        TABLE: MADE_BY,
+        PAGE: MADE_BY,
+        POSES: MADE_BY,
+        **dict.fromkeys(FIGURES, MADE_BY),
+    }
     files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
     out = output_folder(args.out, files)
     parts = len(names) * 2 * len(conditions)
@@ -140,7 +148,7 @@ def control(args: Control) -> Summary:
         values = control_values(comparison, settings, ours)
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)
-        drawn = _draw(comparison, out, ours)
+        drawn = [*_draw_poses(comparison, out, ours), *_draw(comparison, out, ours)]
         write_table(out, values["totals"])
         write_control_page(values, drawn, out / PAGE, _command(args))
         path = write_values(out, values)
@@ -188,6 +196,26 @@ def _warn_of_training(settings: "ControlSettings") -> None:
             f"endotwin control: commands may go from {least:g} to {most:g} mm, the trained file has met "
             f"{low:.3g} to {high:.3g}: beyond, its fallback is in charge (`endotwin train --stroke`)"
         )
+
+
+def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[bytes, str]]:
+    """Draw the recorded poses of the first controller behind those of ours, where there is what can draw."""
+    from twin.control.results import RECORDS
+    from twin.recording import read_episode
+    from twin.rendering.beside import Beside
+    from twin.rendering.render import render
+
+    names = list(comparison.shown)
+    before, after = (out / RECORDS / f"{name}.mcap" for name in (names[0], ours or names[-1]))
+    if before == after:
+        return []
+    wanted = comparison.shown[after.stem].reference_deg
+    try:
+        render(read_episode(after), out / POSES, beside=Beside(read_episode(before), wanted))
+    except OSError as error:
+        complain(f"endotwin control: no poses are drawn: {error}")
+        return []
+    return [((out / POSES).read_bytes(), POSES_CAPTION)]
 
 
 def _draw(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[bytes, str]]:

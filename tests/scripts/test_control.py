@@ -42,7 +42,7 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert written["control"]["limits"] == [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}]
     assert "| R = 1 " in (folder / "out/control.md").read_text()
     page = (folder / "out/control.html").read_text()
-    assert page.count("<img") == 3
+    assert page.count("<img") == (4 if (folder / "out/poses.png").exists() else 3)
     assert "endotwin control --preset ureteroscope --suite short --controller linear pid" in page
     assert [of["controller"] for of in written["totals"]] == ["linear", "pid"]
     for name in ("tracking.png", "loops.png", "errors.png"):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from twin.errors import InputError
+from twin.estimation.learned.ram_twins import RAM_TWINS
 from twin.estimation.registry import Style
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from twin.control.knowledge import ControlKnowledge
 
 
-TRAINED = {"policy": "RAM (twins)", "tracking_policy": "PPO on EndoTwin/Tracking-v0"}
+TRAINED = {"policy": RAM_TWINS.name, "tracking_policy": "PPO on EndoTwin/Tracking-v0"}
 """Trained files that controllers run on: by the field of `ControlKnowledge`, what the file is of."""
 
 
