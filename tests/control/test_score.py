@@ -55,6 +55,12 @@ def test_totals_are_of_all_trials():
     assert total["late_worst_deg"] == errors(2, 3.0).max()
 
 
+def test_an_oracle_is_no_rival():
+    given = [result(name, errors(0, 1.0)) for name in ("ours", "theirs", "oracle")]
+    assert [of["rival"] for of in comparisons(given, "ours", 0)] == ["theirs"]
+    assert [of.total()["oracle"] for of in given] == [False, False, True]
+
+
 def test_a_constant_ratio_is_the_reduction_and_all_of_its_interval():
     theirs = errors(1, 1.0)
     (found,) = comparisons([result("ours", theirs / 4), result("theirs", theirs)], "ours", 0)

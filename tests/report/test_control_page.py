@@ -15,6 +15,7 @@ PNG = base64.b64decode(
 def total(controller, rmse, condition="R = 1", **others):
     return {
         "controller": controller,
+        "oracle": False,
         "condition": condition,
         "rmse_deg": rmse,
         "worst_twin_rmse_deg": 2 * rmse,
@@ -57,6 +58,14 @@ def test_the_headline_names_the_best_of_the_first_condition_whoever_it_is():
     said = headline(given)
     assert said.startswith("pid follows references to 1.00 deg (RMSE) on 7 endoscopes")
     assert "50% less error than ours, the next best, and 75% less than line, the last." in said
+
+
+def test_an_oracle_is_the_limit_and_no_rival():
+    given = values(total("ours", 0.5), total("pid", 1.0), total("oracle", 0.125, oracle=True))
+    said = headline(given)
+    assert said.startswith("ours follows references to 0.50 deg")
+    assert "(the limit, by an oracle, is 0.12 deg): 50% less error than pid, the next best." in said
+    assert "oracle" in headline(values(total("oracle", 0.1, oracle=True)))
 
 
 @pytest.mark.parametrize(("count", "end"), [(1, "R = 1."), (2, "the next best.")])

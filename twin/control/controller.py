@@ -2,9 +2,12 @@
 
 import abc
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from twin.control.limits import CommandLimits
+
+if TYPE_CHECKING:
+    from twin.control.plant import Plant
 
 
 class Sensed(NamedTuple):
@@ -44,6 +47,9 @@ class Controller(abc.ABC):
         self.pull_mm = math.nan
         self.bend_deg = math.nan
         self.falls_back = self.holds = False
+
+    def tell(self, plant: "Plant") -> None:  # noqa: B027  none but an oracle listens
+        """Tell an oracle the endoscope itself, before the run begins; no other controller is told."""
 
     def start(self, pull_mm: float, reference_deg: float) -> None:
         """Begin a run on an endoscope that rests at a pull [mm] near a first reference [deg]."""

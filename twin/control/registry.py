@@ -54,6 +54,7 @@ class ControllerSpec:
         sample_time_of: reads the one sample time that its trained file is for [s]; None if it is for any.
         falls_back_on: name of the controller whose settings it takes for its fallback, if it has one.
         ours: whether it is this project's own, with which the others are compared.
+        oracle: whether it is told the endoscope itself: a limit, and no rival.
         style: in figures.
     """
 
@@ -66,6 +67,7 @@ class ControllerSpec:
     sample_time_of: "Callable[[Path], float] | None" = None
     falls_back_on: str = ""
     ours: bool = False
+    oracle: bool = False
     style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
 
     def make(self, knowledge: "ControlKnowledge") -> "Controller":
@@ -113,3 +115,8 @@ def find_controllers(names: Sequence[str]) -> tuple[ControllerSpec, ...]:
         if name != "all" and name not in known:
             raise InputError(f"unknown controller {name!r:.60}; valid: all, {', '.join(known)}")
     return tuple(spec for spec in specs if "all" in names or spec.name in names)
+
+
+def is_oracle(name: str) -> bool:
+    """Return whether a controller is told the endoscope itself."""
+    return any(spec.name == name and spec.oracle for spec in controller_specs())

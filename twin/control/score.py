@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.control.condition import ControlCondition
+from twin.control.registry import is_oracle
 from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
 from twin.gate.paired import reduction_interval
@@ -64,6 +65,7 @@ class ControlResult:
         measures = self.measures
         return {
             "controller": self.controller,
+            "oracle": is_oracle(self.controller),
             "condition": self.condition.name,
             "rmse_deg": self.rmse_deg,
             "worst_twin_rmse_deg": float(self.by_twin_deg.max()),
@@ -121,7 +123,7 @@ def measures_of(trial: ControlTrial) -> tuple[float, ...]:
 
 
 def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[dict[str, Any]]:
-    """Return how much less error ours has than each other controller, under each condition.
+    """Return how much less error ours has than each other controller, under each condition; oracles are none.
 
     The 95 % interval is paired: both saw the same twins, references and noise.
     """
@@ -130,7 +132,7 @@ def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[
         if result.controller != ours:
             continue
         for other in results:
-            if other.condition != result.condition or other.controller == ours:
+            if other.condition != result.condition or other.controller == ours or is_oracle(other.controller):
                 continue
             interval = reduction_interval(result.squares, other.squares, np.random.default_rng(seed))
             found.append(

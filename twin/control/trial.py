@@ -106,6 +106,8 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     (spec,) = find_controllers([controller])
     driven, T = spec.make(knowledge), knowledge.sample_time
     plant = Plant(case.preset, T, case.physics)
+    if spec.oracle:
+        driven.tell(plant)
     wanted, count = case.reference_deg, len(case.reference_deg)
     late = samples_late(case.preset.sensor_latency, T)
     pull, bend, measured, estimate = np.empty((4, count))

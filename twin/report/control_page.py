@@ -12,6 +12,8 @@ LIMITS = (
     "Endoscopes and the members of RAM (twins) share their physics, but for the conditions that say "
     "otherwise; a real endoscope has more that no twin has.",
     "Every controller was told the sensor's variance R and its sample time.",
+    "An oracle is told the endoscope itself: what it is off by is left over by the speed of the motor and by "
+    "a reference that is known one sample ahead.",
     "Motors follow their command within one limit of speed; their own dynamics are not here.",
 )
 """Limits of every comparison."""
@@ -57,19 +59,26 @@ def headline(values: Mapping[str, Any]) -> str:
     """Return what a reader should take away, in a sentence."""
     totals = values["totals"]
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
-    best = min(first, key=lambda of: of["rmse_deg"])
+    limit = next((of for of in first if of["oracle"]), None)
+    best = min((of for of in first if of is not limit) if len(first) > 1 else first, key=_error)
     said = (
         f"{best['controller']} follows references to {best['rmse_deg']:.2f} deg (RMSE) on "
         f"{values['control']['twins']} endoscopes that it was not tuned on, {best['condition']}"
     )
-    rivals = [of for of in first if of is not best]
+    if limit is not None and limit is not best:
+        said += f" (the limit, by an oracle, is {limit['rmse_deg']:.2f} deg)"
+    rivals = [of for of in first if of is not best and of is not limit]
     if not rivals:
         return f"{said}."
-    rival, last = (of(rivals, key=lambda one: one["rmse_deg"]) for of in (min, max))
+    rival, last = min(rivals, key=_error), max(rivals, key=_error)
     said = f"{said}: {_less(best, rival)} less error than {rival['controller']}, the next best"
     if last is rival:
         return f"{said}."
     return f"{said}, and {_less(best, last)} less than {last['controller']}, the last."
+
+
+def _error(total: Mapping[str, Any]) -> float:
+    return float(total["rmse_deg"])
 
 
 def _less(best: Mapping[str, Any], other: Mapping[str, Any]) -> str:

@@ -1,0 +1,63 @@
+"""Oracle: inverse of the endoscope itself, of which it is told everything. No device can have it.
+
+Its error is what the speed of the motor and a reference that is known one sample ahead leave over: the
+limit of what any controller reaches here.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from twin.control.controller import Controller, Sensed
+from twin.control.knowledge import ControlKnowledge
+from twin.control.plant import Plant
+from twin.control.registry import ControllerSpec, register_controller
+from twin.errors import InputError
+from twin.estimation.registry import Style
+
+
+class Oracle(Controller):
+    """A reduced copy of the endoscope is driven along; each command brings its true bend to the reference."""
+
+    def __init__(self, knowledge: ControlKnowledge) -> None:
+        super().__init__(knowledge.limits, knowledge.sample_time)
+        self._plant: Plant | None = None
+        self._copy: Plant
+
+    def tell(self, plant: Plant) -> None:
+        """Tell it the endoscope, whose parameters, true bend and sheath it sees from now on."""
+        self._plant = plant
+        self._copy = Plant(plant.preset, self.sample_time, "reduced")
+
+    def _start(self, reference_deg: float) -> None:
+        if self._plant is None:
+            raise InputError("an oracle was told of no endoscope: it runs in trials alone")
+        self._copy.start(self.pull_mm)
+
+    def _wanted_mm(self, sensed: Sensed) -> float:
+        assert self._plant is not None
+        plant, copy = self._plant, self._copy
+        copy.step(plant.pull_mm, plant.sheath_bend)
+        self.bend_deg = plant.bend_deg()
+        wanted = copy.bend_deg() + sensed.next_deg - self.bend_deg
+        low, high = self.limits.reach(self.pull_mm, self.sample_time)
+        stroke = (low * 1e-3, high * 1e-3)
+        pull, _ = copy.endoscope.twins.common_pull(np.ones(1), float(np.radians(wanted)), stroke)
+        return float(pull) * 1e3
+
+
+def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> Oracle:
+    """Return the controller of a run."""
+    return Oracle(knowledge)
+
+
+ORACLE = register_controller(
+    ControllerSpec(
+        "oracle",
+        9,
+        "everything: the endoscope itself, without noise",
+        build,
+        oracle=True,
+        style=Style("#1c1f24", "dotted", "", 1.2),
+    )
+)
