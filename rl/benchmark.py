@@ -1,9 +1,9 @@
-"""Measurements of what learns: cost of PPO's environment, of a sample of RAM (twins), of a live stream."""
+"""Measurements of what learns: cost of PPO's environment, of a sample, of a command, of a live stream."""
 
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from rl.twins.records import draw_members
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.benchmark import runtime
+from twin.benchmark.control import control_step
 from twin.benchmark.measurements import Measurement, Size
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
@@ -29,9 +30,12 @@ from twin.estimation.estimator import Sensor
 from twin.estimation.learned import ram_twins
 from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.task import TrainingTask, stack_records
+from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 from twin.reduced.following import members_to_dict
+from twin.runtime.deployment import KEY as DEPLOYMENT
+from twin.runtime.deployment import prepare_deployment
 
 SAMPLES = 16 * TrainingOptions.horizon  # of PPO in one measurement
 WHOLE_TRAINING = 1.2e6  # samples of the paper's 2000 episodes
@@ -83,15 +87,8 @@ def ppo() -> dict[str, Result]:
 
 def one_sample(preset: Preset, size: Size) -> Result:
     """Measure one sample of RAM (twins) with its members, on one core; an untrained one takes as long."""
-    settings = TwinsTraining()
-    members = draw_members(preset, load_ranges(size.preset), settings.members, 1)
-    step = TwinsStep(torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]).eval()
-    step.guarded = True
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / ram_twins.TRAINING.file
-        export_twins(
-            step, settings.members, {"agent": ram_twins.AGENT, "members": members_to_dict(members)}, path
-        )
+        path = _untrained_twins(preset, size, Path(folder))
         estimator = ram_twins.load(path).with_sensor(Sensor(1.0))
     pull = sinusoid(size.amplitude, 8.0, 8)[:: round(T / SAMPLE_TIME), None] * 1e3
     measurement = np.random.default_rng(1).standard_normal((len(pull), 1))
@@ -103,8 +100,29 @@ def one_sample(preset: Preset, size: Size) -> Result:
         took.append(time.perf_counter() - begun)
     median = 1e3 * statistics.median(took)
     return Result(
-        f"one sample of RAM (twins), {settings.members} members", median, "ms", "below 1 ms", median < 1
+        f"one sample of RAM (twins), {len(estimator.presets)} members", median, "ms", "below 1 ms", median < 1
     )
+
+
+def one_command(preset: Preset, size: Size) -> dict[str, Result]:
+    """Measure one command by the inverse of RAM (twins)' members, on one core."""
+    with tempfile.TemporaryDirectory() as folder:
+        records = nominal_records(preset, TwinsTraining().stroke_mm, 1, T, 1)
+        deployment = prepare_deployment(records, PAPER_MODEL, T, 1).to_dict()
+        told = {"preset": preset.to_dict(), DEPLOYMENT: deployment}
+        return control_step(_untrained_twins(preset, size, Path(folder), told), preset)
+
+
+def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str, Any] | None = None) -> Path:
+    """Write a file of RAM (twins) that nothing was taught to, with what else it is to tell."""
+    settings = TwinsTraining()
+    members = draw_members(preset, load_ranges(size.preset), settings.members, 1)
+    step = TwinsStep(torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]).eval()
+    step.guarded = True
+    description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(told or {})}
+    path = folder / ram_twins.TRAINING.file
+    export_twins(step, settings.members, description, path)
+    return path
 
 
 def with_policy(measure: Callable[[Path], dict[str, Result]]) -> dict[str, Result]:
@@ -116,6 +134,7 @@ def with_policy(measure: Callable[[Path], dict[str, Result]]) -> dict[str, Resul
 
 
 OF_LEARNING: dict[str, Measurement] = {
+    "control_step": lambda preset, size, _: one_command(preset, size),
     "ppo": lambda *_: ppo(),
     "ram_twins_online": lambda preset, size, _: one_sample(preset, size),
     "run": lambda *_: with_policy(stream),

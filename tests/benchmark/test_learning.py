@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from rl import benchmark
-from rl.benchmark import OF_LEARNING, IdleEnvironment, one_sample
+from rl.benchmark import OF_LEARNING, IdleEnvironment, one_command, one_sample
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
+from twin.benchmark import control
 from twin.benchmark.measurements import MEASUREMENTS, Size
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.ram import ReinforcementActiveModel
@@ -46,6 +47,15 @@ def test_one_sample_takes_a_positive_time():
     result = one_sample(load_preset("ureteroscope"), Size(amplitude=1e-3))
     assert 0.05 < result.value < 100
     assert result.holds == (result.value < 1)
+
+
+def test_a_command_takes_a_positive_time_by_the_members_themselves(monkeypatch):
+    monkeypatch.setattr(control, "SECONDS", 4.0)
+    found = one_command(load_preset("ureteroscope"), Size(amplitude=1e-3))
+    assert 0.05 < found["control_step"].value <= found["control_step_latest"].value
+    assert (
+        found["control_step"].name == "one step of control by the inverse of members, 100 % of them trusted"
+    )
 
 
 def test_names_meet_no_others():
