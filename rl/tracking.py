@@ -96,7 +96,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             randomized: whether every episode draws another endoscope, from the ranges of the preset's file;
                 line and scales remain those of the nominal one, as all that is known of it.
             stroke_mm: lowest and highest pull of the work, which references are made for; the command may
-                go the stroke's width further at either end [mm].
+                go further at either end, by `twin.control.limits.MARGIN` of its width [mm].
             speed_mm_s: fastest change of the command [mm / s].
             signals: kinds of reference, one of which each episode draws (`twin.control.reference.SIGNALS`).
             noise_variance: R of the Gaussian noise of measurements [deg^2].

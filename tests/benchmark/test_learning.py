@@ -53,9 +53,7 @@ def test_a_command_takes_a_positive_time_by_the_members_themselves(monkeypatch):
     monkeypatch.setattr(control, "SECONDS", 4.0)
     found = one_command(load_preset("ureteroscope"), Size(amplitude=1e-3))
     assert 0.05 < found["control_step"].value <= found["control_step_latest"].value
-    assert (
-        found["control_step"].name == "one step of control by the inverse of members, 100 % of them trusted"
-    )
+    assert "one step of control by the inverse of members, 100 % of them" in found["control_step"].name
 
 
 def test_names_meet_no_others():
