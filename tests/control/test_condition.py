@@ -8,6 +8,7 @@ from twin.control.condition import (
     BENDING_AT_S,
     BENDING_S,
     BENT_BY,
+    CAPSTAN,
     CONDITIONS,
     TOUCHED_AT_S,
     ControlCondition,
@@ -49,6 +50,18 @@ def test_the_tip_is_touched_from_some_time_to_the_end():
 
 def test_late_errors_begin_two_seconds_behind_all_that_happens():
     assert 40 - LATE_S - 2 == TOUCHED_AT_S == BENDING_AT_S + BENDING_S
+
+
+def test_friction_by_the_capstan_is_as_much_as_the_nominal_one_at_rest():
+    """Euler-Eytelwein: the tension behind a bend is that before it times exp(mu bend)."""
+    bend, tension = PRESET.sheath_bend, PRESET.pretension
+
+    def lost(preset):
+        pressed = preset.sheath_friction_floor
+        pressed += preset.sheath_friction_growth * bend**preset.sheath_friction_exponent
+        return tension * np.expm1(preset.sheath_friction * bend) + pressed
+
+    assert lost(PRESET.replace(**dict(CAPSTAN))) == pytest.approx(lost(PRESET), rel=0.05)
 
 
 def test_wider_endoscopes_leave_the_ranges_and_no_others_do():

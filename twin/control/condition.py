@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 SLOW = ("sine", "multi-sine", "random-steps")
 BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
 """Bending of the sheath: its begin [s], its time [s] and its angle [rad]."""
+CAPSTAN = (("sheath_friction", 0.18), ("sheath_friction_floor", 0.0), ("sheath_friction_growth", 0.0))
+"""Another law of friction: all of it grows with the tension, where the ureteroscope's hardly does. It is as
+much as that of the nominal one at rest."""
 TOUCHED_AT_S = 18.0
 """Begin of a contact at the tip [s]; it stays."""
 
@@ -94,6 +97,7 @@ CONDITIONS = (
     ControlCondition("tip touched", tip_force=0.1),
     ControlCondition("wider twins", wider=1.5),
     ControlCondition("stick-slip", changes=(("stiction", 0.5),)),
+    ControlCondition("capstan friction", changes=CAPSTAN),
     ControlCondition("warm-up, backlash", changes=(("backlash", 3e-4), ("friction_warm_up", 0.5))),
 )
 SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
