@@ -29,13 +29,16 @@ class LiveViewer:
         port: port that it listens on.
     """
 
-    def __init__(self, host: str = HOST, port: int = PORT, method: str = "estimator") -> None:
+    def __init__(
+        self, host: str = HOST, port: int = PORT, method: str = "estimator", *, controlled: bool = False
+    ) -> None:
         """Begin to listen.
 
         Args:
             host: address to listen on; `127.0.0.1` lets in nobody from another machine.
             port: port to listen on; 0 chooses a free one.
             method: name of the estimator.
+            controlled: whether samples may tell which angle is wanted.
 
         Raises:
             ImportError: foxglove-sdk is not installed.
@@ -47,7 +50,7 @@ class LiveViewer:
         import foxglove
 
         logging.getLogger("foxglove").addHandler(logging.NullHandler())  # else it speaks on stderr
-        self._stream = LiveMessages(method)
+        self._stream = LiveMessages(method, controlled=controlled)
         self._context = foxglove.Context()  # kept: without it, viewers are disconnected
         try:
             self._server = foxglove.start_server(

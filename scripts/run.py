@@ -89,7 +89,7 @@ def _stream(args: Run) -> Summary:
     if sys.stdin.isatty():
         complain("endotwin run: reads samples from the terminal, a JSON line each; Ctrl-D ends it")
     viewer = _viewer(args, runtime)
-    recording = live_recording(args.out, runtime.method, facts)
+    recording = live_recording(args.out, runtime.method, facts, controlled=commands is not None)
     with contextlib.closing(Sinks(counts, viewer, recording, on_failure=_say_of_failure)) as sinks:
         try:
             for answer in answers(runtime, sys.stdin.buffer, commands):
@@ -162,7 +162,9 @@ def _commands(args: Run, runtime: "AssuredEstimator") -> "LiveCommands | None":
 
 
 def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
-    return live_viewer(args.live_host, args.live_port, runtime.method) if args.live else None
+    if not args.live:
+        return None
+    return live_viewer(args.live_host, args.live_port, runtime.method, controlled=args.stroke is not None)
 
 
 def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:

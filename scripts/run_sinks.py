@@ -68,7 +68,9 @@ class Pace:
         """Do nothing."""
 
 
-def live_recording(path: Path | None, method: str, facts: dict[str, Any]) -> "Sink | None":
+def live_recording(
+    path: Path | None, method: str, facts: dict[str, Any], *, controlled: bool
+) -> "Sink | None":
     """Begin the recording of a live stream, if one is asked for.
 
     Raises:
@@ -79,10 +81,10 @@ def live_recording(path: Path | None, method: str, facts: dict[str, Any]) -> "Si
         return None
     from twin.recording.live import LiveRecording
 
-    return LiveRecording(path, method, {"run": facts}).__enter__()
+    return LiveRecording(path, method, {"run": facts}, controlled=controlled).__enter__()
 
 
-def live_viewer(host: str, port: int, method: str) -> "Sink":
+def live_viewer(host: str, port: int, method: str, *, controlled: bool) -> "Sink":
     """Begin to serve viewers, and say where.
 
     Raises:
@@ -91,6 +93,6 @@ def live_viewer(host: str, port: int, method: str) -> "Sink":
     """
     from scripts.live import LiveViewer
 
-    viewer = LiveViewer(host, port, method)
+    viewer = LiveViewer(host, port, method, controlled=controlled)
     complain(f"endotwin run: open {viewer.url} in Foxglove or Lichtblick")
     return viewer

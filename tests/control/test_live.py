@@ -3,15 +3,19 @@
 import io
 import json
 import math
+import subprocess
 
 import numpy as np
 import pytest
 from gated import export_small
+from repository import ENVIRONMENT, command
 from typed import typed
 
 from twin.control.live import prepare_commands
 from twin.control.plant import Plant
 from twin.errors import InputError
+from twin.recording import read_estimates
+from twin.recording.estimate import REFERENCE_TOPIC
 from twin.runtime import load_runtime
 from twin.stream.answers import answers
 
@@ -115,3 +119,22 @@ def test_a_stroke_is_for_a_live_stream_alone(policy, tmp_path):
     code, _, said = typed(f"run --policy {policy} log.mcap --stroke -1 1", tmp_path)
     assert code == 2
     assert "commands are made live alone" in said
+
+
+def test_a_recording_has_the_angle_that_was_wanted(policy, tmp_path):
+    samples = [
+        {"time_s": k * T, "pull_mm": 0.0, "measurement_deg": 0.1 * k, "reference_deg": 1.0 + k}
+        for k in range(20)
+    ]
+    options = f"--policy {policy} --stroke -1 1 --sample-time {T} --noise-variance 1 --out run.mcap"
+    ran = subprocess.run(
+        command("run", *options.split()),
+        input="".join(json.dumps(sample) + "\n" for sample in samples).encode(),
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        check=True,
+    )
+    assert len(ran.stdout.splitlines()) == 20
+    wanted = read_estimates(tmp_path / "run.mcap", REFERENCE_TOPIC)
+    np.testing.assert_array_equal(wanted[1:], 1.0 + np.arange(19))

@@ -16,8 +16,16 @@ from mcap.stream_reader import StreamReader
 from recorded import messages, of_kind, records_of
 
 from twin.estimation.health import Health
-from twin.recording import live, read_episode, read_metadata, recover_episode, write_episode
+from twin.recording import (
+    live,
+    read_episode,
+    read_estimates,
+    read_metadata,
+    recover_episode,
+    write_episode,
+)
 from twin.recording.endotwin_pb2 import Estimate, Measurement
+from twin.recording.estimate import REFERENCE_TOPIC
 from twin.recording.live import FLUSH_S, SIGN, LiveRecording
 from twin.recording.live_messages import LiveMessages
 from twin.recording.mcap_file.chunks import GrowingChunk
@@ -91,6 +99,16 @@ def test_it_is_read_as_a_measured_log(tmp_path):
     np.testing.assert_array_equal(without.bend, episode.bend)
     again = read_episode(write_episode(tmp_path / "b.mcap", episode))
     np.testing.assert_allclose(again.bend, episode.bend, rtol=1e-12)
+
+
+def test_the_angle_that_was_wanted_stands_at_the_sample_that_it_was_wanted_at(tmp_path):
+    told = [math.nan, 5.0, 6.0, math.nan, 1e9, 7.0, 8.0]
+    samples = [one._replace(reference_deg=wanted) for one, wanted in zip(good_samples(7), told, strict=True)]
+    record(tmp_path / "run.mcap", samples, controlled=True)
+    wanted = read_estimates(tmp_path / "run.mcap", REFERENCE_TOPIC)
+    np.testing.assert_array_equal(wanted, [math.nan, math.nan, 5.0, 6.0, 6.0, 6.0, 7.0])
+    record(tmp_path / "other.mcap", samples)
+    assert len(read_estimates(tmp_path / "other.mcap", REFERENCE_TOPIC)) == 0
 
 
 def test_a_simulated_episode_without_truth_is_still_refused(tmp_path):

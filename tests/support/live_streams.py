@@ -24,6 +24,7 @@ class Sample(NamedTuple):
     pull_mm: Any
     measurement_deg: Any
     reading: Reading
+    reference_deg: Any = math.nan
 
 
 def reading(

@@ -49,7 +49,14 @@ class LiveRecording:
     `live_messages` says which messages a sample has; a sample that the estimator ignored has one on /health.
     """
 
-    def __init__(self, path: str | Path, method: str, metadata: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        method: str,
+        metadata: Mapping[str, Any] | None = None,
+        *,
+        controlled: bool = False,
+    ) -> None:
         """Name the file; nothing is opened yet.
 
         Args:
@@ -57,9 +64,10 @@ class LiveRecording:
             method: name of the estimator.
             metadata: facts of the run, as of an episode. `source` is `measured`, `method` the method, and
                 `name` the file's, if not given.
+            controlled: whether samples may tell which angle is wanted.
         """
         self.path = Path(path)
-        self._stream = LiveMessages(method)
+        self._stream = LiveMessages(method, controlled=controlled)
         facts = {"source": "measured", "method": method, "name": self.path.stem, "endotwin": __version__}
         self._metadata = facts | dict(metadata or {})
         self._pending: collections.deque[_Pending] = collections.deque()

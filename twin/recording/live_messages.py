@@ -8,6 +8,7 @@ that are missing or absurd. What is recorded has the form of a measured log, wha
 | a sample that the estimator took in | a message on each of the four topics, at one time |
 | its pull is missing or implausible | `/command` holds the last one, as the estimator does |
 | its angle is missing or implausible | no message on `/measurement` |
+| an angle was wanted at it, as the sample before or an earlier one said | a message on `/reference` |
 | it is ignored: its time stamp is late, of another clock or none; or no pull has come yet | `/health` alone |
 """
 
@@ -17,7 +18,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from twin.estimation.health import Health
 from twin.recording.endotwin_pb2 import Command, Estimate, Measurement
 from twin.recording.endotwin_pb2 import Health as HealthMessage
-from twin.recording.estimate import HEALTH_TOPIC, estimate_message, estimate_topic, health_message
+from twin.recording.estimate import (
+    HEALTH_TOPIC,
+    REFERENCE_TOPIC,
+    estimate_message,
+    estimate_topic,
+    health_message,
+)
 from twin.recording.messages import LARGEST_TIME
 from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
@@ -43,6 +50,10 @@ class LiveSample(Protocol):
     @property
     def measurement_deg(self) -> float:
         """Measured angle, NaN where there is none [deg]."""
+
+    @property
+    def reference_deg(self) -> float:
+        """Angle that is wanted at the next sample, NaN where none is told [deg]."""
 
     @property
     def reading(self) -> "Reading":
@@ -72,11 +83,12 @@ class LiveMessages:
         ignored: number of those that had none: of health alone, or without any time.
     """
 
-    def __init__(self, method: str) -> None:
+    def __init__(self, method: str, *, controlled: bool = False) -> None:
         """Prepare a stream.
 
         Args:
             method: name of the estimator.
+            controlled: whether samples may tell which angle is wanted.
         """
         self._estimate = estimate_topic(method)
         self.schemas: dict[str, Any] = {
@@ -85,10 +97,13 @@ class LiveMessages:
             self._estimate: Estimate,
             HEALTH_TOPIC: HealthMessage,
         }
+        if controlled:
+            self.schemas[REFERENCE_TOPIC] = Estimate
         self.samples = 0
         self.ignored = 0
         self._clock = RecordClock()
         self._pull_mm: float | None = None
+        self._reference_deg = math.nan  # of the sample that comes next
 
     def of(self, sample: LiveSample) -> TimedMessages | None:
         """Return the messages of the next sample; None before the first time stamp."""
@@ -109,6 +124,11 @@ class LiveMessages:
             messages[self._estimate] = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
             if not math.isnan(measurement_deg):
                 messages["/measurement"] = Measurement(bend_deg=measurement_deg)
+            if not math.isnan(self._reference_deg):
+                messages[REFERENCE_TOPIC] = estimate_message(self._reference_deg)
+            if REFERENCE_TOPIC in self.schemas:
+                told = _within(sample.reference_deg, LARGEST_BEND_DEG)
+                self._reference_deg = self._reference_deg if math.isnan(told) else told
         if time is None:
             return None
         return TimedMessages(time, round(time_s * 1e9) if time_s >= 0 else time, messages)

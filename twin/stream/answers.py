@@ -43,7 +43,7 @@ def answer(runtime: AssuredEstimator, line: NumberedLine, commands: "LiveCommand
     if commands is not None and math.isnan(pull_mm):
         pull_mm = commands.command_mm
     reading = runtime.push(time_s, pull_mm, measurement_deg)
-    sample = StreamSample(time_s, pull_mm, measurement_deg, reading)
+    sample = StreamSample(time_s, pull_mm, measurement_deg, reading, reference_deg)
     command_mm = None if commands is None else commands.after(pull_mm, reference_deg)
     return Answer(reading_line(sample, command_mm), sample)
 

@@ -1,5 +1,6 @@
 """A sample of a stream with what the runtime says of it, and the interface of all that takes samples in."""
 
+import math
 from typing import NamedTuple, Protocol
 
 from twin.runtime.reading import Reading
@@ -13,12 +14,14 @@ class StreamSample(NamedTuple):
         pull_mm: commanded pulling distance, NaN where there was none [mm].
         measurement_deg: measured angle, NaN where there was none [deg].
         reading: what the runtime says of it.
+        reference_deg: angle that is wanted at the next sample, NaN where none is told [deg].
     """
 
     time_s: float
     pull_mm: float
     measurement_deg: float
     reading: Reading
+    reference_deg: float = math.nan
 
 
 class Sink(Protocol):
