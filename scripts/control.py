@@ -92,14 +92,12 @@ def control(args: Control) -> Summary:
         RECORD_SIGN,
         RECORDS,
         RESULTS,
-        TABLE,
-        control_table,
         control_values,
         write_record,
-        write_table,
         write_values,
     )
     from twin.control.settings import ControlSettings
+    from twin.control.tables import TABLE, control_table, write_tables
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
     from twin.report.control_page import write_control_page
@@ -149,7 +147,7 @@ def control(args: Control) -> Summary:
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)
         drawn = [*_draw_poses(comparison, out, ours), *_draw(comparison, out, ours)]
-        write_table(out, values["totals"])
+        write_tables(out, values)
         write_control_page(values, drawn, out / PAGE, _command(args))
         path = write_values(out, values)
     line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,9 @@ from twin.control.settings import ControlSettings
 from twin.control.trial import ControlTrial
 from twin.episode import Episode
 from twin.files.atomic import write_whole
-from twin.files.ours import MADE_BY
 from twin.simulation import simulate
 
 RESULTS = "control.json"
-TABLE = "control.md"
 RECORDS = "records"
 RECORD_SIGN = "tracking_rmse_deg"
 """Metadata that no other recording has."""
@@ -57,34 +54,6 @@ def write_values(folder: Path, values: dict[str, Any]) -> Path:
     path = folder / RESULTS
     write_whole(path, json.dumps(values, indent=1) + "\n")
     return path
-
-
-def control_table(totals: Sequence[dict[str, Any]], fmt: str = "markdown") -> str:
-    """Return the table of errors: one row a condition, one column a controller [deg].
-
-    Args:
-        totals: of each controller under each condition, as `control.json` has them.
-        fmt: of the table, as `tabulate` names it: `markdown` or `plain`.
-    """
-    from tabulate import tabulate
-
-    names = list(dict.fromkeys(total["controller"] for total in totals))
-    cells: dict[str, dict[str, str]] = {}
-    for total in totals:
-        said = f"{total['rmse_deg']:.2f} ({total['worst_twin_rmse_deg']:.2f})"
-        cells.setdefault(total["condition"], {})[total["controller"]] = said
-    rows = [[condition, *(of.get(name, "") for name in names)] for condition, of in cells.items()]
-    first = next(iter(cells))
-    ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
-    rows.append([f"way of the command, {first} [mm]", *(f"{ways[name]:.1f}" for name in names)])
-    kind = "pipe" if fmt == "markdown" else fmt
-    return str(tabulate(rows, ["condition", *names], tablefmt=kind, disable_numparse=True))
-
-
-def write_table(folder: Path, totals: Sequence[dict[str, Any]]) -> None:
-    """Write the table as Markdown."""
-    said = "RMSE of tracking [deg], in brackets that of the worst twin."
-    write_whole(folder / TABLE, f"{said}\n\n{control_table(totals)}\n\n<!-- {MADE_BY} -->\n")
 
 
 def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -> Episode:
