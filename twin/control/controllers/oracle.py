@@ -1,7 +1,6 @@
 """Oracle: inverse of the endoscope itself, of which it is told everything. No device can have it.
 
-Its error is what the speed of the motor and a reference that is known one sample ahead leave over: the
-limit of what any controller reaches here.
+Its error is what the speed of the motor and a reference that is known one sample ahead leave over.
 """
 
 from collections.abc import Mapping
@@ -14,6 +13,10 @@ from twin.control.plant import Plant
 from twin.control.registry import ControllerSpec, register_controller
 from twin.errors import InputError
 from twin.estimation.registry import Style
+
+ENOUGH_DEG = 0.2
+"""Error that it does not turn round for, unless the reference does: its copy of an endoscope in MuJoCo is as
+exact [deg]."""
 
 
 class Oracle(Controller):
@@ -33,13 +36,18 @@ class Oracle(Controller):
         if self._plant is None:
             raise InputError("an oracle was told of no endoscope: it runs in trials alone")
         self._copy.start(self.pull_mm)
+        self._direction = 0.0  # of the latest command
 
     def _wanted_mm(self, sensed: Sensed) -> float:
         assert self._plant is not None
         plant, copy = self._plant, self._copy
         copy.step(plant.pull_mm, plant.sheath_bend)
         self.bend_deg = plant.bend_deg()
-        wanted = copy.bend_deg() + sensed.next_deg - self.bend_deg
+        moved, of_reference = sensed.next_deg - self.bend_deg, sensed.next_deg - sensed.reference_deg
+        if moved * self._direction < 0 <= of_reference * self._direction and abs(moved) < ENOUGH_DEG:
+            return self.pull_mm
+        self._direction = moved
+        wanted = copy.bend_deg() + moved
         low, high = self.limits.reach(self.pull_mm, self.sample_time)
         stroke = (low * 1e-3, high * 1e-3)
         pull, _ = copy.endoscope.twins.common_pull(np.ones(1), float(np.radians(wanted)), stroke)
