@@ -98,6 +98,16 @@ def test_at_the_limit_of_speed_the_sum_does_not_grow_either():
     assert course.bend_deg[-1] == pytest.approx(60, abs=1e-6)
 
 
+def test_an_error_whose_growth_of_one_sample_is_beyond_the_speed_is_removed_too():
+    """I T e of 4.5 mm a sample, where 0.2 are allowed: it goes as fast as it may, and comes to rest."""
+    limits = CommandLimits(-5.0, 5.0, 2.0)
+    gains = {"proportional_mm_per_deg": 0.001, "integral_mm_per_deg_s": 3.0}
+    course = closed_loop(feedback(limits, gains), straight(ratio=0.2, offset=-15.0), np.zeros(200))
+    assert_within(limits, course.pull_mm)
+    assert np.diff(course.pull_mm[:10]) == pytest.approx(0.2)
+    assert course.bend_deg[-1] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_at_a_limit_the_sum_still_goes_where_it_leads_away_from_it():
     """The line asks for less than can be followed while the bend is too low: the sum grows by I T e."""
     controller = feedback(CommandLimits(-5.0, 5.0, 0.5))

@@ -20,8 +20,9 @@ PI_SETTINGS = {
 class LinearFeedback:
     """The line's pull for the next reference, and PI on the error of an estimate.
 
-    The integral stands still while the command is at a limit in its direction (anti-windup by clamping;
-    Astrom and Hagglund 2006, section 3.5).
+    While the command is at a limit in its direction, the integral grows by what can be commanded of it and no
+    further (anti-windup; Astrom and Hagglund 2006, section 3.5). Were it to stand still, an error that
+    adds more in a sample than the limit of speed would stay for good.
     """
 
     def __init__(
@@ -61,8 +62,10 @@ class LinearFeedback:
         of_line = self._line.pull_mm(next_deg) + self._proportional * error
         grown = self._sum_mm + self._integral * self._sample_time * error
         bounded = self._limits.within(of_line + grown, pull_mm, self._sample_time)
-        if (of_line + grown - bounded) * error <= 0:
-            self._sum_mm = grown
+        if (of_line + grown - bounded) * error > 0:  # of its growth, what can be commanded
+            low, high = sorted((self._sum_mm, grown))
+            grown = min(max(bounded - of_line, low), high)
+        self._sum_mm = grown
         return of_line + self._sum_mm
 
 
