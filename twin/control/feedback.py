@@ -12,7 +12,7 @@ from twin.control.registry import Setting
 
 PI_SETTINGS = {
     "proportional_mm_per_deg": Setting(0.02, 0.001, 0.3),
-    "integral_mm_per_deg_s": Setting(0.1, 0.005, 3.0),
+    "integral_mm_per_deg_s": Setting(0.1, 0.005, 20.0),
 }
 """Gains of every controller with a PI law: one search for all."""
 
