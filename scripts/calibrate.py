@@ -12,6 +12,7 @@ from scripts.command import Summary, run_verb
 from scripts.ending import complain
 from scripts.outputs import output_file
 from scripts.progress import Progress
+from scripts.repeat import command_of
 from twin.errors import require_extra
 
 
@@ -61,6 +62,7 @@ def run_calibration(args: Calibrate) -> Summary:
     from twin.calibration import calibrate, structures
     from twin.calibration.files import log_summary, read_loops, report_files, write_fit
     from twin.calibration.search import STATE, check_effort, foreseen_seconds
+    from twin.files.origin import origin_of
     from twin.files.ours import MADE_BY
     from twin.files.state_file import remove_state
     from twin.preset.file import load_preset
@@ -99,7 +101,9 @@ def run_calibration(args: Calibrate) -> Summary:
         state_file=state_file,
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
-    values = write_fit(out, fit, loops, held_out, args.seed, args.rivals)
+    given = [*args.data, *args.predict]
+    origin = origin_of(command_of("calibrate", args, ("out",)), given)
+    values = write_fit(out, fit, loops, held_out, args.seed, args.rivals, origin)
     remove_state(state_file, STATE)
     for warning in values["warnings"]:
         complain(f"warning: {warning}")

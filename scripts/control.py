@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from scripts.command import Summary, run_verb
 from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress
+from scripts.repeat import command_of
 from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
@@ -20,14 +20,6 @@ if TYPE_CHECKING:
     from twin.control.registry import ControllerSpec
     from twin.control.settings import ControlSettings
 
-FIGURES = {
-    "tracking.png": "One reference (dashed) under every controller on the first endoscope; error; command.",
-    "loops.png": "Angle over what was wanted, without compensation and with it.",
-    "errors.png": "Error of every endoscope, a dot each; bars are all trials together.",
-}
-"""Figures, and what each shows."""
-POSES = "poses.png"
-POSES_CAPTION = "Where the endoscope under compensation and the one without it, pale, differ most."
 PAGE = "control.html"
 
 
@@ -98,9 +90,11 @@ def control(args: Control) -> Summary:
     )
     from twin.control.settings import ControlSettings
     from twin.control.tables import TABLE, control_table, write_tables
+    from twin.files.origin import origin_of
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
-    from twin.report.control_page import write_control_page
+    from twin.report.control_page import FIGURES, control_page
+    from twin.report.parts import write_page
     from twin.workers.choice import choose_workers
 
     conditions = find_conditions(args.suite)
@@ -131,7 +125,6 @@ def control(args: Control) -> Summary:
         RESULTS: '"control"',
         TABLE: MADE_BY,
         PAGE: MADE_BY,
-        POSES: MADE_BY,
         **dict.fromkeys(FIGURES, MADE_BY),
     }
     files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
@@ -143,12 +136,15 @@ def control(args: Control) -> Summary:
     ):
         comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))
         ours = next((spec.name for spec in specs if spec.ours), None)
-        values = control_values(comparison, settings, ours)
+        trained = [path for path in (args.policy, args.tracking_policy) if path is not None]
+        origin = origin_of(command_of("control", args, ("out",)), trained)
+        values = control_values(comparison, settings, ours, origin)
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)
-        drawn = [*_draw_poses(comparison, out, ours), *_draw(comparison, out, ours)]
+        _draw_poses(comparison, out, ours)
+        _draw(comparison, out, ours)
         write_tables(out, values)
-        write_control_page(values, drawn, out / PAGE, _command(args))
+        write_page(control_page(values, out), out / PAGE)
         path = write_values(out, values)
     line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"
     return Summary(
@@ -196,28 +192,27 @@ def _warn_of_training(settings: "ControlSettings") -> None:
         )
 
 
-def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[bytes, str]]:
+def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
     """Draw the recorded poses of the first controller behind those of ours, where there is what can draw."""
     from twin.control.results import RECORDS
     from twin.recording import read_episode
     from twin.rendering.beside import Beside
     from twin.rendering.render import render
+    from twin.report.control_page import POSES
 
     names = list(comparison.shown)
     before, after = (out / RECORDS / f"{name}.mcap" for name in (names[0], ours or names[-1]))
     if before == after:
-        return []
+        return
     wanted = comparison.shown[after.stem].reference_deg
     try:
         render(read_episode(after), out / POSES, beside=Beside(read_episode(before), wanted))
     except OSError as error:
         complain(f"endotwin control: no poses are drawn: {error}")
-        return []
-    return [((out / POSES).read_bytes(), POSES_CAPTION)]
 
 
-def _draw(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[bytes, str]]:
-    """Write the figures; returns each with what it shows."""
+def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
+    """Write the other figures of the page."""
     from twin.files.atomic import write_whole
     from twin.report.control_figures import (
         control_errors_figure,
@@ -229,30 +224,13 @@ def _draw(comparison: "Comparison", out: Path, ours: str | None) -> list[tuple[b
     shown = comparison.shown
     names = list(shown)
     first = comparison.results[0].condition
-    tracking = tracking_figure_of(shown, f"{first.signals[0]}, {first.name}, first twin")
-    figures = [tracking, loop_comparison_figure(shown, names[0], ours or names[-1])]
-    figures.append(control_errors_figure(comparison.results))
-    drawn = []
-    for (name, caption), figure in zip(FIGURES.items(), figures, strict=True):
-        png = to_png_bytes(figure)
-        write_whole(out / name, png)
-        drawn.append((png, caption))
-    return drawn
-
-
-def _command(args: Control) -> str:
-    """Return the command that makes this page again."""
-    words = ["endotwin", "control", "--preset", args.preset, "--suite", args.suite]
-    if args.policy is not None:
-        words += ["--policy", str(args.policy)]
-    if args.tracking_policy is not None:
-        words += ["--tracking-policy", str(args.tracking_policy)]
-    words += ["--controller", *args.controller, "--twins", f"{args.twins}", "--seconds", f"{args.seconds:g}"]
-    if args.stroke is not None:
-        words += ["--stroke", *(f"{end:g}" for end in args.stroke)]
-    words += ["--margin", f"{args.margin:g}", "--speed", f"{args.speed:g}", "--latency", f"{args.latency:g}"]
-    words += ["--physics", args.physics, "--candidates", f"{args.candidates}", "--seed", f"{args.seed}"]
-    return shlex.join([*words, "--out", str(args.out)])
+    figures = {
+        "tracking.png": tracking_figure_of(shown, f"{first.signals[0]}, {first.name}, first twin"),
+        "loops.png": loop_comparison_figure(shown, names[0], ours or names[-1]),
+        "errors.png": control_errors_figure(comparison.results),
+    }
+    for name, figure in figures.items():
+        write_whole(out / name, to_png_bytes(figure))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

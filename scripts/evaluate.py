@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
@@ -14,6 +14,7 @@ from scripts.command import Summary, run_verb
 from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
+from scripts.repeat import command_of
 from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
@@ -126,6 +127,7 @@ def _full(args: Evaluate) -> Summary:
         seconds=args.seconds,
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
+        origin=_origin(args, args.model),
     )
     output_folder(args.out, FULL_FILES)
     if args.data:
@@ -193,6 +195,7 @@ def _paper(args: Evaluate) -> Summary:
         source=source,
         write_estimates=args.write_estimates,
         recorded_variance=DEFAULT_VARIANCE if variance is None else variance,
+        origin=_origin(args, Path(source) if source else None),
     )
     _say_of_measured_logs(of_logs)
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
@@ -220,6 +223,14 @@ def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Scor
 def _say_of_measured_logs(line: str) -> None:
     if line:
         complain(f"endotwin evaluate: {line}")
+
+
+def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
+    """Return how the results are made again, and the hashes of all that they are made from."""
+    from twin.files.origin import origin_of
+
+    given = [*args.data, *(path for path in (args.train, model) if path is not None), *args.policy]
+    return origin_of(command_of("evaluate", args, ("out",)), list(dict.fromkeys(given)))
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":

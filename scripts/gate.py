@@ -1,7 +1,6 @@
 """`endotwin gate`: go or no-go for a trained policy, before it is deployed."""
 
 import dataclasses
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ import tyro
 from scripts.command import Summary, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
+from scripts.repeat import command_of
 
 VERDICT_FILE = "gate.json"
 NO_GO = 1
@@ -54,11 +54,13 @@ def gate(args: Gate) -> Summary:
 
     for extra in ("sim", "viz"):
         require_extra(extra, "endotwin gate")
+    from twin.files.origin import Origin, origin_of
     from twin.gate import QUICK, WHOLE, gather, run_gate
-    from twin.gate.page import write_page
+    from twin.gate.page import gate_page
     from twin.gate.run import write_verdict
     from twin.preset import load_preset, load_ranges
     from twin.recording import read_dataset
+    from twin.report.parts import write_page
 
     preset, ranges = load_preset(args.preset), load_ranges(args.preset)
     material = gather(
@@ -72,8 +74,10 @@ def gate(args: Gate) -> Summary:
         size=QUICK if args.quick else WHOLE,
     )
     verdict = run_gate(material, Progress("gate"))
-    write_page(verdict, out, _command(args))
-    write_verdict(verdict, out.with_name(VERDICT_FILE))
+    given = [args.policy, *args.logs]
+    origin = origin_of(command_of("gate", args, ("out",)), given)
+    write_page(gate_page(verdict, Origin(**origin), str(out)), out)
+    write_verdict(verdict, out.with_name(VERDICT_FILE), origin)
     first = verdict.reasons[0]
     lines = [f"  {check.word:<14} {check.name}: {check.said}" for check in verdict.checks]
     shown = first if verdict.go else f"{len(verdict.reasons)} reasons, the first: {first}"
@@ -83,18 +87,6 @@ def gate(args: Gate) -> Summary:
         code=0 if verdict.go else NO_GO,
         table="\n".join(lines),
     )
-
-
-def _command(args: Gate) -> str:
-    """Return the command that makes this page again."""
-    words = ["endotwin", "gate", str(args.policy), *map(str, args.logs), "--preset", args.preset]
-    if args.sample_time is not None:
-        words += ["--sample-time", f"{args.sample_time:g}"]
-    if args.stroke is not None:
-        words += ["--stroke", *(f"{end:g}" for end in args.stroke)]
-    if args.quick:
-        words.append("--quick")
-    return shlex.join([*words, "--seed", str(args.seed), "--out", str(args.out)])
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""`endotwin report`: make one self-contained HTML page of a run."""
+"""`endotwin report`: make one self-contained HTML page of a run of any kind."""
 
 import dataclasses
 import sys
@@ -13,12 +13,16 @@ from scripts.outputs import output_file
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Make one self-contained HTML page of a run: parameters, loops, tables, figures, frames."""
+    """Make one self-contained HTML page of a run: what it found, figures, tables, parameters, commands.
 
-    folder: tyro.conf.Positional[Path]
-    """Run folder, such as out/demo."""
+    It knows whole runs (out/demo), datasets, evaluations, trainings, calibrations, gates and comparisons of
+    controllers by the files that they leave.
+    """
+
+    path: tyro.conf.Positional[Path]
+    """Folder of the run, such as out/demo, or a calibrated preset."""
     out: Path | None = None
-    """File to write; report.html in the run folder if not given."""
+    """File to write; report.html in the folder, or NAME_report.html beside a preset, if not given."""
     seed: int = 0
     """Nothing is drawn by chance; here for uniformity."""
     json: bool = False
@@ -27,11 +31,12 @@ class Report:
 
 def report(args: Report) -> Summary:
     """Write the page."""
-    from twin.report.page import write_report
+    from twin.report.page import known_file, write_report
 
-    if not args.folder.is_dir():
-        raise FileNotFoundError(f"no folder {args.folder}")
-    path = write_report(args.folder, output_file(args.out or args.folder / "report.html", (".html",)))
+    known_file(args.path)  # before its output is looked at
+    name = f"{args.path.stem}_report.html"
+    out = args.out or (args.path.parent / name if args.path.is_file() else args.path / "report.html")
+    path = write_report(args.path, output_file(out, (".html",), inputs=(args.path,)))
     return Summary(f"{path}: {path.stat().st_size / 2**20:.1f} MiB", {"out": str(path)})
 
 

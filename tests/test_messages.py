@@ -11,7 +11,10 @@ ALLOWED = {
     "twin/workers/dask_cluster.py": " --nthreads 1`",  # of a command that is not ours
     "twin/benchmark/start.py": "--help",  # which it measures
     "twin/benchmark/stream.py": "--",  # of the command that it measures
-    "twin/report/page.py": "--",  # commands that made a run, which the page shows
+    **dict.fromkeys(  # commands that made a run, which its page shows
+        (f"twin/report/{name}.py" for name in ("run_page", "dataset_page", "training_page", "facts")), "--"
+    ),
+    "twin/report/evaluation_page.py": "--help",
 }
 """Parts of texts that hold a flag and are no message."""
 

@@ -37,6 +37,7 @@ EXTRA_OF = {
     "av": "viz",
     "PIL": "viz",
     "jinja2": "viz",
+    "markupsafe": "viz",
     "distributed": "cluster",
     "pyarrow": "parquet",
     "tensorboard": "tensorboard",

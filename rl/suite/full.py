@@ -161,7 +161,13 @@ def _write(
         "told": {spec.name: spec.told for spec in suite.specs},
         "policies": {agent: [*map(str, paths)] for agent, paths in suite.trained.items()},
     }
-    contents = {"protocol": protocol, "rows": to_rows(scores), "bounds": limits, "intervals": sets}
+    contents = {
+        "protocol": protocol,
+        "rows": to_rows(scores),
+        "bounds": limits,
+        "intervals": sets,
+        "origin": dict(suite.origin),
+    }
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "benchmark.md", f"{benchmark_tables(scores, limits, sets)}\n<!-- {MADE_BY} -->\n")

@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rl.options import TrainingOptions
 from twin.errors import InputError
@@ -41,6 +42,7 @@ class PaperSuite:
         source: path of the model, as the results state it.
         write_estimates: whether each record is written anew with the estimates of its own measurements.
         recorded_variance: R that is told for these [deg^2].
+        origin: command, versions and hashes of the data, as `evaluation.json` states them.
     """
 
     folder: Path
@@ -54,6 +56,7 @@ class PaperSuite:
     source: str = ""
     write_estimates: bool = False
     recorded_variance: float = 0.1
+    origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @property
     def specs(self) -> list[MethodSpec]:
@@ -187,5 +190,5 @@ def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
         "model": suite.source,
         "policies": [str(path) for paths in suite.trained.values() for path in paths],
     }
-    contents = {"protocol": protocol, "rows": to_rows(scores)}
+    contents = {"protocol": protocol, "rows": to_rows(scores), "origin": dict(suite.origin)}
     return json.dumps(contents, indent=2, allow_nan=False) + "\n"

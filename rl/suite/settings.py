@@ -2,8 +2,9 @@
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from rl.options import LIMITS, TrainingOptions
 from twin.errors import InputError
@@ -43,6 +44,7 @@ class FullSuite:
         seconds: length of the records that it simulates.
         workers: processes.
         seed: of everything that is drawn.
+        origin: command, versions and hashes of the data, as `evaluation.json` states them.
     """
 
     folder: Path
@@ -60,6 +62,7 @@ class FullSuite:
     seconds: float = 60.0
     workers: int = 1
     seed: int = 0
+    origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what would fail after hours.

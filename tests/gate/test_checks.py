@@ -13,12 +13,14 @@ from small_twins import twins
 from rl.options import TrainingOptions
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
+from twin.files.origin import Origin, origin_of
 from twin.gate import run_gate
 from twin.gate.checks import accuracy, bounds, faults, honesty, identity, latency, sufficiency
-from twin.gate.page import write_page
+from twin.gate.page import gate_page
 from twin.gate.table import CHECKS
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
+from twin.report.parts import write_page
 
 FRICTION = (
     "joint_friction",
@@ -191,9 +193,11 @@ def test_the_verdict_has_a_reason_for_every_check_that_does_not_pass(untrained_t
     assert shares[-1] == 1
     text = json.dumps(verdict.to_dict(), allow_nan=False)
     assert {"name", "figure", "bar", "holds"} <= json.loads(text)["checks"][0].keys()
-    page = write_page(verdict, tmp_path / "gate.html", "endotwin gate x").read_text()
+    origin = Origin(**origin_of("endotwin gate x", []))
+    page = write_page(gate_page(verdict, origin, "gate.html"), tmp_path / "gate.html").read_text()
     assert "made by endotwin gate" in page
     assert "What was not shown" in page
     assert "<script" not in page
+    assert "endotwin gate x --out gate.html" in page
     for reason in verdict.reasons:
         assert reason.split(":")[0] in page

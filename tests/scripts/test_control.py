@@ -43,7 +43,7 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert "| R = 1 " in (folder / "out/control.md").read_text()
     page = (folder / "out/control.html").read_text()
     assert page.count("<img") == (4 if (folder / "out/poses.png").exists() else 3)
-    assert "endotwin control --preset ureteroscope --suite short --controller linear pid" in page
+    assert "endotwin control --controller linear pid --stroke -1 1 --twins 2 --seconds 3" in page
     assert [of["controller"] for of in written["totals"]] == ["linear", "pid"]
     for name in ("tracking.png", "loops.png", "errors.png"):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")

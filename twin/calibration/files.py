@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +101,7 @@ def write_fit(
     held_out: Sequence[MeasuredLoop],
     seed: int,
     rivals: Sequence[str] = (),
+    origin: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Write a calibrated preset, and beside it NAME_fit.json and NAME_fit.png.
 
@@ -113,6 +114,7 @@ def write_fit(
         held_out: the logs that are only predicted.
         seed: of the calibration.
         rivals: models without physics that are fitted to the same samples, as in `compare`.
+        origin: command, versions and hashes of the logs, for the report.
 
     Returns:
         What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
@@ -123,7 +125,7 @@ def write_fit(
     known = uncertainty(fit)
     write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
     logs = compare(fit.preset, shown, seed, rivals)
-    values = fit_report(fit, known, logs, seed)
+    values = fit_report(fit, known, logs, seed) | ({"origin": dict(origin)} if origin else {})
     report, figure = report_files(out)
     write_whole(report, json.dumps(values, indent=2) + "\n")
     write_whole(figure, to_png_bytes(fit_figure(logs)))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,17 @@ RECORD_SIGN = "tracking_rmse_deg"
 """Metadata that no other recording has."""
 
 
-def control_values(comparison: Comparison, settings: ControlSettings, ours: str | None) -> dict[str, Any]:
-    """Return what `control.json` holds."""
+def control_values(
+    comparison: Comparison, settings: ControlSettings, ours: str | None, origin: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what `control.json` holds.
+
+    Args:
+        comparison: results of all controllers.
+        settings: of the comparison.
+        ours: controller that the others are compared with; None where it was not run.
+        origin: command, versions and hashes of the data.
+    """
     results = comparison.results
     limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
     protocol = {
@@ -46,6 +56,7 @@ def control_values(comparison: Comparison, settings: ControlSettings, ours: str 
         "rows": [row for result in results for row in result.rows()],
         "comparisons": comparisons(results, ours, settings.seed) if ours else [],
         "tuned": comparison.tuned,
+        "origin": dict(origin),
     }
 
 

@@ -76,7 +76,7 @@ def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
         mujoco=contents.mujoco,
         figure=FIGURE,
         caption=_caption(len(shown_keys(recipe)), contents.episodes),
-        varies=_what_varies(recipe, contents.files),
+        varies="\n".join(f"- {line}" for line in varying(recipe, contents.files)),
         rate=f"{1 / recipe.sample_time_s:g}",
         features=_features(contents),
         first=contents.files[0].name,
@@ -148,8 +148,8 @@ def _caption(shown: int, episodes: int) -> str:
     return f"Loops of {'all' if shown == episodes else f'{shown} of the'} {episodes} episodes."
 
 
-def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
-    """List of the conditions that vary over episodes, and of the endoscope and the sensor."""
+def varying(recipe: Recipe, files: Sequence[SimulatedFile]) -> list[str]:
+    """Return the conditions that vary over episodes, the endoscope and the sensor, a line each."""
     lines = []
     if recipe.given_pull_m is None:
         lines.append(f"signals: {_all_of(files, 'signal', str)}")
@@ -175,7 +175,7 @@ def _what_varies(recipe: Recipe, files: Sequence[SimulatedFile]) -> str:
         camera = recipe.camera
         lines.append(f"camera: {camera.width} x {camera.height}, {camera.pictures_per_second:g} per second")
     lines.append(f"seeds: {', '.join(map(str, recipe.seeds))}, {recipe.episodes} of each")
-    return "\n".join(f"- {line}" for line in lines)
+    return lines
 
 
 def _all_of(files: Sequence[SimulatedFile], name: str, say: Callable[[Any], str]) -> str:

@@ -138,6 +138,17 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
         FileNotFoundError: there is no such file.
         ValueError: it is no such file, or a row is damaged.
     """
+    scores, contents = read_evaluation(path)
+    return scores, contents["protocol"]
+
+
+def read_evaluation(path: Path) -> tuple[list[Score], dict[str, Any]]:
+    """Return the scores of an `evaluation.json`, and all that it holds.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no such file, or a row is damaged.
+    """
     try:
         contents = read_json(path, MOST_BYTES, MOST_VALUES)
         file = validated(EvaluationFile, contents)
@@ -152,7 +163,7 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
             scores.append(Score.from_dict(row))
         except ValueError as error:
             raise InputError(f"{path}: row {number}: {error}") from None
-    return scores, file.protocol
+    return scores, contents
 
 
 def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:

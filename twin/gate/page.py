@@ -4,20 +4,38 @@ Its order is that of an assurance argument (AMLAS; Hawkins et al. 2021): questio
 evidence, and what was not shown. That evidence is weighed by what is at risk is of ASME V&V 40 (2018).
 """
 
-import base64
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from matplotlib.figure import Figure
+from markupsafe import Markup
+from pydantic import BaseModel, ConfigDict, Field
 
-from twin.files.atomic import write_whole
+from twin.errors import InputError
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import read_json
+from twin.files.origin import Origin, stated_origin
+from twin.files.schema import validated
 from twin.gate.checks import accuracy, faults, honesty, sufficiency
 from twin.gate.figures import coverage_figure, difference_figure, fault_figure, twin_figure
 from twin.gate.result import Check, GateVerdict
-from twin.gate.table import ACCURACY, CHECKS, HONESTY, PARTS, SAFETY, TWIN
-from twin.report.figures import to_svg
-from twin.report.template import page_environment
+from twin.gate.table import ACCURACY, CHECKS, HONESTY, PARTS, SAFETY, TWIN, CheckSpec
+from twin.report.facts import origin_command, origin_groups
+from twin.report.parts import (
+    Cell,
+    Facts,
+    Folded,
+    Gap,
+    Lines,
+    Page,
+    Part,
+    Picture,
+    Section,
+    Table,
+    Text,
+    drawn,
+    repeat_section,
+)
 
 LIMITS = (
     "Noises of other kinds than those that are listed, and a variance R that is not the sensor's: every "
@@ -31,74 +49,240 @@ LIMITS = (
     "consequences needs bars, and evidence, of its own.",
 )
 """Limits of every run of the gate."""
+QUESTION = (
+    "May this policy estimate the bending angle of this endoscope in place of the tuned filter that would do "
+    "so without it?"
+)
+USE = (
+    "It runs inside the runtime, sample by sample, beside a trusted fallback, and is told the variance of "
+    "its sensor. It gets the commanded pull and the measured angle; nothing else."
+)
+WEIGHT = (
+    "The fallback takes over where the policy is not trusted, so that a bad estimate costs what the "
+    "fallback's would, as long as it is noticed. Evidence is therefore asked for in three places: that the "
+    "policy is worth its risk, that what it says of its own error is true, and that faults are noticed."
+)
+
+Line = Annotated[str, Field(max_length=4000)]
 
 
-def write_page(verdict: GateVerdict, path: Path, command: str) -> Path:
-    """Write the page, whole or not at all.
+class CheckFile(BaseModel):
+    """A check as `gate.json` holds it.
+
+    Attributes:
+        name: of the check.
+        said: what was found.
+        figure: what was measured.
+        bar: what it is held against.
+        relation: how it must stand to it.
+        unit: of both.
+        holds: whether it does.
+        required: whether a go needs it.
+        rows: evidence.
+        notes: what it rests on.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
+
+    name: Line
+    said: Line
+    figure: float | None
+    bar: float | None
+    relation: Line
+    unit: Line
+    holds: bool | None
+    required: bool
+    rows: Annotated[list[dict[Line, Any]], Field(max_length=10_000)]
+    notes: Annotated[list[Line], Field(max_length=1000)]
+
+
+class GateFile(BaseModel):
+    """Contents of `gate.json`.
+
+    Attributes:
+        verdict: go or no-go.
+        checks: results.
+        subject: what was judged.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    verdict: Literal["go", "no-go"]
+    checks: Annotated[list[CheckFile], Field(min_length=1, max_length=100)]
+    subject: dict[Line, Any]
+
+
+def read_gate_page(path: Path) -> Page:
+    """Return the page of a `gate.json`.
+
+    Raises:
+        ValueError: it is no such file.
+    """
+    values = read_json(path, 16 * MEBIBYTE)
+    try:
+        file = validated(GateFile, values)
+        checks = tuple(_check(of) for of in file.checks)
+        return gate_page(
+            GateVerdict(checks, file.subject), stated_origin(values), str(path.with_suffix(".html"))
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is not what `endotwin gate` wrote: {error}") from error
+
+
+def _check(of: CheckFile) -> Check:
+    return Check(**of.model_dump() | {"rows": tuple(of.rows), "notes": tuple(of.notes)})
+
+
+def gate_page(verdict: GateVerdict, origin: Origin | None, out: str) -> Page:
+    """Return the page of a verdict.
 
     Args:
         verdict: of the gate.
-        path: the HTML file.
-        command: that makes it again.
+        origin: command, versions and hashes.
+        out: where the page lies, for the command that makes it again.
     """
     found = {check.name: check for check in verdict.checks}
     specs = {spec.name: spec for spec in CHECKS}
-    parts = [
-        {
-            "title": part,
-            "claim": claim,
-            "checks": [(specs[name], check) for name, check in found.items() if specs[name].part == part],
-            "figures": _figures(part, found),
-        }
-        for part, claim in PARTS.items()
-    ]
-    page = (
-        page_environment()
-        .get_template("gate.html.j2")
-        .render(
-            verdict=verdict,
-            subject=verdict.subject,
-            parts=parts,
-            unknown=[check for check in verdict.checks if check.holds is None],
-            limits=LIMITS,
-            command=command,
-            shown=shown_figure,
-        )
+    sections = [Section("Question and context", _context(verdict.subject, origin))]
+    for part, claim in PARTS.items():
+        made = [(specs[name], check) for name, check in found.items() if specs[name].part == part]
+        sections.append(Section(part, (_claim(claim), _table(made), *_figures(part, found), *_rows(made))))
+    sections.append(Section("What was not shown", _open(verdict)))
+    sections.append(repeat_section(origin_command(origin, out)))
+    quick = "This was a quick run: fewer twins, draws and samples stand behind it than behind a whole one."
+    return Page(
+        verb="gate",
+        kicker="EndoTwin gate: may this policy be deployed on this endoscope?",
+        title=f"{verdict.subject['policy']} on {verdict.subject['preset']}",
+        headline=gate_headline(verdict),
+        sections=tuple(sections),
+        before=(Lines(verdict.reasons), *((Text(quick, "gap"),) if verdict.subject.get("quick") else ())),
+        verdict=verdict.word,
     )
-    write_whole(path, page)
-    return path
+
+
+def gate_headline(verdict: GateVerdict) -> str:
+    """Return what a reader should take away, in one sentence."""
+    held = sum(check.holds is True for check in verdict.checks)
+    if verdict.go:
+        open_ = sum(check.holds is None for check in verdict.checks)
+        rest = f"; {open_} show nothing, and none of these is required" if open_ else ""
+        checks = f"{held} of {len(verdict.checks)} checks hold, none fails"
+        return f"Nothing speaks against this policy: {checks}{rest}."
+    against = [check.name for check in verdict.checks if not check.passes]
+    more = f" and {len(against) - 1} more" if len(against) > 1 else ""
+    return (
+        f"This policy should not be deployed: {held} of {len(verdict.checks)} checks hold, but not "
+        f"\N{LEFT DOUBLE QUOTATION MARK}{against[0]}\N{RIGHT DOUBLE QUOTATION MARK}{more}."
+    )
 
 
 def shown_figure(value: float | None) -> str:
     """Return a figure of a check as people read it."""
     if value is None:
         return "-"
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    said = f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return said.replace("-", "\N{MINUS SIGN}")
 
 
-def _figures(part: str, found: dict[str, Check]) -> list[dict[str, str]]:
+def _context(subject: dict[str, Any], origin: Origin | None) -> tuple[Part, ...]:
+    low, high = subject["stroke_mm"]
+    logs = ", ".join(
+        f"{log['name']} ({log['samples']} samples, {'measured' if log['measured'] else 'simulated'})"
+        for log in subject["logs"]
+    )
+    judged = (
+        ("policy", f"{subject['policy']} (agent {subject['agent']})"),
+        ("SHA-256 of the policy", str(subject["sha256"])),
+        ("endoscope", f"preset {subject['preset']}, pulled from {low:g} to {high:g} mm"),
+        ("sample time", f"{subject['sample_time_s']:g} s"),
+        ("logs", logs or "none given"),
+        ("seed", f"{subject['seed']}, from random numbers that no training has"),
+        ("EndoTwin", str(subject["version"])),
+    )
+    return (
+        _said("Question of interest", QUESTION),
+        _said("Context of use", USE),
+        _said("Weight of the evidence", WEIGHT),
+        Facts((("What was judged", judged), *origin_groups(origin))),
+    )
+
+
+def _said(what: str, text: str) -> Text:
+    return Text(Markup("<strong>{}.</strong> {}").format(what, text))
+
+
+def _claim(claim: str) -> Text:
+    return Text(Markup("<strong>Claim.</strong> {}").format(claim), "claim")
+
+
+def _table(made: Sequence[tuple[CheckSpec, Check]]) -> Part:
+    if not made:
+        return Gap("No check of this part was made.")
+    rows = []
+    for spec, check in made:
+        bar = "-" if check.bar is None else f"{check.relation} {shown_figure(check.bar)} {check.unit}".strip()
+        style = {True: "mark yes", False: "mark no", None: "mark open"}[check.holds]
+        rows.append(
+            (
+                Cell(spec.claim, (spec.question,)),
+                Cell(check.word, (), style),
+                Cell(check.said, check.notes),
+                shown_figure(check.figure),
+                bar,
+            )
+        )
+    return Table(("claim and question", "result", "evidence", "figure", "bar"), tuple(rows), cards=True)
+
+
+def _rows(made: Sequence[tuple[CheckSpec, Check]]) -> list[Part]:
+    """Return all evidence of the checks, each behind a line that opens it."""
+    return [
+        Folded(
+            f"{check.name}: all figures",
+            (
+                Table(
+                    tuple(name.replace("_", " ") for name in check.rows[0]),
+                    tuple(tuple(_shown(value) for value in row.values()) for row in check.rows),
+                    cards=len(check.rows[0]) > 4,
+                ),
+            ),
+        )
+        for _, check in made
+        if check.rows
+    ]
+
+
+def _shown(value: Any) -> str:
+    return shown_figure(value) if isinstance(value, float) else str(value)
+
+
+def _open(verdict: GateVerdict) -> tuple[Part, ...]:
+    unknown = tuple(f"{check.name}: {check.said}" for check in verdict.checks if check.holds is None)
+    in_run: tuple[Part, ...] = (Text("In this run:"), Lines(unknown)) if unknown else ()
+    return (*in_run, Text("In any run:"), Lines(LIMITS))
+
+
+def _figures(part: str, found: dict[str, Check]) -> list[Picture]:
     """Return the pictures of a part of the argument that there is evidence for."""
-    drawn: list[dict[str, str]] = []
-
-    def draw(figure: Callable[..., Figure], caption: str, *given: Any) -> None:
-        source = base64.b64encode(to_svg(figure(*given)).encode()).decode()
-        drawn.append({"source": f"data:image/svg+xml;base64,{source}", "caption": caption})
-
+    pictures = []
     names = (accuracy.ON_TWINS, accuracy.ON_WIDER, accuracy.ON_LOGS, accuracy.LEARNING)
     compared = [found[name] for name in names if name in found and found[name].rows]
     if part == ACCURACY and compared:
         caption = (
             "Paired differences of the RMSE with 95 % intervals. The rival is the tuned active model; for "
-            "the worth of what was learned it is the policy's own filter. Red: being worse is not excluded."
+            "the worth of what was learned it is the policy's own filter. Red crosses: being worse "
+            "is not excluded."
         )
-        draw(difference_figure, caption, compared)
+        pictures.append(drawn(difference_figure(compared), caption))
     if part == HONESTY and honesty.COVERAGE in found and found[honesty.COVERAGE].rows:
         caption = "How often the stated 95 % interval holds the truth. Red: the bar. Dashed: what it states."
-        draw(coverage_figure, caption, found[honesty.COVERAGE], honesty.LEAST_COVERAGE)
+        figure = coverage_figure(found[honesty.COVERAGE], honesty.LEAST_COVERAGE)
+        pictures.append(drawn(figure, caption))
     if part == SAFETY and faults.ERRORS in found and found[faults.ERRORS].rows:
         caption = "Errors during a fault and shortly after, beside the trusted filter's on the same stream."
-        draw(fault_figure, caption, found[faults.ERRORS])
+        pictures.append(drawn(fault_figure(found[faults.ERRORS]), caption))
     if part == TWIN and sufficiency.SUFFICIENT in found and found[sufficiency.SUFFICIENT].curves:
         caption = "Logs, and what the preset's twin makes of their commands; it sees no measurement."
-        draw(twin_figure, caption, found[sufficiency.SUFFICIENT])
-    return drawn
+        pictures.append(drawn(twin_figure(found[sufficiency.SUFFICIENT]), caption))
+    return pictures

@@ -1,8 +1,9 @@
 """The gate: all checks of the table on one policy, and the verdict."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from twin import __version__
 from twin.errors import DivergedError, InputError
@@ -48,9 +49,16 @@ def run_gate(material: GateMaterial, on_progress: OnProgress | None = None) -> G
     return GateVerdict(tuple(checks), _subject(material))
 
 
-def write_verdict(verdict: GateVerdict, path: Path) -> None:
-    """Write `gate.json`, whole or not at all."""
-    write_whole(path, json.dumps(verdict.to_dict(), indent=2, allow_nan=False) + "\n")
+def write_verdict(verdict: GateVerdict, path: Path, origin: Mapping[str, Any]) -> None:
+    """Write `gate.json`, whole or not at all.
+
+    Args:
+        verdict: of the gate.
+        path: of the file.
+        origin: command, versions and hashes of the data.
+    """
+    values = verdict.to_dict() | {"origin": dict(origin)}
+    write_whole(path, json.dumps(values, indent=2, allow_nan=False) + "\n")
 
 
 def _subject(material: GateMaterial) -> dict[str, object]:

@@ -20,11 +20,13 @@ class Findings:
     """A headline and one line per noise.
 
     Attributes:
+        name: of the method that they are about.
         headline: wins of the method, counted.
         lines: best other method under each noise, and how far it is off.
         note: what the method knows and its rivals do not; empty where that is nothing.
     """
 
+    name: str
     headline: str
     lines: list[str]
     note: str = ""
@@ -69,7 +71,7 @@ def findings(scores: Sequence[Score], name: str) -> Findings:
         )
         lines.append(_line(ours, rival))
     if not contested:
-        return Findings(f"These results do not compare {name} with another method.", lines, note)
+        return Findings(name, f"These results do not compare {name} with another method.", lines, note)
     compared = f"the paper's comparisons ({', '.join(of_paper)})"
     verdict = "every method tried" if beats_all == beats_paper else compared
     headline = f"{name} has a lower RMSE than {verdict} under {beats_paper} of {_noises(contested)}"
@@ -77,7 +79,7 @@ def findings(scores: Sequence[Score], name: str) -> Findings:
         headline += f", and than every method tried under {beats_all}"
     if beats_all > clearly:
         headline += f" ({clearly} of these beyond the 95{_NBSP}% intervals)"
-    return Findings(f"{headline}.", lines, note)
+    return Findings(name, f"{headline}.", lines, note)
 
 
 def _line(ours: Score, rival: Score) -> str:

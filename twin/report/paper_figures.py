@@ -9,6 +9,7 @@ from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.figures import tracking_figure
+from twin.report.narrow import narrow_tracking_figure
 from twin.report.tables import protocol_scores
 
 FIGURES = (
@@ -22,12 +23,15 @@ FIGURES = (
 """Number in the paper, noise and level; a method declares in which it is shown."""
 
 
-def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict[int, tuple[Figure, str]]:
+def paper_figures(
+    tracks: Sequence[Track], scores: Sequence[Score] = (), *, narrow: bool = False
+) -> dict[int, tuple[Figure, str]]:
     """Return figures with captions, by their numbers in the paper; what the tracks have not is left out.
 
     Args:
         tracks: one for each noise, from `evaluate`.
         scores: of the records that the tracks are from; their RMSE goes into the legend.
+        narrow: draw them for a narrow screen.
     """
     by_noise = {(track.noise, track.level): track for track in tracks}
     by_method = {(*score.condition, score.method): score for score in protocol_scores(scores)}
@@ -49,5 +53,6 @@ def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict
         caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
         if notes:
             caption += " In the legend: RMSE over all test records and seeds [deg]."
-        figures[number] = (tracking_figure(track, methods, label, notes), caption)
+        draw = narrow_tracking_figure if narrow else tracking_figure
+        figures[number] = (draw(track, methods, label, notes), caption)
     return figures

@@ -1,0 +1,87 @@
+"""Origin of a result: the command that makes it again, the versions behind it, the hash of its data."""
+
+import contextlib
+import hashlib
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from twin import __version__
+from twin.files.dataset_json import NAME
+from twin.files.hashes import sha256_of
+
+PACKAGES = ("mujoco", "numpy", "scipy", "onnxruntime")
+"""Packages whose versions a result may depend on, beside EndoTwin's own."""
+
+Line = Annotated[str, Field(max_length=4000)]
+
+
+class DataHash(BaseModel):
+    """Hash of what a result was made from.
+
+    Attributes:
+        path: as the command names it.
+        sha256: of the file; of a dataset's folder, that of its `dataset.json`, which has those of its files.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    path: Line
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class Origin(BaseModel):
+    """Origin of a result, as its JSON file states it.
+
+    Attributes:
+        command: that makes it again, without the place of its output.
+        versions: of EndoTwin, Python and the packages that count, by name.
+        data: hashes of what it was made from.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    command: Line
+    versions: Annotated[dict[str, Line], Field(max_length=50)]
+    data: Annotated[list[DataHash], Field(max_length=10_000)]
+
+
+def origin_of(command: str, data: Sequence[Path]) -> dict[str, Any]:
+    """Return the origin of a result that is made now, as plain values.
+
+    Args:
+        command: that makes it again.
+        data: files and folders of records that it is made from.
+    """
+    versions = {"endotwin": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    hashes = [{"path": str(path), "sha256": data_sha256(path)} for path in data]
+    return {"command": command, "versions": versions, "data": hashes}
+
+
+def data_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file, of a dataset's `dataset.json`, or of the names and hashes in a folder.
+
+    Raises:
+        FileNotFoundError: there is no such file or folder.
+    """
+    if not path.is_dir():
+        return sha256_of(path)
+    if (path / NAME).is_file():
+        return sha256_of(path / NAME)
+    lines = [f"{sha256_of(file)}  {file.name}\n" for file in sorted(path.glob("*.mcap"))]
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def stated_origin(values: Mapping[str, Any]) -> Origin | None:
+    """Return the origin that the contents of a JSON file state; None where they state none that is whole."""
+    try:
+        return Origin.model_validate(values["origin"])
+    except (KeyError, ValidationError):
+        return None
