@@ -11,7 +11,7 @@ BENCHMARK ?= out/benchmark.json
 # Without its bytecode every start of Python compiles all that it imports: a command takes twice as long to begin.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: install demo test lint types validate benchmark endurance protobuf schema clean
+.PHONY: install demo test lint types docs validate benchmark endurance protobuf schema samples clean
 
 install: $(STAMP)
 
@@ -56,6 +56,10 @@ protobuf: install
 # The lines of `endotwin run`, for programs in other languages.
 schema: install
 	$(BIN)/python -m twin.stream.protocol > assets/run_protocol.schema.json
+
+# Sample logs and a tiny dataset, which `endotwin samples` copies.
+samples: install
+	$(BIN)/python -m twin.samples.make
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -21,6 +21,7 @@ VERBS = {
     "report": "make one self-contained HTML page of a run",
     "control": "track a reference bend on the twin, by every controller",
     "gate": "go or no-go for a policy before it is deployed, with reasons",
+    "samples": "copy the sample logs and a tiny dataset that ship with the package",
     "benchmark": "measure the physics at full size, and the speed",
     "demo": "all of it, end to end",
 }

@@ -108,14 +108,27 @@ def read_columns(path: Path) -> None:
     assert pyarrow.parquet.read_table(path).num_rows > 0
 
 
+PLAYER = (Path(__file__).resolve().parents[2] / "assets/player.js").read_text().strip()
+"""Script of the slider over a record, which a page may hold."""
+
+
 class Page(html.parser.HTMLParser):
-    """Refuses a script, or a handler, that came with the name of a file: the page has none of its own."""
+    """Refuses a script, or a handler, that came with the name of a file: the slider's is the only one."""
+
+    script = inert = False
 
     def handle_starttag(self, tag: str, attributes: list) -> None:
-        assert tag != "script", "holds a script"
+        self.script, self.inert = tag == "script", ("type", "application/json") in attributes
         for name, value in attributes:
             assert not name.startswith("on"), f"holds a handler {name}"
             assert not (value or "").startswith("javascript:"), "holds a link that is a script"
+
+    def handle_data(self, data: str) -> None:
+        if self.script and not self.inert:
+            assert data.strip() == PLAYER, "holds a script"
+        elif self.script:
+            json.loads(data)
+        self.script = False
 
 
 def read_page(path: Path) -> None:

@@ -1,0 +1,146 @@
+"""Making of the samples in `assets/samples`, by `make samples`: all simulated, with the noise of a sensor."""
+
+import csv
+import io
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.dataset.recipe import Recipe
+from twin.dataset.write import write_dataset
+from twin.files.assets import assets_folder
+from twin.files.atomic import write_whole
+from twin.preset.file import load_preset
+from twin.preset.preset import Preset
+from twin.preset.randomization import load_ranges
+from twin.simulation import simulate
+
+Array = NDArray[np.float64]
+
+SAMPLE_TIME = 0.1
+NOISE_DEG2 = 0.2
+"""Variance of the noise of every sample's sensor [deg^2]."""
+LOOP_BENDS_DEG = (0, 30, 90, 180)
+SEED = 19
+
+
+def make_samples(folder: Path) -> None:
+    """Write all samples into a folder; what was there before is replaced."""
+    generator = np.random.default_rng(SEED)
+    folder.mkdir(parents=True, exist_ok=True)
+    endoscope = load_ranges("ureteroscope").draw(load_preset("ureteroscope"), generator)
+    for name, columns in (
+        ("bench", _bench(endoscope, generator)),
+        *((f"loop_{bend:03d}", _loop(np.radians(bend), generator)) for bend in LOOP_BENDS_DEG),
+        ("two_planes", _two_planes(endoscope.replace(bending_planes=2), generator)),
+        ("windows", _windows(endoscope, generator)),
+    ):
+        write_whole(folder / f"{name}.csv", _table(columns))
+    write_whole(folder / "samples.jsonl", _stream(endoscope, generator))
+    shutil.rmtree(folder / "dataset", ignore_errors=True)
+    recipe = Recipe(
+        load_preset("ureteroscope"), ((-1.0, 1.0),), seconds=10.0, sample_time_s=SAMPLE_TIME, episodes=2
+    )
+    with ThreadPoolExecutor(1) as executor:
+        write_dataset(recipe, folder / "dataset", executor)
+
+
+def _bench(preset: Preset, generator: np.random.Generator) -> dict[str, Array]:
+    """A minute of slow pulls over the stroke, with reversals in between."""
+    time = np.arange(0, 60, SAMPLE_TIME)
+    turns = ((0, 0.0), (9, 3.0), (15, 1.0), (21, 2.5), (36, -3.0), (42, -1.0), (47, -2.5), (60, 1.5))
+    pull = _along(time, turns)
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    return {"time_s": time, "pull_mm": pull, "angle_deg": _seen(bend, generator)}
+
+
+def _loop(sheath_bend: float, generator: np.random.Generator) -> dict[str, Array]:
+    """Two cycles of a triangle of the manipulator, and a smaller one within, at a bend of its sheath."""
+    preset = load_preset("vio_com").replace(sheath_bend=sheath_bend)
+    time = np.arange(0, 30, SAMPLE_TIME)
+    turns = ((0, 0.0), (3, 60.0), (9, -60.0), (15, 60.0), (18, 0.0), (20, 40.0), (25, -60.0), (30, 40.0))
+    command = _along(time, turns)
+    episode = simulate(preset, np.radians(command) * preset.pulley_radius, sample_time=SAMPLE_TIME)
+    return {
+        "time_s": time,
+        "command_deg": command,
+        "angle_deg": _seen(episode.bend_deg, generator),
+        "tension_a_n": episode.tension[:, 0] + generator.normal(0, 0.02, len(time)),
+        "tension_b_n": episode.tension[:, 1] + generator.normal(0, 0.02, len(time)),
+    }
+
+
+def _two_planes(preset: Preset, generator: np.random.Generator) -> dict[str, Array]:
+    """A tip that is led along circles that grow, in two planes."""
+    time = np.arange(0, 30, SAMPLE_TIME)
+    radius = np.minimum(time / 10, 2.0)
+    pull, lateral = radius * np.cos(0.8 * time), radius * np.sin(0.8 * time)
+    episode = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME, lateral_pull=lateral * 1e-3)
+    return {
+        "time_s": time,
+        "pull_mm": pull,
+        "lateral_pull_mm": lateral,
+        "angle_deg": _seen(episode.bend_deg, generator),
+        "lateral_angle_deg": _seen(np.degrees(episode.lateral_bend), generator),
+    }
+
+
+def _windows(preset: Preset, generator: np.random.Generator) -> dict[str, Array]:
+    """Six pieces of 5 s of a longer record, one below the other."""
+    time = np.arange(0, 60, SAMPLE_TIME)
+    pull = 2 * np.sin(2 * np.pi * time / 9) + 0.5 * np.sin(2 * np.pi * time / 2.7)
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    window = np.floor(time / 10)
+    kept = time - 10 * window < 5
+    return {
+        "window": window[kept],
+        "time_s": (time - 10 * window)[kept],
+        "command_mm": pull[kept],
+        "angle_deg": _seen(bend, generator)[kept],
+    }
+
+
+def _stream(preset: Preset, generator: np.random.Generator) -> str:
+    """Twenty seconds of a live stream, with the angle that is wanted at the next sample."""
+    time = np.arange(0, 20, SAMPLE_TIME)
+    pull = 0.9 * np.sin(2 * np.pi * time / 8)
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    seen, wanted = _seen(bend, generator), 6 * np.sin(2 * np.pi * (time + SAMPLE_TIME) / 10)
+    rows = zip(time, pull, seen, wanted, strict=True)
+    names = ("time_s", "pull_mm", "measurement_deg", "reference_deg")
+    lines = (
+        json.dumps({name: round(float(value), 4) for name, value in zip(names, row, strict=True)})
+        for row in rows
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _along(time: Array, turns: Sequence[tuple[float, float]]) -> Array:
+    """Return a command that goes from turn to turn, (time [s], value) each, in straight lines."""
+    places = np.array(turns, dtype=float)
+    command: Array = np.interp(time, places[:, 0], places[:, 1])
+    return command
+
+
+def _seen(bend_deg: Array, generator: np.random.Generator) -> Array:
+    """Return angles as a noisy sensor sees them."""
+    return bend_deg + generator.normal(0, np.sqrt(NOISE_DEG2), len(bend_deg))
+
+
+def _table(columns: Mapping[str, Array]) -> str:
+    """Return columns as the text of a CSV file."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in zip(*columns.values(), strict=True):
+        writer.writerow([f"{round(value, 4):g}" for value in row])
+    return text.getvalue()
+
+
+if __name__ == "__main__":
+    make_samples(assets_folder() / "samples")
