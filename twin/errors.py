@@ -27,6 +27,7 @@ EXTRA_OF = {
     "mujoco": "sim",
     "numba": "sim",
     "dm_control": "sim",
+    "OpenGL": "sim",
     "pymoo": "sim",
     "torch": "rl",
     "stable_baselines3": "rl",

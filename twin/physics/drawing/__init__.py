@@ -1,0 +1,1 @@
+"""Drawing of the endoscope by MuJoCo's renderer: its smooth parts, where they stand, and pictures of them."""

@@ -1,0 +1,165 @@
+"""Smooth tubes: surfaces around a centre line that bends, whole or cut open, as skins of MuJoCo.
+
+A skin's vertices follow the frames ("bones") that they are bound to. A vertex between the middles of two
+links is bound to both, by its distances, so that a chain of rigid links is drawn as one smooth curve.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int32]
+
+
+@dataclasses.dataclass(frozen=True)
+class Bones:
+    """Frames that a skin is bound to, along the x axis in the pose of rest.
+
+    Attributes:
+        names: of the bodies.
+        origin: (bones,) where the body's frame is at rest [m].
+        middle: (bones,) where a vertex follows this bone alone, increasing [m].
+    """
+
+    names: tuple[str, ...]
+    origin: Array
+    middle: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Surface:
+    """Triangles of a part of a tube, at rest along the x axis.
+
+    Attributes:
+        vertices: (n, 3) [m].
+        faces: (m, 3) indices of vertices, counter-clockwise as seen from outside.
+    """
+
+    vertices: Array
+    faces: Faces
+
+    def __add__(self, other: "Surface") -> "Surface":
+        """Return both surfaces as one."""
+        faces = np.concatenate([self.faces, other.faces + len(self.vertices)])
+        return Surface(np.concatenate([self.vertices, other.vertices]), faces)
+
+
+def round_tube(along: Array, radius: float, sides: int, place: tuple[float, float] = (0.0, 0.0)) -> Surface:
+    """Return a closed tube.
+
+    Args:
+        along: (n,) where its rings are, increasing [m].
+        radius: of it [m].
+        sides: number of flat sides around it.
+        place: (y, z) of its own centre line [m].
+    """
+    sheet = _sheet(along, np.full(len(along), radius), np.zeros(len(along)), sides)
+    return Surface(sheet.vertices + np.array([0.0, *place]), sheet.faces)
+
+
+def open_shell(
+    along: Array, outer: Array, inner: Array, opening: Array, sides: int, towards: float
+) -> tuple[Surface, Surface]:
+    """Return a tube with a wall, cut open lengthwise, and the faces of the cut.
+
+    Args:
+        along: (n,) where its rings are, increasing [m].
+        outer: (n,) radius outside [m].
+        inner: (n,) radius inside [m].
+        opening: (n,) half the angle that is cut out of the ring; 0 where it is whole [rad].
+        sides: number of flat sides around it.
+        towards: direction of the middle of the opening, from y towards z [rad].
+    """
+    outside = _sheet(along, outer, opening, sides, towards)
+    inside = _sheet(along, inner, opening, sides, towards)
+    inside = Surface(inside.vertices, inside.faces[:, ::-1])
+    rings, around = len(along), sides + 1
+    out, within = (surface.vertices.reshape(rings, around, 3) for surface in (outside, inside))
+    cut = [_strip(within[0], out[0]), _strip(out[-1], within[-1])]
+    if opening.any():
+        cut += [_strip(out[:, 0], within[:, 0]), _strip(within[:, -1], out[:, -1])]
+    rim = cut[0]
+    for part in cut[1:]:
+        rim = rim + part
+    return outside + inside, rim
+
+
+def window(along: Array, start: float, end: float, half_angle: float, corner: float) -> Array:
+    """Return half the angle of an opening with round corners, at each ring [rad].
+
+    Args:
+        along: (n,) where the rings are [m].
+        start: where the opening begins [m].
+        end: where it ends [m].
+        half_angle: half of it in its middle [rad].
+        corner: length over which it opens and closes [m].
+    """
+    depth = np.clip(np.minimum(along - start, end - along) / corner, 0.0, 1.0)
+    opened: Array = half_angle * np.sqrt(1 - (1 - depth) ** 2)
+    return opened
+
+
+def add_skin(spec: mujoco.MjSpec, name: str, surface: Surface, bones: Bones, material: str) -> None:
+    """Add a surface to a model as a skin that follows its bones."""
+    weights = _weights(surface.vertices[:, 0], bones.middle)
+    used = [(bone, np.flatnonzero(column > 0)) for bone, column in enumerate(weights.T)]
+    used = [(bone, held) for bone, held in used if len(held)]
+    skin = spec.add_skin(name=name, material=material)
+    skin.vert = surface.vertices.ravel().tolist()
+    skin.face = surface.faces.ravel().tolist()
+    skin.bodyname = [bones.names[bone] for bone, _ in used]
+    skin.bindpos = np.array([[bones.origin[bone], 0.0, 0.0] for bone, _ in used]).ravel().tolist()
+    skin.bindquat = np.tile([1.0, 0.0, 0.0, 0.0], len(used)).tolist()
+    skin.vertid = [held.tolist() for _, held in used]
+    skin.vertweight = [weights[held, bone].tolist() for bone, held in used]
+
+
+def rings(stops: Sequence[float], spacing: float) -> Array:
+    """Return places of rings through given stops, evenly between two of them, at most `spacing` apart [m]."""
+    parts = [
+        np.linspace(start, end, max(int(np.ceil((end - start) / spacing - 1e-9)), 1), endpoint=False)
+        for start, end in itertools.pairwise(stops)
+    ]
+    return np.concatenate([*parts, [stops[-1]]])
+
+
+def _sheet(along: Array, radius: Array, opening: Array, sides: int, towards: float = 0.0) -> Surface:
+    """Return the surface at a radius, without the opening; its sides meet where there is none."""
+    share = np.linspace(0.0, 1.0, sides + 1)
+    angle = towards + opening[:, None] + share * (2 * np.pi - 2 * opening[:, None])
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * radius[:, None, None]
+    vertices = np.concatenate([np.repeat(along[:, None, None], sides + 1, axis=1), ring], axis=-1)
+    return Surface(vertices.reshape(-1, 3), _grid_faces(len(along), sides + 1))
+
+
+def _strip(first: Array, second: Array) -> Surface:
+    """Return the band between two lines of vertices (n, 3)."""
+    count = len(first)
+    faces = _grid_faces(2, count)
+    return Surface(np.concatenate([first, second]), faces)
+
+
+def _grid_faces(rows: int, columns: int) -> Faces:
+    """Return two triangles for each cell of a grid of vertices, outside of a tube of rows along x."""
+    index = np.arange(rows * columns).reshape(rows, columns)
+    here, right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
+    below, across = index[1:, :-1].ravel(), index[1:, 1:].ravel()
+    faces = np.concatenate([np.stack([here, right, across], 1), np.stack([here, across, below], 1)])
+    return faces.astype(np.int32)
+
+
+def _weights(along: Array, middle: Array) -> Array:
+    """Return how much each vertex (n,) follows each bone, (n, bones): linear between their middles."""
+    place = np.interp(along, middle, np.arange(len(middle)))
+    lower = np.minimum(place.astype(int), max(len(middle) - 2, 0))
+    share = place - lower
+    weights = np.zeros((len(along), len(middle)))
+    weights[np.arange(len(along)), lower] = 1 - share
+    if len(middle) > 1:
+        weights[np.arange(len(along)), lower + 1] += share
+    return weights
