@@ -16,7 +16,7 @@ BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
 def blocks() -> list[tuple[str, str]]:
     found = []
-    for name in ("README.md", "docs/method.md"):
+    for name in ("README.md", "docs/method.md", "docs/rendering.md"):
         text = (REPOSITORY / name).read_text()
         found += [(f"{name} {number}", code) for number, code in enumerate(BLOCK.findall(text))]
     return found

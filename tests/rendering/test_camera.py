@@ -17,7 +17,7 @@ from twin.physics import headless, simulate
 from twin.recording import read_episode
 from twin.recording.camera import picture_message
 from twin.rendering.camera import Camera, pictures
-from twin.rendering.film import Film
+from twin.rendering.portrait import EpisodePortrait
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 SAMPLE_TIME = 0.02
@@ -30,20 +30,20 @@ def episode() -> Episode:
     return simulate(SMALL, np.linspace(0, 3e-3, 50), SAMPLE_TIME)
 
 
-class BlankFilm:
+class BlankPortrait:
     """Draws nothing, at once."""
 
     def __init__(self, episode: Episode, width: int, height: int) -> None:
-        self.picture = np.zeros((height, width // 2, 3), dtype=np.uint8)
+        self.blank = np.zeros((height, width, 3), dtype=np.uint8)
 
-    def pose(self, sample: int) -> np.ndarray:
-        return self.picture
+    def picture(self, sample: int) -> np.ndarray:
+        return self.blank
 
 
 @pytest.fixture
 def samples_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[Episode, float], list[int]]:
     """At which samples pictures are taken."""
-    monkeypatch.setattr("twin.rendering.film.Film", BlankFilm)
+    monkeypatch.setattr("twin.rendering.portrait.EpisodePortrait", BlankPortrait)
 
     def samples_of(episode: Episode, pictures_per_second: float) -> list[int]:
         return [sample for sample, _ in pictures(episode, Camera(pictures_per_second, 80, 120))]
@@ -73,12 +73,12 @@ def test_pictures_do_not_depend_on_when_the_record_begins(episode, samples_of):
 @needs_gl
 @pytest.mark.parametrize(("width", "height"), [(80, 120), (320, 240), (122, 360)])
 def test_picture_is_a_jpeg_of_the_size_asked_for_that_shows_the_pose(episode, width, height):
-    film = Film(episode, 2 * width, height)
+    portrait = EpisodePortrait(episode, width, height)
     for sample, jpeg in pictures(episode, Camera(2.0, width, height)):
         picture = Image.open(io.BytesIO(jpeg))
         assert picture.format == "JPEG"
         assert picture.size == (width, height)
-        off = np.asarray(picture).astype(int) - film.pose(sample)
+        off = np.asarray(picture).astype(int) - portrait.picture(sample)
         assert np.abs(off).mean() < 4  # of 255: what JPEG loses
 
 

@@ -1,14 +1,20 @@
-"""An episode to draw, and the size and samples of small pictures of it."""
+"""Episodes to draw, and small pictures of them."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
 from twin.episode import Episode
 from twin.physics import headless
+from twin.rendering.beside import NOTHING, Beside
+from twin.rendering.composition import Record
+from twin.rendering.film import Film
+from twin.rendering.look import Look
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 VERTEBRAE = 16
-SMALL = {"width": 320, "height": 180}
+SMALL = (320, 180)
 STRAIGHT, UP, DOWN = 0, 10, 30  # samples of the episode below
 
 
@@ -25,3 +31,41 @@ def make_episode(*, hinges: int = VERTEBRAE, amplitude_deg: float = 80) -> Episo
         wire_tension=np.zeros((41, 2, 1)),
         sheath_friction=np.zeros((41, 2, 0)),
     )
+
+
+def with_tension(episode: Episode, highest_n: float = 37.0) -> Episode:
+    """The same with tension in three lengths of each wire: of the pulled one, and less towards the tip."""
+    pulled = episode.pull / np.abs(episode.pull).max()
+    both = np.stack([np.clip(pulled, 0, 1), np.clip(-pulled, 0, 1)], axis=1)
+    return dataclasses.replace(episode, wire_tension=highest_n * both[:, :, None] * [1.0, 0.7, 0.4])
+
+
+def in_two_planes(episode: Episode) -> Episode:
+    """The same, bent sideways too, a quarter of a turn later."""
+    late = np.roll(episode.bend, 10) / 2
+    return dataclasses.replace(
+        episode,
+        lateral_pull=np.roll(episode.pull, 10) / 2,
+        lateral_bend=late,
+        lateral_joint_angle=np.repeat(late[:, None] / VERTEBRAE, VERTEBRAE, axis=1),
+        wire_tension=np.zeros((41, 4, 1)),
+        sheath_friction=np.zeros((41, 4, 0)),
+        metadata={"preset": {"bending_planes": 2}},
+    )
+
+
+def film(
+    episode: Episode,
+    beside: Beside = NOTHING,
+    *,
+    size: tuple[int, int] = SMALL,
+    speed: float | None = None,
+    **look,
+) -> Film:
+    """A film of one episode."""
+    return Film([Record(episode, beside)], Look(size=size, **look), speed)
+
+
+def ink(picture: np.ndarray) -> np.ndarray:
+    """How far each pixel of a picture on white is from white."""
+    return 255 - picture.astype(float).min(axis=-1)

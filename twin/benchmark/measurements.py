@@ -14,6 +14,7 @@ from twin.benchmark import (
     physics,
     recovery,
     reduced,
+    rendering,
     scaling,
     speed,
     start,
@@ -88,7 +89,7 @@ class Size:
 Measurement = Callable[[Preset, Size, OnProgress], Result | dict[str, Result]]
 
 
-def _short(measure: Callable[[Preset, float], Result]) -> Measurement:
+def _short(measure: Callable[[Preset, float], Result | dict[str, Result]]) -> Measurement:
     return lambda preset, size, _: measure(preset, size.amplitude)
 
 
@@ -104,6 +105,7 @@ MEASUREMENTS: dict[str, Measurement] = {
     "speed_two_threads": _short(speed.two_threads),
     "cost_of_vertebrae": _short(speed.cost_of_vertebrae),
     "fidelities": lambda preset, size, _: fidelity.fidelities(preset, size.amplitude),
+    "rendering": _short(rendering.pictures),
     "logging": _short(datasets.logging),
     "identification": _short(identification.against_one_at_a_time),
     "identification_plain": _short(identification.against_plain_numbers),

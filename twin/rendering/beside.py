@@ -1,4 +1,4 @@
-"""Company of an episode in a picture: the record of another run, as a ghost, and what both were to follow."""
+"""Company of an episode in a picture: another run or a model, as a ghost, and what both were to follow."""
 
 import dataclasses
 
@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.names import wrong_name
-from twin.rendering.trace_panel import GHOST, PALE, TRACE, Curve
+from twin.rendering.theme import Theme
+from twin.rendering.trace_panel import Curve
 
 Array = NDArray[np.float64]
 
@@ -24,10 +25,12 @@ class Beside:
     Attributes:
         ghost: record of another run at the same times; drawn pale, behind the episode.
         reference_deg: (N,) angle that was wanted, NaN where none is known [deg]; empty for none.
+        ghost_name: what the ghost is, in the legend; empty: a ghost, of the controller of its record.
     """
 
     ghost: Episode | None = None
     reference_deg: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    ghost_name: str = ""
 
     def check(self, episode: Episode) -> None:
         """Refuse what is not at the times of an episode.
@@ -50,36 +53,49 @@ class Beside:
         """True where an angle that was wanted is known at some sample."""
         return bool(np.isfinite(self.reference_deg).any())
 
+    @property
+    def called(self) -> str:
+        """Name of the ghost in the legend."""
+        if self.ghost_name or self.ghost is None:
+            return self.ghost_name
+        whose = controller_of(self.ghost)
+        return f"ghost ({whose})" if whose else "ghost"
+
+    @property
+    def short_name(self) -> str:
+        """Name of the ghost beside its angle: without what is told of it."""
+        return self.ghost_name.split(",")[0].split(" (")[0] or "ghost"
+
 
 NOTHING = Beside()
 """No ghost and no reference."""
 
 
-def curves_of(over: str, episode: Episode, beside: Beside, *, moving: bool) -> list[Curve]:
+def curves_of(over: str, episode: Episode, beside: Beside, theme: Theme, *, moving: bool) -> list[Curve]:
     """Return the bend of an episode, and of its ghost behind it, over `pull_mm` or `time`.
 
     Args:
         over: name of an array of the episode, along the horizontal axis.
         episode: the record.
         beside: what is drawn with it; names tell curves apart where there is anything.
+        theme: colours.
         moving: True where a trace moves over the curve, which is then pale; False where it is the trace.
     """
     x, bend_deg = getattr(episode, over), episode.bend_deg
-    name = _controller(episode) or "bend" if beside.ghost is not None or beside.has_reference else ""
+    name = ""
+    if beside.ghost is not None or beside.has_reference:
+        name = controller_of(episode) or ("twin" if beside.ghost_name else "bend")
     curves = []
     if beside.ghost is not None:
-        whose = _controller(beside.ghost)
-        called = f"ghost ({whose})" if whose else "ghost"
-        curves.append(
-            Curve(getattr(beside.ghost, over), beside.ghost.bend_deg, GHOST, dashed=True, name=called)
-        )
+        along = getattr(beside.ghost, over)
+        curves.append(Curve(along, beside.ghost.bend_deg, theme.ghost, dashed=True, name=beside.called))
     if not moving:
-        return [*curves, Curve(x, bend_deg, TRACE, name=name)]
-    key = [Curve(x[:0], bend_deg[:0], TRACE, name=name)] if name else []  # the legend shows the trace to come
-    return [*curves, Curve(x, bend_deg, PALE), *key]
+        return [*curves, Curve(x, bend_deg, theme.trace, name=name)]
+    key = [Curve(x[:0], bend_deg[:0], theme.trace, name=name)] if name else []  # the trace to come
+    return [*curves, Curve(x, bend_deg, theme.pale), *key]
 
 
-def _controller(episode: Episode) -> str:
+def controller_of(episode: Episode) -> str:
     """Return the controller that the metadata name; empty where they name none that can be written."""
     name = episode.metadata.get("controller", "")
     if wrong_name(name):

@@ -58,12 +58,12 @@ def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
     """
     from PIL import Image
 
-    from twin.rendering.film import Film  # a camera is described without MuJoCo, and takes pictures with it
+    from twin.rendering.portrait import EpisodePortrait  # a camera is described without MuJoCo
 
-    film = Film(episode, 2 * camera.width, camera.height)
+    portrait = EpisodePortrait(episode, camera.width, camera.height)
     seconds = float(episode.time[-1] - episode.time[0])
     taken = np.arange(int(seconds * camera.pictures_per_second + 1e-9) + 1) / camera.pictures_per_second
     for sample in np.unique(np.searchsorted(episode.time - episode.time[0], taken + 1e-9, side="right") - 1):
         buffer = io.BytesIO()
-        Image.fromarray(film.pose(int(sample))).save(buffer, "JPEG", quality=QUALITY)
+        Image.fromarray(portrait.picture(int(sample))).save(buffer, "JPEG", quality=QUALITY)
         yield int(sample), buffer.getvalue()

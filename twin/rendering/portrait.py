@@ -1,14 +1,21 @@
-"""Portrait of an endoscope while it is simulated, by either twin: only the hinge angles are read."""
+"""Portraits of an endoscope alone, on white: of a record, or while it is simulated, by either twin."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.endoscope import Endoscope
-from twin.physics.view import SideView
+from twin.episode import Episode
+from twin.physics.drawing.canvas import View
+from twin.physics.drawing.drawn import DrawnEndoscope
+from twin.physics.drawing.frames import link_frames
 from twin.preset.preset import Preset
+from twin.rendering.actor import Actor
+from twin.rendering.cameras import shot
+from twin.rendering.layers import Picture, on_paper
+from twin.rendering.tension_colours import PLAIN, TensionColours
+from twin.rendering.theme import WHITE
 
 SIZE = 480
-"""Width and height of a picture [pixels]."""
+"""Width and height of a picture of a simulation [pixels]."""
 _AHEAD, _HALF_HEIGHT = 0.35, 0.9
 """Centre of the view in front of the base, and half its height, in lengths of the section.
 
@@ -16,8 +23,31 @@ They hold every arc of constant curvature, whose tip goes from -0.22 to 1 length
 """
 
 
+class EpisodePortrait:
+    """Side view of the endoscope of an episode, in a frame that holds all of its poses."""
+
+    def __init__(self, episode: Episode, width: int, height: int) -> None:
+        """Place the camera.
+
+        Args:
+            episode: the record.
+            width: of a picture [pixels].
+            height: of a picture [pixels].
+
+        Raises:
+            OSError: nothing on this system can draw without a screen.
+        """
+        self._actor = Actor(episode, colours=TensionColours.of(episode))
+        self._view = shot("side", [self._actor], width / height).view
+        self._actor.open_canvas(width, height)
+
+    def picture(self, index: int) -> Picture:
+        """Return a picture on white at a sample, (height, width, 3)."""
+        return on_paper(self._actor.layer(index, self._view(self._actor, index)), WHITE)
+
+
 class Portrait:
-    """Drawn double of a simulated endoscope, posed as that one stands; the simulation is not touched."""
+    """Drawn double of a simulated endoscope, posed as that one stands; only its hinge angles are read."""
 
     def __init__(self, preset: Preset) -> None:
         """Build the double and place the camera.
@@ -25,12 +55,20 @@ class Portrait:
         Raises:
             OSError: nothing on this system can draw without a screen.
         """
-        self._double = Endoscope.from_preset(preset)
+        self._drawn = DrawnEndoscope(preset)
+        self._drawn.paint_wires(PLAIN[: preset.wires, None])
         length = preset.section_length
-        centre = np.array([_AHEAD * length, 0.0])
-        self._view = SideView(self._double, centre, _HALF_HEIGHT * length, SIZE, SIZE)
+        self._view = View(
+            position=np.array([_AHEAD * length, -4 * length, 0.0]),
+            forward=np.array([0.0, 1.0, 0.0]),
+            up=np.array([0.0, 0.0, 1.0]),
+            half_height=_HALF_HEIGHT * length,
+            parallel=True,
+        )
+        self._drawn.open_canvas(SIZE, SIZE)
 
-    def picture(self, joint_angle: NDArray[np.float64]) -> NDArray[np.uint8]:
+    def picture(self, joint_angle: NDArray[np.float64]) -> Picture:
         """Return a picture on white, (`SIZE`, `SIZE`, 3), at hinge angles (vertebrae,) [rad]."""
-        self._double.set_pose(joint_angle)
-        return self._view.picture()
+        length = self._drawn.preset.section_length
+        self._drawn.stand(link_frames(joint_angle[None], np.empty(0), length), 0)
+        return on_paper(self._drawn.draw(self._view), WHITE)

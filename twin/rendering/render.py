@@ -1,7 +1,7 @@
-"""Rendering of an episode to a frame, a PNG or an MP4, without a screen."""
+"""Rendering of records to a frame, a picture, a contact sheet or a film, without a screen."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,54 +10,74 @@ from tqdm import tqdm
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.rendering.beside import NOTHING, Beside
-from twin.rendering.film import HEIGHT, WIDTH, Film
-from twin.rendering.still import render_png
-from twin.rendering.trace_panel import Picture
-from twin.rendering.video import LARGEST_FRAMES, write_video
+from twin.rendering.composition import Record
+from twin.rendering.film import Film
+from twin.rendering.layers import Picture
+from twin.rendering.look import Look
+from twin.rendering.sheet import render_sheet
+from twin.rendering.still import FORMATS, render_picture
+from twin.rendering.video import FILMS, LARGEST_FRAMES, write_video
+
+ENDINGS = (*FORMATS, *FILMS)
+"""Endings of what can be written."""
+_LOOKED_AT = (0.25, 0.5, 0.75, 1.0)  # shares of a GIF's length from which its colours are taken
 
 
 def render(
-    episode: Episode,
+    episode: Episode | Sequence[Record],
     path: str | Path,
     *,
+    look: Look | None = None,
+    beside: Beside = NOTHING,
+    time: float | None = None,
+    sheet: int | None = None,
     fps: int = 25,
     speed: float = 1.0,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    beside: Beside = NOTHING,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Draw an episode as a picture or as a film, whichever the ending of the path says.
+    """Draw a record, or several side by side, as a picture or a film, whichever the ending of the path says.
 
     Args:
-        episode: the record.
-        path: a .png to write, as `render_png` does, or a .mp4, as `render_mp4` does.
+        episode: the record; or several, with what is beside each.
+        path: a .png, .svg or .pdf, written by `render_picture`, or a .mp4 or .gif, written by `render_film`.
+        look: camera, background, size and the like.
+        beside: the record of another run, or a model, to draw as a ghost, and the reference.
+        time: of the pose that a picture shows, since the start of the record [s].
+        sheet: number of poses of a contact sheet, instead of a picture.
         fps: frames per second of a film.
         speed: seconds of the record per second of a film.
-        width: of a film [pixels], even.
-        height: of a film [pixels], even.
-        beside: the record of another run to draw as a ghost, and the reference.
-        progress: as of `render_mp4`.
+        progress: as of `render_film`.
 
     Returns:
         `path`.
 
     Raises:
-        ValueError: the path has another ending, the size, `fps` or `speed` is out of range, or what is
-            beside is not at the times of the episode.
+        ValueError: the path has another ending, an option is out of range or of another kind of file, or what
+            is beside a record is not at its times.
         OSError: nothing on this system can draw without a screen.
     """
-    path = Path(path)
+    path, look = Path(path), look or Look()
+    records = [Record(episode, beside)] if isinstance(episode, Episode) else list(episode)
     ending = path.suffix.lower()
-    if ending == ".png":
-        return render_png(episode, path, beside=beside)
-    if ending == ".mp4":
-        size = {"width": width, "height": height}
-        return render_mp4(episode, path, fps=fps, speed=speed, **size, beside=beside, progress=progress)
-    raise InputError(f"{path}: must end in .png or .mp4")
+    if ending in FILMS:
+        for name, value in (("time", time), ("sheet", sheet)):
+            if value is not None:
+                raise InputError(f"{name} = {value:g}: is of a picture, not of a film ({ending})")
+        return render_film(records, path, look, fps=fps, speed=speed, progress=progress)
+    if ending not in FORMATS:
+        raise InputError(f"{path}: must end in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
+    if sheet is None:
+        return render_picture(records, path, look, time)
+    if time is not None or len(records) > 1:
+        raise InputError(
+            f"sheet = {sheet}: shows even times of one record: leave out the time and other records"
+        )
+    return render_sheet(records[0], path, sheet, look)
 
 
-def render_frame(episode: Episode, index: int, *, width: int = WIDTH, height: int = HEIGHT) -> Picture:
+def render_frame(
+    episode: Episode, index: int, *, width: int = 1280, height: int = 720, look: Look | None = None
+) -> Picture:
     """Render one sample of an episode, (height, width, 3). For many samples, `Film` is faster.
 
     Raises:
@@ -66,61 +86,65 @@ def render_frame(episode: Episode, index: int, *, width: int = WIDTH, height: in
     """
     if not -len(episode.time) <= index < len(episode.time):
         raise InputError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
-    return Film(episode, width, height).frame(index % len(episode.time))
+    look = look or Look(size=(width, height))
+    return Film([Record(episode)], look).frame(index % len(episode.time))
 
 
-def render_mp4(
-    episode: Episode,
+def render_film(
+    records: Sequence[Record],
     path: Path,
+    look: Look | None = None,
     *,
     fps: int = 25,
     speed: float = 1.0,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    beside: Beside = NOTHING,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Render an episode as a film, written whole or not at all.
+    """Render records side by side as a film that says its speed, written whole or not at all.
 
     Args:
-        episode: the record.
-        path: the MP4 to write.
-        fps: frames per second of the film.
+        records: what is shown; the longest says how long the film is.
+        path: the .mp4 or .gif to write.
+        look: options; the background must not be transparent.
+        fps: frames per second of the film; of a GIF at most 50.
         speed: seconds of the record per second of the film.
-        width: of a frame [pixels], even.
-        height: of a frame [pixels], even.
-        beside: what is drawn with the episode.
         progress: called after each frame with (drawn, all); without it there is a bar on stderr.
 
     Returns:
         `path`.
 
     Raises:
-        ValueError: the size, `fps` or `speed` is out of range, or what is beside is not at the times of the
-            episode.
+        ValueError: the background, the size, `fps` or `speed` cannot be, or what is beside a record is not at
+            its times.
         OSError: nothing on this system can draw without a screen, or the disk is full.
     """
-    if not 0 < fps <= 240 or not 0 < speed <= 1000:
-        raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most 240 and 1000")
-    duration = episode.time[-1] - episode.time[0]
+    look = look or Look()
+    if look.theme.is_transparent:
+        raise InputError(
+            f"background = transparent: is of a picture, not of a film ({path.suffix}): white or dark"
+        )
+    most_fps = 50 if path.suffix.lower() == ".gif" else 240
+    if not 0 < fps <= most_fps or not 0 < speed <= 1000:
+        raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most {most_fps} and 1000")
+    duration = max(float(one.episode.time[-1] - one.episode.time[0]) for one in records)
     count = int(duration * fps / speed + 1e-9) + 1
     if count > LARGEST_FRAMES:
         raise InputError(
             f"fps {fps} and speed {speed:g}: {count} frames of {duration:g} s, at most {LARGEST_FRAMES}"
         )
-    film = Film(episode, width, height, beside)
-    frame_times = episode.time[0] + np.arange(count) * speed / fps
-    samples = np.clip(np.searchsorted(episode.time, frame_times - 1e-9), 0, len(episode.time) - 1)
+    film = Film(records, look, speed)
 
     def frames() -> Iterator[Picture]:
         with tqdm(
             total=count, desc=path.name, unit="frame", file=sys.stderr, disable=progress is not None
         ) as bar:
-            for drawn, sample in enumerate(samples, start=1):
-                yield film.frame(sample)
+            for drawn, time in enumerate(np.arange(count) * speed / fps, start=1):
+                yield film.frame_at(float(time))
                 bar.update()
                 if progress is not None:
                     progress(drawn, count)
 
-    write_video(path, frames(), fps, width, height)
+    looks = []
+    if path.suffix.lower() == ".gif":
+        looks = [film.frame_at(share * duration) for share in _LOOKED_AT]
+    write_video(path, frames(), fps, film.width, film.height, looks)
     return path

@@ -1,13 +1,16 @@
-"""Films: MP4 files (H.264, 4:2:0, which every browser plays), written whole or not at all, and read."""
+"""Films: MP4 (H.264, 4:2:0, which every browser plays) and GIF, written whole or not at all, and read."""
 
 import contextlib
-from collections.abc import Iterable, Iterator
+import itertools
+import os
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from twin.errors import InputError
 from twin.files.atomic import WholeFile
@@ -15,27 +18,41 @@ from twin.files.ours import MADE_BY
 
 Picture = NDArray[np.uint8]
 
+FILMS = (".mp4", ".gif")
+"""Endings of films."""
 CODEC = "libx264"
 _OPTIONS = {"crf": "20", "threads": "1"}  # one thread: the bytes do not depend on the machine
 LARGEST_FRAMES = 1_000_000
 """Frames of a film at most: eleven hours at 25 per second."""
+_GIF_COLOURS = 255  # and one for the paper
 
 
-def write_video(path: Path, frames: Iterable[Picture], fps: int, width: int, height: int) -> None:
-    """Write frames as a film.
+def write_video(
+    path: Path,
+    frames: Iterable[Picture],
+    fps: int,
+    width: int,
+    height: int,
+    looks: Sequence[Picture] = (),
+) -> None:
+    """Write frames as a film, in the format of the path's ending.
 
     Args:
-        path: the MP4 to write.
+        path: the .mp4 or .gif to write.
         frames: pictures (height, width, 3), drawn one by one.
-        fps: frames per second.
+        fps: frames per second; a GIF tells times in hundredths of a second.
         width: of a frame [pixels], even.
         height: of a frame [pixels], even.
+        looks: some of the frames, from which a GIF takes its colours besides the first.
 
     Raises:
         FileNotFoundError: the folder does not exist.
         OSError: the disk is full or fails, or the file does not hold what was written.
     """
     av.logging.set_level(av.logging.PANIC)  # what is wrong is raised
+    if path.suffix.lower() == ".gif":
+        _write_gif(path, frames, fps, width, height, looks)
+        return
     whole = WholeFile(path)
     count = 0
     with whole:
@@ -52,6 +69,36 @@ def write_video(path: Path, frames: Iterable[Picture], fps: int, width: int, hei
         written = count_frames(Path(whole.open_path))
         if written != count:
             raise OSError(f"{path}: {written} of {count} frames were written")
+
+
+def _write_gif(
+    path: Path, frames: Iterable[Picture], fps: int, width: int, height: int, looks: Sequence[Picture]
+) -> None:
+    """Write frames as a GIF that goes round: one palette for all of them, so that nothing flickers."""
+    turns = iter(frames)
+    first = next(turns)
+    colours = Image.fromarray(np.concatenate([first, *looks])).quantize(_GIF_COLOURS)
+    table = np.zeros((256, 4), dtype=np.uint8)
+    listed = np.array(colours.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    table[:, 0], table[: len(listed), 1:] = 255, listed  # alpha first
+    paper = first[0, 0]
+    table[_GIF_COLOURS, 1:] = paper
+    whole = WholeFile(path)
+    with whole as file:
+        film: Any = av.open(whole.open_path, "w", format="gif", options={"loop": "0"})
+        with film:
+            stream = film.add_stream("gif", rate=fps)
+            stream.width, stream.height, stream.pix_fmt = width, height, "pal8"
+            for frame in itertools.chain([first], turns):
+                flat = Image.fromarray(frame).quantize(palette=colours, dither=Image.Dither.NONE)
+                # The paper as it is: Pillow takes a colour near it.
+                index = np.where((frame == paper).all(axis=-1), _GIF_COLOURS, np.asarray(flat))
+                indexed: Any = index.astype(np.uint8), table
+                film.mux(stream.encode(av.VideoFrame.from_ndarray(indexed, format="pal8")))
+            film.mux(stream.encode(None))
+        sign = MADE_BY.encode()
+        file.seek(-1, os.SEEK_END)  # a comment, before the byte that ends the file
+        file.write(b"!\xfe" + bytes([len(sign)]) + sign + b"\0;")
 
 
 def count_frames(path: Path) -> int:

@@ -1,0 +1,172 @@
+"""Frames of a film show the pose, the numbers and the loop that the episode holds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from rendered import DOWN, SMALL, STRAIGHT, UP, film, in_two_planes, ink, make_episode, needs_gl, with_tension
+
+from twin.rendering.layers import on_paper
+from twin.rendering.render import render_frame
+from twin.rendering.theme import WHITE, rgb, theme
+
+
+def pose(movie, sample: int) -> np.ndarray:
+    """The endoscope alone, on white."""
+    return on_paper(movie.composition.views[0].pose(sample), WHITE)
+
+
+def drawn_rows(picture: np.ndarray) -> np.ndarray:
+    """How many pixels of each row are not background, right of the shaft."""
+    right = picture[:, picture.shape[1] // 2 :]
+    return (right.min(axis=-1) < 200).sum(axis=1)
+
+
+@needs_gl
+def test_the_tip_is_seen_where_the_bend_puts_it():
+    movie = film(make_episode())
+    view = movie.composition.views[0]
+    base = round(view.shot.view(view.actors[0], 0).project(np.zeros(3), *view.box[2:])[1])
+    straight, up, down = (pose(movie, sample) for sample in (STRAIGHT, UP, DOWN))
+
+    assert drawn_rows(up)[:base].sum() > 5 * drawn_rows(up)[base + 12 :].sum()
+    assert drawn_rows(down)[base:].sum() > 5 * drawn_rows(down)[: base - 12].sum()
+    assert np.abs(up.astype(int) - straight).max() > 100
+
+    for sample, picture in ((STRAIGHT, straight), (UP, up), (DOWN, down)):
+        column, row = (round(value) for value in view.tip(sample))
+        around = picture[row - 4 : row + 5, column - 4 : column + 5]
+        assert around.min() < 80  # the tip is dark
+
+
+@needs_gl
+def test_what_rounds_to_zero_has_no_sign():
+    """By comparison with an exact zero: the numbers are pixels by then."""
+    episode = make_episode()
+    zero, nearly = (
+        dataclasses.replace(episode, bend=np.full(41, bend), pull=np.full(41, pull))
+        for bend, pull in ((0.0, 0.0), (-1e-4, -1e-7))
+    )
+    corner = (slice(0, 60), slice(0, 80))
+    shown, alike = (film(one).frame(0)[corner] for one in (zero, nearly))
+    np.testing.assert_array_equal(shown, alike)
+
+
+@needs_gl
+def test_a_film_says_its_speed_and_a_frame_alone_does_not():
+    corner = (slice(0, 40), slice(240, 310))
+    size = {"size": (640, 360)}
+    none, real, fast, faster = (
+        film(make_episode(), speed=speed, **size).frame(0)[corner] for speed in (None, 1.0, 4.0, 8.0)
+    )
+    assert ink(none).max() < 5
+    assert min(ink(said).max() for said in (real, fast, faster)) > 80
+    assert (fast != faster).any()
+    assert (fast != real).any()
+
+
+@needs_gl
+def test_both_wires_are_seen_in_their_colours_where_no_tension_is_known():
+    picture = pose(film(make_episode(), size=(1280, 720)), STRAIGHT).astype(int)
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    is_red, is_blue = (red > green + 60) & (red > blue + 60), (blue > red + 60) & (blue > green + 30)
+    assert is_red.sum() > 150
+    assert is_blue.sum() > 150
+    assert np.argwhere(is_red)[:, 0].mean() < np.argwhere(is_blue)[:, 0].mean()  # wire a is the upper one
+
+
+@needs_gl
+def test_the_wire_that_is_pulled_is_the_brighter_one():
+    """Pulled, wire a on the upper side; pushed, wire b on the lower one."""
+    episode = with_tension(make_episode(amplitude_deg=2))
+    movie = film(episode, size=(1280, 720))
+    pulled, pushed = int(episode.pull.argmax()), int(episode.pull.argmin())
+    up, down = (pose(movie, sample).astype(int) for sample in (pulled, pushed))
+    view = movie.composition.views[0]
+    middle = round(view.tip(STRAIGHT)[1])
+    warm = (np.abs(up - down).max(axis=-1) > 40) & (up[..., 0] > up[..., 2] + 60)
+    assert warm[:middle].sum() > 50
+    assert warm[middle:].sum() < 0.2 * warm[:middle].sum()
+
+
+@needs_gl
+def test_a_record_without_hinges_is_drawn_with_constant_curvature():
+    recorded, measured = make_episode(), make_episode(hinges=0)
+    np.testing.assert_array_equal(film(recorded).frame(UP), film(measured).frame(UP))
+
+
+@needs_gl
+def test_frame_has_the_size_asked_for_and_the_episode_bounds_the_index():
+    size = {"width": 320, "height": 180}
+    assert render_frame(make_episode(), -1, **size).shape == (180, 320, 3)
+    with pytest.raises(ValueError, match="samples 0 to 40"):
+        render_frame(make_episode(), 41, **size)
+    with pytest.raises(ValueError, match=r"size 321 x 180: both must be even"):
+        render_frame(make_episode(), 0, width=321, height=180)
+
+
+@needs_gl
+def test_the_same_episode_gives_the_same_pixels_in_any_order():
+    one, other = film(make_episode()), film(make_episode())
+    forwards = [one.frame(sample) for sample in (0, UP, DOWN)]
+    backwards = [other.frame(sample) for sample in (DOWN, UP, 0)][::-1]
+    for first, second in zip(forwards, backwards, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+@needs_gl
+@pytest.mark.parametrize("background", ["white", "dark"])
+def test_the_background_is_that_of_the_theme(background):
+    frame = film(make_episode(), background=background).frame(UP)
+    paper = rgb(theme(background).paper)
+    assert (frame == paper).all(axis=-1).mean() > 0.5
+    assert tuple(frame[0, 0]) == tuple(frame[0, -1]) == paper
+
+
+@needs_gl
+def test_two_planes_have_two_views_and_two_loops_and_both_angles():
+    episode = in_two_planes(make_episode())
+    movie = film(episode, size=(640, 480))
+    assert [view.is_lateral for view in movie.composition.views] == [False, True]
+    assert [cell.plot.is_main for cell in movie.composition.plots] == [True, False]
+    np.testing.assert_allclose(movie.composition.plots[1].plot.bend_deg, np.degrees(episode.lateral_bend))
+    _, lateral = (view.marks(UP + 10) for view in movie.composition.views)
+    told = [mark.text for mark in lateral if hasattr(mark, "text")]
+    assert "lateral bending angle" in told
+    assert "+40.0°" in told
+    above = movie.composition.views[1]
+    assert above.tip(UP + 10)[1] < above.tip(STRAIGHT)[1] - 20  # towards wire c is up
+
+
+@needs_gl
+def test_records_side_by_side_have_common_axes_and_scale_and_the_shorter_one_stands_still():
+    from twin.rendering.composition import Record
+    from twin.rendering.film import Film
+    from twin.rendering.look import Look
+
+    long, short = make_episode(), make_episode(amplitude_deg=20)
+    short = dataclasses.replace(
+        short, **{name: value[:20] for name, value in vars(short).items() if len(value) == 41}
+    )
+    movie = Film([Record(long, title="a"), Record(short, title="b")], Look(size=(640, 360)))
+    first, second = movie.composition.plots
+    assert first.plot.limits == second.plot.limits
+    assert len({view.shot.view(view.actors[0], 0).half_height for view in movie.composition.views}) == 1
+    right = (slice(None), slice(320, 640))
+    np.testing.assert_array_equal(movie.frame_at(2.5)[right], movie.frame_at(4.0)[right])
+    assert (movie.frame_at(2.5)[:, :320] != movie.frame_at(4.0)[:, :320]).any()
+
+
+def test_more_records_than_have_room_are_refused():
+    from twin.rendering.composition import Record
+    from twin.rendering.film import Film
+
+    with pytest.raises(ValueError, match=r"^7 records: from 1 to 6 have room side by side$"):
+        Film([Record(make_episode())] * 7)
+
+
+def test_without_gl_the_package_to_install_is_named(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    with pytest.raises(OSError, match=r"apt-get install libegl1") as error:
+        film(make_episode(), size=SMALL)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,122 @@
+"""Layers lie over one another as light does, and numbers and colours say what they should."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rendered import make_episode, with_tension
+
+from twin.rendering.layers import faded, on_paper, over, reduced, straight
+from twin.rendering.marks import Badge, Bar, Rule, Text, paint
+from twin.rendering.numbers import angle, signed, times_real
+from twin.rendering.tension_colours import TensionColours
+from twin.rendering.theme import DARK, THEMES, WHITE, rgb
+
+MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
+
+
+def random_layer(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    alpha = rng.integers(0, 256, (7, 9, 1))
+    return np.concatenate([rng.uniform(size=(7, 9, 3)) * alpha, alpha], axis=-1).astype(np.uint8)
+
+
+@given(st.integers(0, 50), st.integers(51, 100))
+def test_over_is_the_rule_of_porter_and_duff(one, other):
+    front, behind = random_layer(one), random_layer(other)
+    wanted = front + behind * (1 - front[..., 3:] / 255.0)
+    assert np.abs(over(front, behind) - wanted).max() <= 1
+
+
+def test_paper_is_seen_where_nothing_is_and_hidden_where_all_is():
+    clear, solid = np.zeros((2, 2, 4), np.uint8), np.full((2, 2, 4), 255, np.uint8)
+    solid[..., :3] = [10, 20, 30]
+    for theme in (WHITE, DARK):
+        assert tuple(on_paper(clear, theme)[0, 0]) == rgb(theme.paper)
+        assert tuple(on_paper(solid, theme)[0, 0]) == (10, 20, 30)
+
+
+@given(st.integers(0, 100))
+def test_straight_colours_times_alpha_are_the_layer(seed):
+    layer = random_layer(seed)
+    back = straight(layer)
+    np.testing.assert_array_equal(back[..., 3], layer[..., 3])
+    assert np.abs(back[..., :3] * (layer[..., 3:] / 255.0) - layer[..., :3]).max() <= 1
+
+
+def test_a_faded_layer_has_a_share_of_its_ink_and_a_reduced_one_the_mean():
+    layer = random_layer(3)
+    assert np.abs(faded(layer, 0.3) - 0.3 * layer).max() <= 0.5
+    small = reduced(layer[:6, :8], 2)
+    assert small.shape == (3, 4, 4)
+    assert np.abs(small - layer[:6, :8].reshape(3, 2, 4, 2, 4).mean(axis=(1, 3))).max() <= 1
+
+
+@given(st.floats(-400, 400), st.integers(0, 2))
+def test_a_number_has_its_sign_and_a_zero_has_none(value, digits):
+    text = signed(value, digits)
+    assert "-" not in text
+    number = float(text.replace(MINUS, "-"))
+    assert number == pytest.approx(value, abs=0.5 * 10**-digits + 1e-9)
+    assert (text[0] in f"+{MINUS}") == (number != 0)
+
+
+def test_angles_and_speeds_are_written_as_people_do():
+    assert [angle(value) for value in (12.34, -12.34, -0.04, 0.0)] == [
+        "+12.3°",
+        f"{MINUS}12.3°",
+        "0.0°",
+        "0.0°",
+    ]
+    assert [times_real(speed) for speed in (4.0, 0.25, 1.0)] == [f"4{TIMES}", f"0.25{TIMES}", "real time"]
+
+
+def test_more_tension_is_lighter_also_in_greyscale():
+    colours = TensionColours(40.0)
+    red, green, blue = np.moveaxis(colours(np.linspace(0, 40, 50)), -1, 0)
+    lightness = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    assert (np.diff(lightness) > 0).all()
+    np.testing.assert_array_equal(colours(np.array([-1.0, 90.0])), colours(np.array([0.0, 40.0])))
+
+
+def test_the_scale_of_tensions_holds_the_highest_and_ends_in_a_round_number():
+    for highest in (0.37, 9.9, 37.0, 60.0, 61.0):
+        scale = TensionColours.of(with_tension(make_episode(), highest)).highest_n
+        assert highest <= scale <= 1.5 * highest
+        assert float(f"{scale:.2g}") == scale
+    assert TensionColours.of(make_episode()) is None
+
+
+@pytest.mark.parametrize("theme", THEMES.values(), ids=list(THEMES))
+def test_text_is_read_on_its_paper(theme):
+    """Contrast of the Web Content Accessibility Guidelines 2.1: 4.5 for text."""
+
+    def luminance(colour: str) -> float:
+        parts = np.array(rgb(colour)) / 255
+        linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    for colour in (theme.ink, theme.muted, theme.trace):
+        light, dark = sorted([luminance(colour), luminance(theme.paper)], reverse=True)
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, colour
+
+
+def test_marks_are_painted_where_they_say():
+    from PIL import Image
+
+    picture = Image.new("RGB", (200, 100), "white")
+    colours = np.stack([np.linspace(0, 1, 8)] * 3, axis=-1)
+    paint(
+        picture,
+        [
+            Rule(((10, 20), (60, 20)), "#ff0000", 3),
+            Bar(100, 50, 80, 10, colours),
+            Badge(30, 70, "1", "#0000ff", 12),
+            Text(150, 30, "x", "#000000", 20, anchor="mm"),
+        ],
+    )
+    pixels = np.asarray(picture).astype(int)
+    assert tuple(pixels[20, 35]) == (255, 0, 0)
+    assert pixels[55, 101].max() < 40 < 215 < pixels[55, 178].min()
+    assert (pixels[60:80, 20:40] == [0, 0, 255]).all(axis=-1).sum() > 60
+    assert pixels[20:40, 140:160].min() < 60
