@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from rendered import make_episode, with_tension
 
 from twin.rendering.layers import faded, on_paper, over, reduced, straight
-from twin.rendering.marks import Badge, Bar, Rule, Text, paint
+from twin.rendering.marks import Badge, Bar, Label, Rule, paint
 from twin.rendering.numbers import angle, signed, times_real
 from twin.rendering.tension_colours import TensionColours
 from twin.rendering.theme import DARK, THEMES, WHITE, rgb
@@ -112,7 +112,7 @@ def test_marks_are_painted_where_they_say():
             Rule(((10, 20), (60, 20)), "#ff0000", 3),
             Bar(100, 50, 80, 10, colours),
             Badge(30, 70, "1", "#0000ff", 12),
-            Text(150, 30, "x", "#000000", 20, anchor="mm"),
+            Label(150, 30, "x", "#000000", 20, anchor="mm"),
         ],
     )
     pixels = np.asarray(picture).astype(int)

@@ -9,7 +9,7 @@ from PIL import Image
 from twin.rendering.composition import Composition, Record, sample_at
 from twin.rendering.layers import Picture, on_paper
 from twin.rendering.look import Look
-from twin.rendering.marks import Text, paint
+from twin.rendering.marks import Label, paint
 from twin.rendering.numbers import times_real
 from twin.rendering.theme import rgb
 from twin.rendering.trace_panel import TracePanel
@@ -80,7 +80,7 @@ class Film:
         unit = self.composition.scale_of(box) * _DPI / 100
         right = box.left + box.width - 24 * unit
         picture = Image.fromarray(frame)
-        paint(picture, [Text(right, 46 * unit, self._speed, self._theme.muted, 17 * unit, anchor="rs")])
+        paint(picture, [Label(right, 46 * unit, self._speed, self._theme.muted, 17 * unit, anchor="rs")])
         return np.asarray(picture)
 
 

@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 Array = NDArray[np.float64]
 
 
-class Text(NamedTuple):
+class Label(NamedTuple):
     """Line of text.
 
     Attributes:
@@ -91,7 +91,7 @@ class Badge(NamedTuple):
     ink: str = "#ffffff"
 
 
-Mark = Text | Rule | Bar | Badge
+Mark = Label | Rule | Bar | Badge
 
 
 def paint(picture: Image.Image, marks: Sequence[Mark]) -> None:
@@ -99,7 +99,7 @@ def paint(picture: Image.Image, marks: Sequence[Mark]) -> None:
     pen = ImageDraw.Draw(picture)
     for mark in marks:
         match mark:
-            case Text(x, y, text, colour, size, bold, anchor):
+            case Label(x, y, text, colour, size, bold, anchor):
                 pen.text((x, y), text, colour, font(size, bold=bold), anchor=anchor)
             case Rule(points, colour, width):
                 pen.line(points, colour, max(round(width), 1))
@@ -128,7 +128,7 @@ def plot(axes: Axes, marks: Sequence[Mark], points_per_pixel: float) -> None:
     levels = {"s": "baseline", "m": "center"}
     for mark in marks:
         match mark:
-            case Text(x, y, text, colour, size, bold, anchor):
+            case Label(x, y, text, colour, size, bold, anchor):
                 axes.text(
                     x,
                     y,

@@ -10,7 +10,7 @@ import numpy as np
 from twin.errors import InputError
 from twin.rendering.composition import Composition, Record, sample_at
 from twin.rendering.look import Look
-from twin.rendering.marks import Badge, Mark, Text
+from twin.rendering.marks import Badge, Label, Mark
 from twin.rendering.numbers import angle
 from twin.rendering.plots import over_time
 from twin.rendering.still import LARGEST, USUAL_INCHES, blank_figure, show_layer, write_figure
@@ -74,7 +74,7 @@ def render_sheet(record: Record, path: Path, pictures: int, look: Look | None = 
         told = f"{episode.time[sample]:.1f} s   {angle(float(episode.bend_deg[sample]))}"
         marks: list[Mark] = [
             Badge(1.9 * size, 1.9 * size, f"{number + 1}", theme.ink, 0.95 * size, badge),
-            Text(3.3 * size, 1.9 * size, told, theme.ink, size, anchor="lm"),
+            Label(3.3 * size, 1.9 * size, told, theme.ink, size, anchor="lm"),
         ]
         if number == 0:
             marks += view.marks(sample, moving=False)

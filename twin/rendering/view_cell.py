@@ -9,7 +9,7 @@ from twin.rendering.actor import Actor
 from twin.rendering.cameras import Shot, rounded
 from twin.rendering.layers import Layer, faded, over, reduced
 from twin.rendering.look import Look
-from twin.rendering.marks import Bar, Mark, Rule, Text
+from twin.rendering.marks import Bar, Label, Mark, Rule
 from twin.rendering.numbers import angle, signed
 from twin.rendering.shadow import shadow
 from twin.rendering.tension_colours import TensionColours
@@ -165,7 +165,7 @@ class ViewCell:
         if not self.record.title:
             return []
         return [
-            Text(self._left, 30 * self.unit, self.record.title, self._theme.ink, 17 * self.unit, bold=True)
+            Label(self._left, 30 * self.unit, self.record.title, self._theme.ink, 17 * self.unit, bold=True)
         ]
 
     def _numbers(self, index: int) -> list[Mark]:
@@ -195,18 +195,18 @@ class ViewCell:
         """Return one more line below the numbers that `marks` returned last."""
         return self._line(self._below, text, self._theme.muted, 17 * self.unit)
 
-    def _line(self, y: float, text: str, colour: str, size: float, *, bold: bool = False) -> Text:
+    def _line(self, y: float, text: str, colour: str, size: float, *, bold: bool = False) -> Label:
         """Return a line of the numbers: on the right if the camera follows the tip, whose shaft is left."""
         if self.shot.follows and not self.shot.is_round:
-            return Text(self.box.width - self._left, y, text, colour, size, bold, "rs")
-        return Text(self._left, y, text, colour, size, bold)
+            return Label(self.box.width - self._left, y, text, colour, size, bold, "rs")
+        return Label(self._left, y, text, colour, size, bold)
 
     def _scale_bar(self) -> list[Mark]:
         length_mm, length = self.scale_bar()
         left, bottom, unit = self._left, self.box.height - 32 * self.unit, self.unit
         return [
             Rule(((left, bottom), (left + length, bottom)), self._theme.ink, 2.4 * unit),
-            Text(left, bottom - 9 * unit, f"{length_mm:g} mm", self._theme.muted, 16 * unit),
+            Label(left, bottom - 9 * unit, f"{length_mm:g} mm", self._theme.muted, 16 * unit),
         ]
 
     def scale_bar(self) -> tuple[float, float]:
@@ -226,9 +226,9 @@ class ViewCell:
         ends = bottom + 17 * unit
         return [
             Bar(left, bottom - height, width, height, steps),
-            Text(left, bottom - height - 8 * unit, "wire tension [N]", theme.muted, 16 * unit),
-            Text(left, ends, "0", theme.muted, 14 * unit),
-            Text(left + width, ends, f"{colours.highest_n:g}", theme.muted, 14 * unit, anchor="rs"),
+            Label(left, bottom - height - 8 * unit, "wire tension [N]", theme.muted, 16 * unit),
+            Label(left, ends, "0", theme.muted, 14 * unit),
+            Label(left + width, ends, f"{colours.highest_n:g}", theme.muted, 14 * unit, anchor="rs"),
         ]
 
     def _sheath_note(self, index: int) -> Mark:
@@ -236,4 +236,4 @@ class ViewCell:
         bent = float(np.degrees(bend[index] if len(bend) else actor.preset.sheath_bend))
         length_mm = 1e3 * actor.preset.sheath_length
         text = f"sheath bent by {bent:.0f}° ({length_mm:g} mm, drawn shorter)"
-        return Text(self._left, self.box.height - 32 * self.unit, text, self._theme.muted, 16 * self.unit)
+        return Label(self._left, self.box.height - 32 * self.unit, text, self._theme.muted, 16 * self.unit)
