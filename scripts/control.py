@@ -58,6 +58,8 @@ class Control:
     """Speed limit of command and servo [mm/s]."""
     latency: float = 0.0
     """Delay of the sensor [s]."""
+    preview: float = 1.0
+    """Time for which the controllers know their reference ahead [s]; 0 for the next sample alone."""
     physics: Literal["mujoco", "reduced"] = "mujoco"
     """Of the endoscopes that are controlled. Tuning is on reduced ones."""
     candidates: int = 16
@@ -110,6 +112,7 @@ def control(args: Control) -> Summary:
         margin=args.margin,
         speed_mm_s=args.speed,
         latency_s=args.latency,
+        preview_s=args.preview,
         physics=args.physics,
         policy=args.policy,
         tracking_policy=args.tracking_policy,

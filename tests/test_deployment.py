@@ -134,7 +134,7 @@ def test_the_protocol_names_every_key():
 
 def test_the_lines_that_it_shows_are_of_the_protocol():
     shown, wanted = (block for block in blocks("") if block.startswith("{"))
-    assert read_sample(wanted.encode()) == (0.02, 0.0, 0.4, 0.5)
+    assert read_sample(wanted.encode()) == (0.02, 0.0, 0.4, 0.5, [])
     line, answer = shown.splitlines()
     assert read_sample(line.encode())[:3] == (0.1, 0.2, 1.3)
     assert ReadingLine.model_validate(json.loads(answer)).source == "advanced"

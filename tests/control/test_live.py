@@ -83,6 +83,27 @@ def test_no_command_before_a_pull_and_a_reference(policy):
     assert alone["command_mm"] is None
 
 
+def test_a_jump_that_is_told_ahead_is_answered_ahead(policy):
+    """With the angles that come, the command leaves before the jump; without them, with it."""
+    wanted = [3.0] * 150 + [-3.0] * 60
+    seen = 3.0 + 0.1 * np.random.default_rng(2).standard_normal(len(wanted))
+    samples = [
+        {"time_s": k * T, "measurement_deg": float(seen[k]), "reference_deg": of}
+        for k, of in enumerate(wanted)
+    ]
+    samples[0]["pull_mm"] = 0.3
+    ahead = [of | {"coming_deg": wanted[k + 1 : k + 46]} for k, of in enumerate(samples)]
+    late, early = ([answer["command_mm"] for answer in told(policy, given)] for given in (samples, ahead))
+    assert early[:104] == late[:104]
+    assert early[149] < late[149] - 0.1
+    assert np.abs(np.diff(early)).max() <= 5.0 * T * (1 + 1e-9)
+
+
+def test_angles_that_come_need_the_one_before_them(policy):
+    (answer,) = told(policy, [{"time_s": 0.0, "pull_mm": 0.0, "coming_deg": [1.0]}])
+    assert answer["error"].startswith("coming_deg: needs reference_deg")
+
+
 def test_a_late_sample_is_answered_by_the_latest_command(policy):
     samples = [{"time_s": k * T, "pull_mm": 0.0, "reference_deg": 8.0} for k in range(5)]
     *_, before, late = told(policy, [*samples, samples[1] | {"reference_deg": -8.0}])

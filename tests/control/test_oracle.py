@@ -5,6 +5,7 @@ import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
 from twin.control.controllers.oracle import ORACLE
+from twin.control.limits import CommandLimits
 from twin.control.reference import reference
 from twin.control.registry import controller_specs
 from twin.control.trial import ControlCase, run_trial
@@ -47,3 +48,15 @@ def test_it_is_nothing_that_could_be_deployed():
     with pytest.raises(ValueError, match="told of no endoscope: it runs in trials alone"):
         ORACLE.make(knowledge()).start(0.0, 0.0)
     assert [spec.name for spec in controller_specs() if spec.oracle] == ["oracle"]
+
+
+def test_a_fast_reference_that_is_known_ahead_is_followed_through_its_dead_bands():
+    sticky = PRESET.replace(sheath_bend=4.6, sheath_friction_floor=2.1, sheath_friction_growth=2.7)
+    wanted = reference("fast-sine", (-12.0, 12.0), 12.0, 0.02, np.random.default_rng(0))
+    given = ControlCase(sticky, wanted, np.zeros(len(wanted)), physics="reduced")
+    known = {"sample_time": 0.02, "limits": CommandLimits(-4.0, 4.0, 5.0)}
+    late, early = (
+        run_trial("oracle", knowledge(preview_s=preview, **known), given) for preview in (0.0, 1.0)
+    )
+    assert early.rmse_deg < 0.6 * late.rmse_deg
+    assert_within(known["limits"], early.pull_mm, 0.02)

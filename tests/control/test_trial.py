@@ -63,15 +63,23 @@ def test_a_controller_is_given_the_reference_of_now_and_next_and_the_noisy_angle
     given.noise_deg[5:9] = np.nan
     trial = run_trial("witness", knowledge(), given)
     (witness,) = witnesses
-    time, measured, now, following = np.array(witness.seen).T
+    time, measured, now, following = np.array([sensed[:4] for sensed in witness.seen]).T
     np.testing.assert_allclose(time, np.arange(len(time)) * T, atol=1e-12)
     np.testing.assert_array_equal(now, given.reference_deg)
     np.testing.assert_array_equal(following[:-1], given.reference_deg[1:])
     assert following[-1] == given.reference_deg[-1]
+    assert not any(len(sensed.coming_deg) for sensed in witness.seen)
     np.testing.assert_array_equal(measured, trial.bend_deg + given.noise_deg)
     assert np.isnan(measured[5:9]).all()
     np.testing.assert_array_equal(trial.measured_deg, measured)
     assert witness.started == [(trial.pull_mm[0], given.reference_deg[0])]
+
+
+def test_a_reference_that_is_known_ahead_is_told_so_far_and_no_further(witnesses):
+    given = drive()
+    run_trial("witness", knowledge(preview_s=0.5), given)
+    for k, sensed in enumerate(witnesses[0].seen):
+        np.testing.assert_array_equal(sensed.coming_deg, given.reference_deg[k + 1 : k + 6])
 
 
 @pytest.mark.parametrize("physics", PHYSICS)

@@ -214,6 +214,7 @@ def control_results(*totals: dict, comparisons: tuple[dict, ...] = ()) -> dict:
         "seconds": 40.0,
         "limits": [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}],
         "sensor_latency_s": 0.0,
+        "preview_s": 1.0,
         "candidates": 16,
         "tuning_seconds": 12.0,
         "seed": 3,

@@ -24,11 +24,14 @@ def control_step(policy: Path, preset: Preset) -> dict[str, Result]:
     from twin.control.limits import MARGIN, CommandLimits
     from twin.control.plant import Plant
     from twin.control.reference import reference
+    from twin.control.settings import PREVIEW_S
     from twin.runtime.load import deployment_of
 
     deployment = deployment_of(read_trained_file(policy))
     limits = CommandLimits(*STROKE_MM, speed_mm_s=5.0).wider(MARGIN)
-    known = ControlKnowledge(preset, STROKE_MM, limits, T, NOISE_VARIANCE, deployment, policy)
+    known = ControlKnowledge(
+        preset, STROKE_MM, limits, T, NOISE_VARIANCE, deployment, PREVIEW_S, policy=policy
+    )
     controller, plant = MEMBERS_INVERSE.make(known), Plant(preset, T, "reduced")
     rng = np.random.default_rng(1)
     wanted = reference("multi-sine", known.line.reached_deg, SECONDS, T, rng)
@@ -37,7 +40,10 @@ def control_step(policy: Path, preset: Preset) -> dict[str, Result]:
     controller.start(first, float(wanted[0]))
     took, trusted = [], 0
     for k, (now, following) in enumerate(itertools.pairwise(wanted)):
-        sensed = Sensed(k * T, bend + rng.normal(0, NOISE_VARIANCE**0.5), float(now), float(following))
+        coming = wanted[k + 1 : k + 1 + round(PREVIEW_S / T)]
+        sensed = Sensed(
+            k * T, bend + rng.normal(0, NOISE_VARIANCE**0.5), float(now), float(following), coming
+        )
         begun = time.perf_counter()
         pull = controller.step(sensed)
         took.append(1e3 * (time.perf_counter() - begun))

@@ -4,6 +4,7 @@ import abc
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from twin.control.anticipation import NOTHING_COMES, Array
 from twin.control.limits import CommandLimits
 
 if TYPE_CHECKING:
@@ -18,12 +19,14 @@ class Sensed(NamedTuple):
         measurement_deg: measured angle, NaN where there is none [deg].
         reference_deg: wanted angle now [deg].
         next_deg: wanted angle at the next sample [deg].
+        coming_deg: (H,) wanted angles from the next sample on, as far ahead as they are known [deg].
     """
 
     time_s: float
     measurement_deg: float
     reference_deg: float
     next_deg: float
+    coming_deg: Array = NOTHING_COMES
 
 
 class Controller(abc.ABC):

@@ -25,6 +25,7 @@ class ControlKnowledge:
         sample_time: T [s].
         noise_variance: R of the sensor [deg^2].
         deployment: tuned active model on the identified model of Coleman and Hodgdon.
+        preview_s: time for which the reference is known ahead [s].
         policy: trained file of RAM (twins); None where there is none.
         tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`; None where there is none.
         settings: what was tuned, by controller and name.
@@ -36,6 +37,7 @@ class ControlKnowledge:
     sample_time: float
     noise_variance: float
     deployment: Deployment
+    preview_s: float = 0.0
     policy: Path | None = None
     tracking_policy: Path | None = None
     settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)

@@ -1,10 +1,13 @@
 """Commands beside a live stream: each sample with a reference is answered by the pull to command next."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from twin.control.anticipation import NOTHING_COMES
 from twin.control.compensator import COMPENSATOR_SETTINGS, Compensator
 from twin.control.feedback import PI_SETTINGS
 from twin.control.limits import CommandLimits
@@ -49,13 +52,14 @@ class LiveCommands:
         """True while the command is held, as no measurement comes."""
         return self._compensator.holds
 
-    def after(self, pull_mm: float, reference_deg: float) -> float:
+    def after(self, pull_mm: float, reference_deg: float, coming_deg: Sequence[float] = ()) -> float:
         """Return the pull to command at the next sample [mm]; NaN before the first pull and reference.
 
         Args:
             pull_mm: command that stands at the sample which the runtime has just taken in, NaN if not told
                 [mm].
             reference_deg: angle that is wanted at the next sample; NaN if not told [deg].
+            coming_deg: angles that are wanted at the samples after that, as far as they are known [deg].
         """
         if self._runtime.reading.health & _IGNORED:
             return self.command_mm
@@ -66,7 +70,10 @@ class LiveCommands:
         if math.isnan(stands) or math.isnan(self._reference_deg):
             return self.command_mm
         wanted = self._compensator.wanted_mm(
-            stands, self._reference_deg if math.isnan(now) else now, self._reference_deg
+            stands,
+            self._reference_deg if math.isnan(now) else now,
+            self._reference_deg,
+            np.array([self._reference_deg, *coming_deg]) if len(coming_deg) else NOTHING_COMES,
         )
         self.command_mm = self.limits.within(wanted, stands, self._runtime.sample_time)
         return self.command_mm

@@ -46,6 +46,7 @@ def control_values(
         "seconds": settings.seconds,
         "limits": limits,
         "sensor_latency_s": settings.latency_s,
+        "preview_s": settings.preview_s,
         "candidates": settings.candidates,
         "tuning_seconds": settings.tuning_seconds,
         "seed": settings.seed,

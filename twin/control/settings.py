@@ -21,6 +21,8 @@ from twin.preset.randomization import Ranges
 from twin.runtime.deployment import Deployment, prepare_deployment
 from twin.signals.noise import draw_noise
 
+PREVIEW_S = 1.0
+"""Time for which a reference is known ahead, where nothing else is asked for [s]."""
 MODEL_SAMPLE_TIME, MODEL_STRIDE = 0.02, 5  # of the records that a model is identified on
 # What one seed is used for: streams of random numbers that never meet.
 _CONTROL = 500
@@ -40,6 +42,7 @@ class ControlSettings:
         margin: command beyond the stroke, as a share of its width [-].
         speed_mm_s: speed limit of the command and of the endoscope's servo [mm / s].
         latency_s: delay of the sensor [s].
+        preview_s: time for which controllers know the reference ahead [s].
         physics: of the plants.
         policy: trained file of RAM (twins), if there is one.
         tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`, if there is one.
@@ -56,6 +59,7 @@ class ControlSettings:
     margin: float = MARGIN
     speed_mm_s: float = 5.0
     latency_s: float = 0.0
+    preview_s: float = PREVIEW_S
     physics: str = "mujoco"
     policy: Path | None = None
     tracking_policy: Path | None = None
@@ -71,6 +75,7 @@ class ControlSettings:
         """
         check_between("twins", self.twins, 1, 1000)
         check_between("seconds", self.seconds, 1.0, 3600.0)
+        check_between("preview_s", self.preview_s, 0.0, 60.0)
         check_between("margin", self.margin, 0.0, 10.0)
         check_between("candidates", self.candidates, 1, 1000)
         if not self.strokes_mm:
@@ -94,6 +99,7 @@ class ControlSettings:
             sample_time,
             variance,
             deployment,
+            self.preview_s,
             self.policy,
             self.tracking_policy,
         )

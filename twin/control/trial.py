@@ -110,6 +110,7 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
         driven.tell(plant)
     wanted, count = case.reference_deg, len(case.reference_deg)
     late = samples_late(case.preset.sensor_latency, T)
+    ahead = round(knowledge.preview_s / T)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
     first = knowledge.limits.nearest(knowledge.line.pull_mm(float(wanted[0])))
@@ -118,7 +119,8 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     for k in range(count):
         measured[k] = bend[max(k - late, 0)] + case.noise_deg[k]
         following = float(wanted[min(k + 1, count - 1)])
-        command = driven.step(Sensed(k * T, float(measured[k]), float(wanted[k]), following))
+        coming = wanted[k + 1 : k + 1 + ahead]
+        command = driven.step(Sensed(k * T, float(measured[k]), float(wanted[k]), following, coming))
         estimate[k], fell_back[k] = driven.bend_deg, driven.falls_back
         if k + 1 < count:
             sheath = float(case.sheath_bend[k + 1]) if len(case.sheath_bend) else None

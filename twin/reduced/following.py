@@ -84,6 +84,19 @@ class Members:
                 states.append(self._twins.save_state())
         return Following(tuple(states), command, np.array(bends))
 
+    def bends_along(self, following: Following, pull_mm: Array, samples: NDArray[np.int64]) -> Array:
+        """Return the angles (N, M) [deg] along a way of the command; nothing moves.
+
+        Args:
+            following: members along one command.
+            pull_mm: (N,) pulls, one after the other, along straight lines [mm].
+            samples: (N,) time that each takes.
+        """
+        self._twins.restore_state(following.twins[0])
+        ways = zip(pull_mm, samples, strict=True)
+        bends: Array = np.degrees([self._twins.step(pull * 1e-3, samples=int(took)) for pull, took in ways])
+        return bends
+
     def common_pull_mm(
         self, following: Following, weights: Array, bend_deg: float, within_mm: tuple[float, float]
     ) -> float:

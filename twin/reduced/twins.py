@@ -55,14 +55,20 @@ class ReducedTwins:
         self.restore_state(state_at_rest(self.presets, self.parameters))
 
     def step(
-        self, pull: ArrayLike, lateral_pull: ArrayLike = 0.0, sheath_bend: ArrayLike | None = None
+        self,
+        pull: ArrayLike,
+        lateral_pull: ArrayLike = 0.0,
+        sheath_bend: ArrayLike | None = None,
+        *,
+        samples: int = 1,
     ) -> Array:
-        """Advance all endoscopes by one sample, along straight lines from the inputs before.
+        """Advance all endoscopes by one sample, or several, along straight lines from the inputs before.
 
         Args:
             pull: commanded pulling distance of wire a at the end of the sample [m], one or (M,).
             lateral_pull: the same of wire c; it needs two bending planes.
             sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
+            samples: time that it takes.
 
         Returns:
             (M,) bending angle [rad].
@@ -71,7 +77,7 @@ class ReducedTwins:
             ValueError: an input is not finite, the sheath's bend is negative, or there is no second plane.
         """
         self._set_inputs(pull, lateral_pull, sheath_bend)
-        advance(self.parameters, self.state, self._inputs, self._periods)
+        advance(self.parameters, self.state, self._inputs, samples * self._periods)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:

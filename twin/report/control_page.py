@@ -192,6 +192,7 @@ def _facts(control: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
         ("references", f"{control['seconds']:g} s each, behind a hold of 3 s that is not scored"),
         ("command", f"{spans}, at most {limits[0]['speed_mm_s']:g} mm/s"),
         ("delay of the sensor", f"{control['sensor_latency_s']:g} s"),
+        ("reference known ahead", f"{control['preview_s']:g} s"),
         ("tuning", f"{control['candidates']} settings for each controller and sensor, on other endoscopes"),
         ("SHA-256 of the trained file", control["policy_sha256"] or "none"),
         ("seed", f"{control['seed']}"),

@@ -35,16 +35,18 @@ def answer(runtime: AssuredEstimator, line: NumberedLine, commands: "LiveCommand
         commands: that are made beside it; None where nobody asks for any.
     """
     try:
-        time_s, pull_mm, measurement_deg, reference_deg = read_sample(line.content)
+        time_s, pull_mm, measurement_deg, reference_deg, coming_deg = read_sample(line.content)
         if commands is None and not math.isnan(reference_deg):
             raise InputError("reference_deg: no commands are made here, as no stroke is given")
+        if coming_deg and math.isnan(reference_deg):
+            raise InputError("coming_deg: needs reference_deg, the angle that is wanted before these")
     except ValueError as error:
         return Answer(error_line(error, line.number), None)
     if commands is not None and math.isnan(pull_mm):
         pull_mm = commands.command_mm
     reading = runtime.push(time_s, pull_mm, measurement_deg)
     sample = StreamSample(time_s, pull_mm, measurement_deg, reading, reference_deg)
-    command_mm = None if commands is None else commands.after(pull_mm, reference_deg)
+    command_mm = None if commands is None else commands.after(pull_mm, reference_deg, coming_deg)
     return Answer(reading_line(sample, command_mm), sample)
 
 

@@ -7,7 +7,7 @@ writes it anew.
 import functools
 import json
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import models_json_schema
@@ -20,8 +20,10 @@ from twin.runtime.reading import Alarm, Source
 from twin.stream.lines import LONGEST_LINE
 from twin.stream.sample import StreamSample
 
-MOST_VALUES = 100
-"""Values in a line, at any depth; a sample has five."""
+MOST_COMING = 256
+"""Wanted angles ahead that a sample may tell."""
+MOST_VALUES = MOST_COMING + 100
+"""Values in a line, at any depth; a sample has five, and those ahead."""
 LONGEST_ERROR = 300
 """Characters of the text of an error."""
 
@@ -48,6 +50,10 @@ class SampleLine(BaseModel):
     reference_deg: Annotated[
         Number | None,
         Field(description="bending angle that is wanted at the next sample; without it, the last one [deg]"),
+    ] = None
+    coming_deg: Annotated[
+        list[Number] | None,
+        Field(max_length=MOST_COMING, description="angles that are wanted at the samples after that [deg]"),
     ] = None
 
 
@@ -87,8 +93,26 @@ class ErrorLine(BaseModel):
     line: Annotated[int, Field(ge=1, description="number of the line in the stream, empty lines counted")]
 
 
-def read_sample(line: bytes | None) -> tuple[float, float, float, float]:
-    """Return time stamp, pull, measurement and reference of a line; NaN for those that are missing.
+class StreamLine(NamedTuple):
+    """Content of a line of a stream; NaN, and no angles, where it says nothing.
+
+    Attributes:
+        time_s: time stamp [s].
+        pull_mm: commanded pulling distance [mm].
+        measurement_deg: measured angle [deg].
+        reference_deg: angle that is wanted at the next sample [deg].
+        coming_deg: angles that are wanted at the samples after that [deg].
+    """
+
+    time_s: float
+    pull_mm: float
+    measurement_deg: float
+    reference_deg: float
+    coming_deg: list[float]
+
+
+def read_sample(line: bytes | None) -> StreamLine:
+    """Return what a line says.
 
     Args:
         line: its bytes; None where it was too long to be read.
@@ -105,7 +129,7 @@ def read_sample(line: bytes | None) -> tuple[float, float, float, float]:
     sample = validated(SampleLine, values)
     given = sample.pull_mm, sample.measurement_deg, sample.reference_deg
     pull_mm, measurement_deg, reference_deg = (math.nan if value is None else value for value in given)
-    return sample.time_s, pull_mm, measurement_deg, reference_deg
+    return StreamLine(sample.time_s, pull_mm, measurement_deg, reference_deg, sample.coming_deg or [])
 
 
 def reading_line(sample: StreamSample, command_mm: float | None = None) -> str:

@@ -32,7 +32,9 @@ class MembersInverse(Controller):
 
     def _wanted_mm(self, sensed: Sensed) -> float:
         self.bend_deg = self.runtime.push(sensed.time_s, self.pull_mm, sensed.measurement_deg).bend_deg
-        wanted = self._compensator.wanted_mm(self.pull_mm, sensed.reference_deg, sensed.next_deg)
+        wanted = self._compensator.wanted_mm(
+            self.pull_mm, sensed.reference_deg, sensed.next_deg, sensed.coming_deg
+        )
         self.falls_back, self.holds = self._compensator.falls_back, self._compensator.holds
         return wanted
 

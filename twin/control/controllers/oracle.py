@@ -1,12 +1,15 @@
 """Oracle: inverse of the endoscope itself, of which it is told everything. No device can have it.
 
-Its error is what the speed of the motor and a reference that is known one sample ahead leave over.
+Its error is what the speed of the motor leaves over, where the reference is known as far ahead as by others.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
+from twin.control.anticipation import Anticipation, Array
 from twin.control.controller import Controller, Sensed
 from twin.control.knowledge import ControlKnowledge
 from twin.control.plant import Plant
@@ -36,6 +39,7 @@ class Oracle(Controller):
         if self._plant is None:
             raise InputError("an oracle was told of no endoscope: it runs in trials alone")
         self._copy.start(self.pull_mm)
+        self._anticipation = Anticipation(self.limits, self.sample_time)
         self._direction = 0.0  # of the latest command
 
     def _wanted_mm(self, sensed: Sensed) -> float:
@@ -43,6 +47,12 @@ class Oracle(Controller):
         plant, copy = self._plant, self._copy
         copy.step(plant.pull_mm, plant.sheath_bend)
         self.bend_deg = plant.bend_deg()
+        ahead = self._anticipation.wanted_mm(
+            self.pull_mm, self.bend_deg, sensed.reference_deg, sensed.coming_deg, self._along
+        )
+        if not math.isnan(ahead):
+            self._direction = ahead - self.pull_mm or self._direction
+            return ahead
         moved, of_reference = sensed.next_deg - self.bend_deg, sensed.next_deg - sensed.reference_deg
         if moved * self._direction < 0 <= of_reference * self._direction and abs(moved) < ENOUGH_DEG:
             return self.pull_mm
@@ -52,6 +62,14 @@ class Oracle(Controller):
         stroke = (low * 1e-3, high * 1e-3)
         pull, _ = copy.endoscope.twins.common_pull(np.ones(1), float(np.radians(wanted)), stroke)
         return float(pull) * 1e3
+
+    def _along(self, pulls_mm: Array, samples: NDArray[np.int64]) -> Array:
+        """Return how far its copy moves along pulls; it is put back."""
+        state, now = self._copy.save_state(), self._copy.bend_deg()
+        twins, ways = self._copy.endoscope.twins, zip(pulls_mm, samples, strict=True)
+        bends = [float(twins.step(pull * 1e-3, samples=int(took))[0]) for pull, took in ways]
+        self._copy.restore_state(state)
+        return np.degrees(bends) - now
 
 
 def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> Oracle:
