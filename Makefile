@@ -38,6 +38,10 @@ lint: install
 types: install
 	$(BIN)/mypy
 
+# The documents as a site, in out/site: look at it with `python3 -m http.server -d out/site`.
+docs: install
+	$(BIN)/python docs/site/build.py out
+
 # The real demo, and the figures that it must reach.
 validate: install
 	$(BIN)/python -m pytest -m slow -n 0 --durations=0

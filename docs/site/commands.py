@@ -1,0 +1,84 @@
+"""The command reference: every verb, its purpose and its options, from the dataclasses that parse them."""
+
+import dataclasses
+import importlib
+import inspect
+import typing
+from typing import Any
+
+import tyro
+
+from scripts.__main__ import VERBS
+from scripts.command import MODULES
+
+_POSITIONAL = typing.get_args(tyro.conf.Positional[int])[1]
+
+
+def page() -> str:
+    """Return the page."""
+    parts = [
+        "# Commands",
+        "`endotwin VERB --help` says the same. Verbs that draw random numbers take `--seed`; `--json` makes "
+        "every verb print its summary as one JSON object. [Files](../files.md) says what commands read, "
+        "write and refuse.",
+        "| verb | purpose |\n|---|---|\n"
+        + "\n".join(f"| [`{verb}`](#{verb}) | {purpose} |" for verb, purpose in VERBS.items()),
+    ]
+    return "\n\n".join([*parts, *(_verb(verb) for verb in VERBS)]) + "\n"
+
+
+def _verb(verb: str) -> str:
+    module = importlib.import_module(f"scripts.{MODULES.get(verb, verb)}")
+    options = next(
+        value
+        for value in vars(module).values()
+        if dataclasses.is_dataclass(value) and isinstance(value, type) and value.__module__ == module.__name__
+    )
+    told = _strings(options)
+    rows = ["| option | if not given | what |", "|---|---|---|"]
+    usage = [f"endotwin {verb}"]
+    for field in dataclasses.fields(options):
+        positional = _POSITIONAL in typing.get_args(field.type)[1:]
+        name = field.name.upper() if positional else f"--{field.name.replace('_', '-')}"
+        if positional:
+            usage.append(name)
+        rows.append(f"| `{name}` | {_default(field)} | {_cell(told.get(field.name, ''))} |")
+    text = inspect.cleandoc(options.__doc__ or "")
+    return f"## {verb}\n\n{text}\n\n```text\n{' '.join(usage)} [options]\n```\n\n" + "\n".join(rows)
+
+
+def _strings(options: type) -> dict[str, str]:
+    """Return the string below each field, which `--help` prints."""
+    import ast
+
+    (tree,) = ast.parse(inspect.cleandoc(inspect.getsource(options))).body
+    assert isinstance(tree, ast.ClassDef)
+    found, last = {}, ""
+    for node in tree.body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            last = node.target.id
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and last:
+            found[last] = " ".join(str(node.value.value).split())
+    return found
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is dataclasses.MISSING:
+        return "required"
+    value = field.default
+    if value is None or value == ():
+        return ""
+    if isinstance(value, bool):
+        return "no" if not value else "yes"
+    shown = (
+        " ".join(map(str, value))
+        if isinstance(value, tuple)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else value
+    )
+    return f"`{shown}`"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;")

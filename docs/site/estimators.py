@@ -1,0 +1,110 @@
+"""The estimators, a page each, from the method table: what each is told, its equations, its code."""
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+from twin.estimation.registry import MethodSpec, method_specs
+from twin.report.facts import agent_names
+
+EQUATIONS = Path(__file__).with_name("equations.md")
+MODELS = ("coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii")
+
+
+def pages() -> dict[str, str]:
+    """Return the page of each method, and their index, by name of the page."""
+    specs = method_specs()
+    return {"index": _index(specs), **{slug(spec.name): _page(spec) for spec in specs}}
+
+
+def slug(name: str) -> str:
+    """Return the name of a method's page."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
+
+
+def equations() -> dict[str, str]:
+    """Return the equations, by module of `twin.estimation`, or by `model NAME`."""
+    parts = re.split(r"^## (.+)$", EQUATIONS.read_text(), flags=re.MULTILINE)[1:]
+    return {name.strip(): text.strip() for name, text in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def module_of(spec: MethodSpec) -> str:
+    """Return the module that declares a method."""
+    return spec.build.__module__
+
+
+def _index(specs: list[MethodSpec]) -> str:
+    rows = [
+        f"| [{spec.name}]({slug(spec.name)}.md) | {spec.family} | {spec.told} | {_learned(spec)} |"
+        for spec in specs
+    ]
+    return (
+        "# Estimators\n\nEvery method that `endotwin evaluate` compares, in the order of tables. "
+        "*Told*: what it knows of the noise under test. [How the angle is estimated](../method.md) says what "
+        "each is fitted on; [the full benchmark](../results/benchmark.md) says what it reaches.\n\n"
+        "| method | family | told | trained by |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
+    )
+
+
+def _learned(spec: MethodSpec) -> str:
+    if spec.training:
+        return f"`train --agent {spec.training.agent}`"
+    return f"the file of `{spec.trained_as}`" if spec.trained_as else "-"
+
+
+def _page(spec: MethodSpec) -> str:
+    module = module_of(spec)
+    place = module.replace(".", "/") + ".py"
+    facts = [("family", spec.family), ("told of the noise", spec.told)]
+    if spec.models:
+        facts.append(("model of hysteresis", ", ".join(spec.models)))
+    if spec.fits:
+        facts.append(("fitted on the training records", ", ".join(fit.key for fit in spec.fits)))
+    if spec.training:
+        on = "simulated twins of a preset" if spec.training.on_twins else "training records"
+        facts.append(("trained on", f"{on}, by `endotwin train --agent {spec.training.agent}`"))
+    if spec.trained_as:
+        facts.append(("runs on", f"the trained file of {agent_names()[spec.trained_as]}"))
+    if spec.oracle or spec.is_limit:
+        facts.append(("deployable", "no: it knows what no device tells"))
+    if spec.paper_column is not None:
+        facts.append(("in the paper", "Tables II and III"))
+    facts.append(("code", f"`{place}`"))
+    table = "| what | this method |\n|---|---|\n" + "\n".join(
+        f"| {name} | {value} |" for name, value in facts
+    )
+    known = equations()
+    formulas = [known[module.removeprefix("twin.estimation.").removeprefix("learned.")]]
+    formulas += [known[f"model {name}"] for name in MODELS if any(of.startswith(name) for of in spec.models)]
+    return (
+        f"# {spec.name}\n\n{table}\n\n## Equations\n\n"
+        + "\n\n".join(formulas)
+        + f"\n\n## In the code\n\n{_text(module)}\n\n## Try it\n\n{_try(spec)}\n\n"
+        "[All estimators](index.md) · [What they reach](../results/benchmark.md)\n"
+    )
+
+
+def _text(module: str) -> str:
+    """Return the docstring of a module in Markdown; indented equations stay as they are."""
+    text = inspect.cleandoc(importlib.import_module(module).__doc__ or "")
+    return "\n".join(
+        line if line.startswith("    ") else line.replace("<", "&lt;") for line in text.splitlines()
+    )
+
+
+def _try(spec: MethodSpec) -> str:
+    if spec.trained_as or spec.is_limit or spec.family == "ensemble":
+        return f"`endotwin evaluate --suite full --methods {_quoted(spec)} --out results` compares it."
+    lines = [f"endotwin evaluate data/test --train data/train --methods {_quoted(spec)} --out results"]
+    if spec.training:
+        data = "--protocol twins" if spec.training.on_twins else "data/train --model coleman_hodgdon.json"
+        lines.insert(
+            0, f"endotwin train {data} --agent {spec.training.agent} --out runs/{spec.training.agent}"
+        )
+        lines[1] += f" --policy runs/{spec.training.agent}/{spec.training.file}"
+    return "```sh\n" + "\n".join(lines) + "\n```"
+
+
+def _quoted(spec: MethodSpec) -> str:
+    return f"'{spec.name}'" if re.search(r"[^\w-]", spec.name) else spec.name
