@@ -9,6 +9,7 @@ import tyro
 
 from scripts.command import Summary, run_verb
 from scripts.outputs import output_file
+from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Report:
 
 def report(args: Report) -> Summary:
     """Write the page."""
+    require_extra("viz")
     from twin.report.page import known_file, write_report
 
     known_file(args.path)  # before its output is looked at
