@@ -10,6 +10,8 @@ from twin.export.even import whole_pieces_in_time
 from twin.export.tally import Tally
 from twin.files.atomic import write_whole
 from twin.recording import read_episode, recover_episode, write_csv, write_episode
+from twin.recording.camera import CAMERA_TOPIC
+from twin.recording.pictures import Pictures, read_pictures
 
 FORMATS = ("parquet", "csv", "mcap")
 """Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
@@ -55,11 +57,13 @@ class Piece:
         name: of the record.
         episode: its samples.
         file: where it is as it is; None where it was thinned or recovered.
+        source: file that it is from, whole; None where that is damaged.
     """
 
     name: str
     episode: Episode
     file: Path | None
+    source: Path | None
 
 
 def export_records(
@@ -88,17 +92,32 @@ def export_records(
     if plan.form == "parquet":
         from twin.export.lerobot import write_lerobot  # pyarrow may not be installed
 
-        write_lerobot(folder, ((piece.name, piece.episode) for piece in pieces))
+        write_lerobot(folder, _with_pictures(pieces, tally))
         return tally
     for piece in pieces:
         path = folder / f"{piece.name}.{plan.form}"
         if plan.form == "csv":
             write_csv(path, piece.episode, everything=plan.all_columns)
+            tally.pictures_left_out += has_pictures(piece.source)
         elif piece.file is not None:
             write_whole(path, piece.file.read_bytes())  # with what is not of the episode, such as pictures
         else:
             write_episode(path, _without_recipe(piece.episode))
+            tally.pictures_left_out += has_pictures(piece.source)
     return tally
+
+
+def _with_pictures(pieces: Iterator[Piece], tally: Tally) -> Iterator[tuple[str, Episode, Pictures | None]]:
+    """Yield records with their pictures, and count those that have some."""
+    for piece in pieces:
+        pictures = None if piece.source is None else read_pictures(piece.source)
+        tally.pictures += pictures is not None
+        yield piece.name, piece.episode, pictures
+
+
+def has_pictures(file: Path | None) -> bool:
+    """True for a file that holds pictures of a camera."""
+    return file is not None and CAMERA_TOPIC.encode() in file.read_bytes()
 
 
 def _pieces(
@@ -116,7 +135,8 @@ def _pieces(
             episode = _at(record, plan.sample_time, file)
             tally.count(episode)
             same = file if whole and plan.sample_time is None else None
-            yield Piece(name if len(records) == 1 else f"{name}_part_{number}", episode, same)
+            piece = name if len(records) == 1 else f"{name}_part_{number}"
+            yield Piece(piece, episode, same, file if whole else None)
     on_progress(len(files), len(files))
     if tally.episodes == 0:
         raise InputError("nothing is left of any file")

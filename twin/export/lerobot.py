@@ -6,6 +6,7 @@ meta/info.json                            frames per second, names, types and sh
 meta/stats.json                           statistics of each column over the dataset (see `statistics`)
 meta/tasks.parquet                        tasks in words
 meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and its statistics
+videos/observation.images.camera/chunk-000/file-000.mp4  pictures, where there are any (see `videos`)
 ```
 
 Two columns of the episodes are ours beside those of LeRobot: `source`, the name of the record, and
@@ -34,7 +35,9 @@ from twin.export.even import frames_per_second
 from twin.export.frames import Column, frame_columns
 from twin.export.parts import CHUNK_FILES, PartWriter
 from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
+from twin.export.videos import VIDEO_KEY, VIDEO_PATH, nested, video_feature, write_episode_video
 from twin.files.atomic import write_whole
+from twin.recording.pictures import Pictures
 
 VERSION = "v3.0"
 FILE_MEGABYTES = 100
@@ -44,13 +47,17 @@ _PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 
 def write_lerobot(
-    folder: Path, episodes: Iterable[tuple[str, Episode]], *, file_megabytes: float = FILE_MEGABYTES
+    folder: Path,
+    episodes: Iterable[tuple[str, Episode, Pictures | None]],
+    *,
+    file_megabytes: float = FILE_MEGABYTES,
 ) -> dict[str, Any]:
     """Write a dataset; one episode at a time is in memory.
 
     Args:
         folder: an empty folder; under an exception, what is in it is not complete.
-        episodes: a name and a record at even samples, each with the same columns and samples per second.
+        episodes: a name, a record at even samples and its pictures, each with the same columns, samples per
+            second and size of the pictures.
         file_megabytes: where a Parquet file ends and the next one begins [MiB].
 
     Returns:
@@ -63,9 +70,9 @@ def write_lerobot(
     """
     limit = file_megabytes * 2**20
     with PartWriter(folder / "data", limit) as data, PartWriter(folder / "meta" / "episodes", limit) as meta:
-        dataset = _Dataset(data, meta)
-        for name, episode in episodes:
-            dataset.add(name, episode)
+        dataset = _Dataset(folder, data, meta)
+        for name, episode, pictures in episodes:
+            dataset.add(name, episode, pictures)
         dataset.flush()
     info = dataset.info(file_megabytes)
     write_whole(folder / "meta" / "info.json", _json(info))
@@ -77,8 +84,9 @@ def write_lerobot(
 class _Dataset:
     """Facts of the episodes written so far."""
 
-    def __init__(self, data: PartWriter, meta: PartWriter) -> None:
+    def __init__(self, folder: Path, data: PartWriter, meta: PartWriter) -> None:
         self.tasks: dict[str, int] = {}
+        self._folder = folder
         self._data, self._meta = data, meta
         self._robots: set[str] = set()
         self._features: dict[str, dict[str, Any]] = {}
@@ -87,7 +95,7 @@ class _Dataset:
         self._first = ""
         self._per_second = self._episodes = self._frames = 0
 
-    def add(self, name: str, episode: Episode) -> None:
+    def add(self, name: str, episode: Episode, pictures: Pictures | None) -> None:
         try:
             per_second = frames_per_second(episode)
         except ValueError as error:
@@ -100,7 +108,10 @@ class _Dataset:
             first_index=self._frames,
             task_index=self.tasks.setdefault(task, len(self.tasks)),
         )
-        self._check(name, per_second, {key: column.feature for key, column in columns.items()})
+        features = {key: column.feature for key, column in columns.items()}
+        if pictures is not None:
+            features[VIDEO_KEY] = video_feature(pictures, per_second)
+        self._check(name, per_second, features)
         self._robots.add(robot)
         count = len(episode.time)
         chunk, file = self._data.place(count)
@@ -116,11 +127,25 @@ class _Dataset:
             "source": name,
             "metadata": json.dumps(episode.metadata, sort_keys=True, default=lambda value: value.tolist()),
         }
+        if pictures is not None:
+            row |= self._add_video(name, episode, pictures)
         self._rows.append(row | self._statistics_of(columns))
         self._episodes += 1
         self._frames += count
         if len(self._rows) >= _ROWS_AT_ONCE:
             self.flush()
+
+    def _add_video(self, name: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
+        """Write the film of an episode; returns where it is, and its statistics."""
+        try:
+            place, pixels = write_episode_video(
+                self._folder, self._episodes, episode, pictures, self._per_second
+            )
+        except ValueError as error:
+            raise InputError(f"{name}: {error}") from error
+        self._running[VIDEO_KEY].add(pixels)
+        told = nested(exact_statistics(pixels))
+        return place | {f"stats/{VIDEO_KEY}/{key}": numbers for key, numbers in told.items()}
 
     def flush(self) -> None:
         """Write the descriptions of episodes that are still held."""
@@ -147,26 +172,30 @@ class _Dataset:
             "fps": self._per_second,
             "splits": {"train": f"0:{self._episodes}"},
             "data_path": f"data/{_PATH}",
-            "video_path": None,
+            "video_path": VIDEO_PATH if VIDEO_KEY in self._features else None,
             "features": self._features,
         }
 
-    def statistics(self) -> dict[str, Mapping[str, list[float]]]:
+    def statistics(self) -> dict[str, Mapping[str, Any]]:
         """Return the contents of `stats.json`."""
-        told = {name: running.result() for name, running in self._running.items()}
+        told: dict[str, Mapping[str, Any]] = {
+            name: running.result() for name, running in self._running.items()
+        }
         for name, values in told.items():
             if np.isnan(values["mean"]).any():
                 missing = int(np.isnan(values["mean"]).argmax())
                 raise InputError(
                     f"{self._features[name]['names'][missing]} is missing at every sample of all episodes"
                 )
+        if VIDEO_KEY in told:
+            told[VIDEO_KEY] = nested(dict(told[VIDEO_KEY]))
         return told
 
     def _check(self, name: str, per_second: int, features: dict[str, dict[str, Any]]) -> None:
         """Take the first episode as the measure of the others."""
         if self._episodes == 0:
             self._first, self._per_second, self._features = name, per_second, features
-            self._running = {key: RunningStatistics(feature["shape"][0]) for key, feature in features.items()}
+            self._running = {key: RunningStatistics(_columns(feature)) for key, feature in features.items()}
             return
         if per_second != self._per_second:
             raise InputError(
@@ -196,9 +225,15 @@ class _Dataset:
             "dataset_from_index": pa.int64(),
             "dataset_to_index": pa.int64(),
         }
+        if VIDEO_KEY in self._features:
+            for key in ("chunk_index", "file_index", "from_timestamp", "to_timestamp"):
+                types[f"videos/{VIDEO_KEY}/{key}"] = pa.int64() if key.endswith("index") else pa.float64()
         for name in self._features:
+            numbers = pa.list_(pa.float64())
+            if name == VIDEO_KEY:
+                numbers = pa.list_(pa.list_(numbers))
             for key in ("min", "max", "mean", "std", "count", *QUANTILES):
-                types[f"stats/{name}/{key}"] = pa.list_(pa.int64() if key == "count" else pa.float64())
+                types[f"stats/{name}/{key}"] = pa.list_(pa.int64()) if key == "count" else numbers
         types |= {"meta/episodes/chunk_index": pa.int64(), "meta/episodes/file_index": pa.int64()}
         return pa.schema(types | {"source": pa.string(), "metadata": pa.string()})
 
@@ -214,7 +249,15 @@ def _robot_and_task(episode: Episode) -> tuple[str, str]:
     return robot, f"bend the {robot} by a {signal} command" if signal else f"bend the {robot}"
 
 
+def _columns(feature: Mapping[str, Any]) -> int:
+    """Return how many numbers of a feature are counted apart: of a sample, or the colours of a video."""
+    return 3 if feature["dtype"] == "video" else int(feature["shape"][0])
+
+
 def _width(features: Mapping[str, dict[str, Any]], key: str) -> str:
+    if key == VIDEO_KEY and key in features:
+        height, width, _ = features[key]["shape"]
+        return f"pictures of {width} x {height}"
     width = features[key]["shape"][0] if key in features else 0
     return f"{width} columns of {key}" if width else f"no {key}"
 

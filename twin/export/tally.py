@@ -18,6 +18,8 @@ class Tally:
         seconds: in all episodes [s].
         recovered: of each damaged file: samples that were read, how many there once were, and what is wrong.
         lost: each file that nothing is left of, and why.
+        pictures: records whose pictures are written.
+        pictures_left_out: records whose pictures are not, as the format has none, or samples were thinned.
     """
 
     episodes: int = 0
@@ -25,6 +27,8 @@ class Tally:
     seconds: float = 0.0
     recovered: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     lost: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    pictures: int = 0
+    pictures_left_out: int = 0
 
     def count(self, episode: Episode) -> None:
         """Add an episode that is written."""
@@ -45,8 +49,12 @@ class Tally:
 
     @property
     def damage(self) -> str:
-        """Losses of damaged files, as the end of a sentence; empty if all were whole."""
+        """Pictures, and losses of damaged files, as the end of a sentence; empty for neither."""
         told = ""
+        if self.pictures:
+            told += f"; with the pictures of {self.pictures} as video"
+        if self.pictures_left_out:
+            told += f"; without the pictures of {self.pictures_left_out}, which parquet would hold as video"
         if self.recovered:
             got = sum(file["samples"] for file in self.recovered)
             expected = [file["samples_expected"] for file in self.recovered]
