@@ -196,16 +196,23 @@ def _summary(folder: Path, preset: str, written: "Written") -> Summary:
 
 
 def _verify(folder: Path) -> Summary:
+    from twin.dataset.rules import RULES
     from twin.dataset.verify import verify
 
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:
-        complain(with_flags(fault))
+        complain(f"{fault.rule}: {with_flags(fault)}")
+    broken = {fault.rule: sum(other.rule == fault.rule for other in faults) for fault in faults}
+    table = "\n".join(
+        f"  {_counted(broken[rule], 'fault') if rule in broken else 'holds':<9}  {rule:<11} {what}"
+        for rule, what in RULES.items()
+    )
     line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
     if faults:
-        line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')}"
-    values = {"out": str(folder), "episodes": episodes, "faults": faults}
-    return Summary(line, values, code=1 if faults else 0)
+        rules = ", ".join(broken)
+        line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')} ({rules})"
+    values = {"out": str(folder), "episodes": episodes, "faults": faults, "rules": broken}
+    return Summary(line, values, code=1 if faults else 0, table=table)
 
 
 def _replay(path: Path) -> Summary:

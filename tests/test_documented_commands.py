@@ -1,9 +1,9 @@
 """Every command and every snippet of README and docs does what it is printed for.
 
-Every command is parsed as it is printed. Each run of the tests then runs them at a small size
-(`documented.SMALLER` says what is made smaller; what it does not name is run as it is printed), but for the
-heaviest (`HEAVY`), in whose place a trained file is put. `make validate` runs all of them at a small size, and as
-they are printed those that do not take hours (`HOURS`).
+Every command is parsed as it is printed. Each run of the tests then runs them at a small size (`SMALLER`, in
+`documented`, says what is made smaller; what it does not name is run as it is printed), but for the heaviest
+(`HEAVY`), in whose place a trained file is put. `make validate` runs all of them at a small size, and as they
+are printed those that do not take hours (`HOURS`).
 """
 
 import contextlib

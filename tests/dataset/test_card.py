@@ -54,7 +54,8 @@ def test_table_holds_the_statistics_of_all_numbers_of_the_files(folder):
     episodes = read_dataset(folder)
     rows = table_of(card_of(folder))
     assert list(rows) == [feature.name for feature in FEATURES if feature.name in recorded(episodes[0])]
-    for name, (_, topic, shape, *figures, count) in rows.items():
+    for name, (_, unit, topic, shape, *figures, count) in rows.items():
+        assert unit == next(feature.unit for feature in FEATURES if feature.name == name)
         values = np.stack([recorded(episode)[name] for episode in episodes])
         least, most, mean, deviation = map(float, figures)
         assert least == pytest.approx(values.min(), rel=1e-3, abs=1e-12)
@@ -69,7 +70,7 @@ def test_table_holds_the_statistics_of_all_numbers_of_the_files(folder):
 def test_card_counts_episodes_seconds_and_bytes(folder):
     card = card_of(folder)
     assert "3 episodes of 1 s at 50 samples per second (3 s in all)" in card
-    assert card.startswith("# Hysteresis of `small`")
+    assert "\n# Hysteresis of `small`" in card
     size = sum(path.stat().st_size for path in folder.glob("*.mcap"))
     found = re.search(r"([\d.]+) MB in all, ([\d.]+) MB per minute", card)
     assert found is not None

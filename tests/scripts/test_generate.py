@@ -12,6 +12,7 @@ import yaml
 from distributed import LocalCluster
 
 from scripts.generate import main
+from twin.dataset.rules import RULES
 from twin.recording import read_episode
 
 RECIPE = """
@@ -91,12 +92,16 @@ def test_what_is_there_is_kept_and_what_is_damaged_is_made_anew(told):
 def test_verify_says_what_is_wrong_and_its_exit_code_is_1(told):
     told("recipe.yaml --out data --workers 1")
     code, out, _ = told("--verify --out data")
-    assert (code, out.split(": ")[1][:22]) == (0, "all 2 episodes are who")
+    assert code == 0
+    *rules, last = out.splitlines()
+    assert last.startswith("data: all 2 episodes are whole")
+    assert [line.split()[:2] for line in rules] == [["holds", rule] for rule in RULES]
     os.remove("data/episode_0000.mcap")
     code, out, err = told("--verify --out data --json")
     assert code == 1
     assert json.loads(out)["faults"] == ["data/episode_0000.mcap is missing"]
-    assert "data/episode_0000.mcap is missing" in err
+    assert "files: data/episode_0000.mcap is missing" in err
+    assert json.loads(out)["rules"] == {"files": 1}
     shutil.rmtree("data")
     assert told("--verify --out data")[0] == 2
 

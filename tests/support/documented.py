@@ -72,8 +72,16 @@ NOT_RUN = {
 """Lines that are printed and not run here, by a part of them, and why."""
 
 
-HEAVY = ("--protocol twins", "endotwin gate", "endotwin control", "--suite full", "train_tracking")
-"""Parts of commands that take most of a minute even at a small size: `make validate` runs them."""
+HEAVY = (
+    "--protocol twins",
+    "endotwin gate",
+    "endotwin control",
+    "--suite full",
+    "train_tracking",
+    "--stroke -1 1 <",
+    "--stroke -1 1 --speed",
+)
+"""Parts of commands that need a file of their own, or a minute even at a small size: for `make validate`."""
 
 
 @dataclasses.dataclass(frozen=True)

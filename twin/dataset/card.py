@@ -1,11 +1,11 @@
 """Card of a dataset: a README.md that describes it, with a figure of its loops."""
 
 import dataclasses
+import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -14,10 +14,10 @@ from tabulate import tabulate
 from twin.dataset.files import file_name
 from twin.dataset.recipe import EpisodeKey, Recipe
 from twin.episode import Episode
-from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 from twin.files.dataset_json import SimulatedDataset, SimulatedFile
 from twin.files.names import in_code
+from twin.files.templates import card_environment
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
@@ -61,26 +61,25 @@ def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
         recipe: what its episodes were made from.
         contents: of `dataset.json`.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(assets_folder()),
-        trim_blocks=True,
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    return environment.get_template("dataset_card.md.j2").render(
-        episodes=contents.episodes,
-        seconds_each=f"{recipe.seconds:g}",
-        total=_duration(contents.seconds),
-        preset=in_code(recipe.preset.name),
-        endotwin=contents.endotwin,
-        mujoco=contents.mujoco,
-        figure=FIGURE,
-        caption=_caption(len(shown_keys(recipe)), contents.episodes),
-        varies="\n".join(f"- {line}" for line in varying(recipe, contents.files)),
-        rate=f"{1 / recipe.sample_time_s:g}",
-        features=_features(contents),
-        first=contents.files[0].name,
-        size=_size(contents.bytes, contents.seconds),
+    return (
+        card_environment()
+        .get_template("dataset_card.md.j2")
+        .render(
+            hub_name=json.dumps(f"Hysteresis of {recipe.preset.name}"),
+            episodes=contents.episodes,
+            seconds_each=f"{recipe.seconds:g}",
+            total=_duration(contents.seconds),
+            preset=in_code(recipe.preset.name),
+            endotwin=contents.endotwin,
+            mujoco=contents.mujoco,
+            figure=FIGURE,
+            caption=_caption(len(shown_keys(recipe)), contents.episodes),
+            varies="\n".join(f"- {line}" for line in varying(recipe, contents.files)),
+            rate=f"{1 / recipe.sample_time_s:g}",
+            features=_features(contents),
+            first=contents.files[0].name,
+            size=_size(contents.bytes, contents.seconds),
+        )
     )
 
 
@@ -227,8 +226,9 @@ def _features(contents: SimulatedDataset) -> str:
         held = contents.statistics[name]
         shape = " x ".join(map(str, feature.shape)) or "1"
         figures = [f"{figure:.4g}" for figure in (held.min, held.max, held.mean, held.std)]
-        rows.append([f"`{name}`", feature.meaning, f"`{feature.topic}`", shape, *figures, held.count])
-    headers = ["quantity", "what", "topic", "per sample", "min", "max", "mean", "std", "count"]
+        unit, topic = feature.unit, f"`{feature.topic}`"
+        rows.append([f"`{name}`", feature.meaning, unit, topic, shape, *figures, held.count])
+    headers = ["quantity", "what", "unit", "topic", "per sample", "min", "max", "mean", "std", "count"]
     return tabulate(rows, headers=headers, tablefmt="github", disable_numparse=True)
 
 

@@ -12,6 +12,7 @@ from twin.dataset.files import file_name, make_files, most_table_bytes
 from twin.dataset.origin import wrong_origin
 from twin.dataset.recipe import EpisodeKey, of_each_episode
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
+from twin.dataset.rules import RuleFault, faults_of
 from twin.dataset.versions import VERSIONS
 from twin.dataset.write import describe
 from twin.episode import Episode
@@ -51,15 +52,17 @@ class Replay:
     line: str
 
 
-def verify(folder: Path, on_progress: Callable[[int, int], None] | None = None) -> tuple[list[str], int]:
-    """Check every file of a dataset against its `dataset.json`: hash, structure, contents, statistics.
+def verify(
+    folder: Path, on_progress: Callable[[int, int], None] | None = None
+) -> tuple[list[RuleFault], int]:
+    """Check every file of a dataset against its `dataset.json`, by each of `twin.dataset.rules.RULES`.
 
     Args:
         folder: of the dataset: simulated, measured, or the full suite's records.
         on_progress: called with how many episodes are checked, and how many there are.
 
     Returns:
-        One line for each fault, and how many episodes there should be.
+        One line for each fault, which knows its rule, and how many episodes there should be.
 
     Raises:
         FileNotFoundError: there is no `dataset.json`.
@@ -68,51 +71,54 @@ def verify(folder: Path, on_progress: Callable[[int, int], None] | None = None) 
     contents = read_contents(folder)
     files: tuple[Entry, ...] = contents.files
     count = len(files)
-    faults = []
+    faults: list[RuleFault] = []
     made_from = _recipe_sha256(folder) if isinstance(contents, SimulatedDataset) else None
     for done, file in enumerate(files, start=1):
         faults += _wrong_file(folder, file, contents, made_from)
         if on_progress:
             on_progress(done, count)
-    faults += _wrong_totals(folder / NAME, contents)
+    faults += faults_of("totals", _wrong_totals(folder / NAME, contents))
     if isinstance(contents, SimulatedDataset):
-        faults += _wrong_recipe(folder, contents)
-        faults += [f"{folder / name} is missing" for name in (CARD, FIGURE) if not (folder / name).is_file()]
+        faults += faults_of("recipe", _wrong_recipe(folder, contents))
+        absent = [name for name in (CARD, FIGURE) if not (folder / name).is_file()]
+        faults += faults_of("card", (f"{folder / name} is missing" for name in absent))
     names = {file.name for file in files}
-    faults += [
-        f"{path} is not in dataset.json" for path in sorted(folder.glob("*.mcap")) if path.name not in names
-    ]
-    return faults, count
+    others = [path for path in sorted(folder.glob("*.mcap")) if path.name not in names]
+    return [*faults, *faults_of("files", (f"{path} is not in dataset.json" for path in others))], count
 
 
-def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> list[str]:
+def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> list[RuleFault]:
     """Return in what a file is not as `dataset.json` says."""
     path = folder / file.name
     if not path.is_file():
-        return [f"{path} is missing"]
+        return [RuleFault("files", f"{path} is missing")]
     size = path.stat().st_size
     same = size == file.bytes and sha256_of(path) == file.sha256
-    faults = _wrong_table(path.with_suffix(".csv"), file) if same and isinstance(file, SimulatedFile) else []
+    faults: list[RuleFault] = []
+    if same and isinstance(file, SimulatedFile):
+        faults += faults_of("tables", _wrong_table(path.with_suffix(".csv"), file))
     try:
         episode = read_episode(path)
     except (ValueError, OSError) as error:
-        return [*faults, str(error)]
+        return [*faults, RuleFault("readable", str(error))]
     if size != file.bytes:
-        return [f"{path} has {size} bytes, dataset.json says {file.bytes}"]
+        return [RuleFault("bytes", f"{path} has {size} bytes, dataset.json says {file.bytes}")]
     if not same:
-        return [f"{path} has another SHA-256 than dataset.json says"]
+        return [RuleFault("bytes", f"{path} has another SHA-256 than dataset.json says")]
     if len(episode.time) != file.samples:
-        faults.append(f"{path} has {len(episode.time)} samples, dataset.json says {file.samples}")
+        said = f"{path} has {len(episode.time)} samples, dataset.json says {file.samples}"
+        faults.append(RuleFault("length", said))
     if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
-        faults.append(f"{path} lasts {length(episode):g} s, dataset.json says {file.seconds:g} s")
+        said = f"{path} lasts {length(episode):g} s, dataset.json says {file.seconds:g} s"
+        faults.append(RuleFault("length", said))
     stated = to_json_values(contents)["features"]
     if describe_features(episode) != {name: stated.get(name) for name in stated if name in file.statistics}:
-        faults.append(f"{path} holds other quantities than dataset.json says")
+        faults.append(RuleFault("quantities", f"{path} holds other quantities than dataset.json says"))
     wrong = wrong_statistics(episode, to_json_values(file)["statistics"])
-    faults += [f"{path}: {fault}, by dataset.json" for fault in wrong]
+    faults += faults_of("statistics", (f"{path}: {fault}, by dataset.json" for fault in wrong))
     if made_from is not None and episode.metadata.get("recipe_sha256") != made_from:
-        faults.append(f"{path} was made from another recipe than that of the folder")
-    return [*faults, *wrong_origin(path, episode.metadata, file, contents)]
+        faults.append(RuleFault("recipe", f"{path} was made from another recipe than that of the folder"))
+    return [*faults, *faults_of("origin", wrong_origin(path, episode.metadata, file, contents))]
 
 
 def _recipe_sha256(folder: Path) -> str | None:

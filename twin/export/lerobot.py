@@ -5,6 +5,7 @@ data/chunk-000/file-000.parquet           frames, one row group per episode (see
 meta/info.json                            frames per second, names, types and shapes of the columns, totals
 meta/stats.json                           statistics of each column over the dataset (see `statistics`)
 meta/tasks.parquet                        tasks in words
+README.md                                 what it holds, and how pandas, PyTorch and LeRobot load it
 meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and its statistics
 videos/observation.images.camera/chunk-000/file-000.mp4  pictures, where there are any (see `videos`)
 ```
@@ -29,6 +30,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.export.even import frames_per_second
@@ -37,6 +39,8 @@ from twin.export.parts import CHUNK_FILES, PartWriter
 from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
 from twin.export.videos import VIDEO_KEY, VIDEO_PATH, nested, video_feature, write_episode_video
 from twin.files.atomic import write_whole
+from twin.files.names import in_code
+from twin.files.templates import card_environment
 from twin.recording.pictures import Pictures
 
 VERSION = "v3.0"
@@ -78,6 +82,7 @@ def write_lerobot(
     write_whole(folder / "meta" / "info.json", _json(info))
     write_whole(folder / "meta" / "stats.json", _json(dataset.statistics()))
     write_whole(folder / "meta" / "tasks.parquet", _tasks(dataset.tasks))
+    write_whole(folder / "README.md", _card(info))
     return info
 
 
@@ -273,6 +278,25 @@ def _tasks(tasks: Mapping[str, int]) -> bytes:
     file = io.BytesIO()
     pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(pandas)}), file)
     return file.getvalue()
+
+
+def _card(info: Mapping[str, Any]) -> str:
+    """Return the README.md of the dataset: what it holds, and how to load it."""
+    return (
+        card_environment()
+        .get_template("lerobot_card.md.j2")
+        .render(
+            hub_name=json.dumps(f"Hysteresis of {info['robot_type']}"),
+            robot=in_code(str(info["robot_type"])),
+            episodes=info["total_episodes"],
+            frames=info["total_frames"],
+            fps=info["fps"],
+            version=VERSION,
+            endotwin=__version__,
+            features=info["features"],
+            video=VIDEO_KEY in info["features"],
+        )
+    )
 
 
 def _json(contents: Mapping[str, Any]) -> str:
