@@ -29,7 +29,7 @@ ALONE = ("docs/quickstart.md",)
 """Documents that begin anew."""
 
 SMALLER: tuple[tuple[str, str], ...] = (
-    (r"--seconds (60|40|30)\b", "--seconds 6"),
+    (r"--seconds (60|40|30)\b", "--seconds 8"),
     (r"--seeds \d+", "--seeds 1"),
     (r"(endotwin generate mixed.yaml)", r"\1 --seconds 1"),
     (r"(endotwin generate --physics reduced) --episodes 64", r"\1 --episodes 2 --seconds 2"),
