@@ -80,6 +80,10 @@ HEAVY = (
     "train_tracking",
     "--stroke -1 1 <",
     "--stroke -1 1 --speed",
+    "vio_com_again.yaml",
+    "probe.yaml",
+    "rig.yaml",
+    "runs/rig",
 )
 """Parts of commands that need a file of their own, or a minute even at a small size: for `make validate`."""
 
