@@ -41,7 +41,7 @@ def site(tmp_path_factory):
     """The built site; a warning of the builder, such as a dead link or anchor, is a failure."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, REPOSITORY / "docs/site/build.py", out]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "arning" not in done.stdout + done.stderr
     return out / "site"
