@@ -92,8 +92,13 @@ def _make(path: Path) -> None:
         if not folder.is_dir():
             if folder.exists():
                 raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-            folder.mkdir()
-            _made.append(folder)
+            try:
+                folder.mkdir()
+            except FileExistsError:  # another process may have made it since
+                if not folder.is_dir():
+                    raise
+            else:
+                _made.append(folder)
 
 
 def _same(one: Path, other: Path) -> bool:

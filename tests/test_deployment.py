@@ -68,8 +68,8 @@ def test_the_ten_lines_run(tmp_path, ram_policy):
     rows = zip(time, np.sin(time), 20 * np.sin(time - 0.3), strict=True)
     log = "time_s,pull_mm,angle_deg\n" + "".join("{:.6g},{:.6g},{:.6g}\n".format(*row) for row in rows)
     (tmp_path / "bench.csv").write_text(log)
-    (tmp_path / "runs/ram_twins").mkdir(parents=True)
-    (tmp_path / TRAINED).write_bytes(ram_policy.read_bytes())
+    (tmp_path / "runs/device").mkdir(parents=True)
+    (tmp_path / "runs/device/policy.onnx").write_bytes(ram_policy.read_bytes())
     ran = []
     for line in ten_lines():
         verb, *words = without_redirections(line)

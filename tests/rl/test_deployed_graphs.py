@@ -130,8 +130,8 @@ def test_policy(agent, samples, tmp_path):
 def test_filter_step(precision, method, samples, tmp_path):
     """A step learns in single precision and is deployed in double: within the rounding of the former.
 
-    A filter adds up roundings of its covariance and of weighted members: 5e-5 deg at angles up to 58 deg,
-    which do not grow with the length of the stream.
+    A filter adds up roundings of its covariance and of weighted members: 2e-5 to 4e-5 of an angle, by the
+    processor, which do not grow with the length of the stream.
     """
     path = tmp_path / "policy.onnx"
     if method == "ram-twins":
@@ -149,4 +149,4 @@ def test_filter_step(precision, method, samples, tmp_path):
             graph, read_trained_file(path), names, drawn, samples, lambda k: k % 97 == 40, precision
         )
     )
-    assert worst < (SINGLE / 10 if precision == torch.float64 else 3 * SINGLE)
+    assert worst < (SINGLE / 10 if precision == torch.float64 else 10 * SINGLE)

@@ -31,12 +31,6 @@ FIT_END = "_fit.json"
 """End of the name of the report that stands beside a calibrated preset."""
 RIVALS = ("coleman_hodgdon", "prandtl_ishlinskii", "bouc_wen")
 """Models without physics that a calibration may be compared with, as its report names them."""
-_NAMES = {
-    "": "twin",
-    "coleman_hodgdon": "Coleman-Hodgdon",
-    "prandtl_ishlinskii": "Prandtl-Ishlinskii",
-    "bouc_wen": "Bouc-Wen",
-}
 
 Name = Annotated[str, Field(max_length=200)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -145,7 +139,7 @@ def _best_rival(logs: list[dict[str, Any]], figure: str) -> str:
     if not worst:
         return ""
     best = min(worst, key=lambda rival: worst[rival])
-    return f"{worst[best]:.2f} ({_NAMES[best]})"
+    return f"{worst[best]:.2f} ({_in_words(best)})"
 
 
 def _held(log: dict[str, Any], prefix: str) -> Any:
@@ -169,6 +163,11 @@ def _picture(path: Path) -> Part:
         return Gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
 
 
+def _in_words(rival: str) -> str:
+    """Return the name of a model, which is that of its authors."""
+    return rival.title().replace("_", "-")
+
+
 def _errors(fit: FitFile) -> tuple[Part, ...]:
     rivals = [rival for rival in RIVALS if any(f"{rival}_rmse_deg" in log for log in fit.logs)]
     rows = []
@@ -181,7 +180,7 @@ def _errors(fit: FitFile) -> tuple[Part, ...]:
             cells = tuple(_cell(value, known) for value in figures)
             bend = log.get("sheath_bend_deg")
             rows.append((str(log.get("name")), "-" if bend is None else f"{bend:g}", what, *cells))
-    head = ("log", "sheath bent by [deg]", "it was", *(_NAMES[name] for name in ("", *rivals)))
+    head = ("log", "sheath bent by [deg]", "it was", "twin", *map(_in_words, rivals))
     note = (
         "RMSE in degrees; the offset of a fitted log is taken off. The twin is one for all logs; a model "
         "without physics is fitted anew to each bend of the sheath."
