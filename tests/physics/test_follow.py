@@ -33,6 +33,7 @@ def rewritten(request, monkeypatch):
         np.zeros((2, *layout.element.shape)),
         np.zeros((2, 2, groups)),
         np.zeros((2, *layout.wire.shape)),
+        np.zeros((2, *layout.wire.shape)),
         np.zeros((2, *layout.shared.shape)),
         np.zeros((2, *layout.wrap.shape)),
     )
@@ -60,3 +61,4 @@ def test_damping_makes_the_springs_implicit_where_they_are_or_will_be_taut(rewri
     assert 0 < (expected == 0).sum() < expected.size
     assert ((slack > 0) & ~stays_slack).any()
     np.testing.assert_allclose(out.damping, expected, rtol=1e-12)
+    np.testing.assert_allclose(out.inertia, STIFFENING.time_step * expected, rtol=1e-12)

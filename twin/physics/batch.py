@@ -17,7 +17,7 @@ from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, Rewritten
-from twin.physics.model import model_xml, stepped_model
+from twin.physics.model import compiled_model, model_xml
 from twin.physics.release import is_curved, release_shares
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
@@ -93,7 +93,7 @@ class EndoscopeBatch:
         check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
-        compiled = {preset: stepped_model(xml) for preset, xml in built.items()}
+        compiled = {preset: compiled_model(xml, drawn=False) for preset, xml in built.items()}
         self.xml = [built[preset] for preset in presets]
         models = [compiled[preset] for preset in presets]
         self.layout = Layout.of(models[0], presets[0])
@@ -144,7 +144,7 @@ class EndoscopeBatch:
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
         if self._loads.takes_notes:
-            self._loads.note(self._rewritten, self._constraint, moving)
+            self._loads.note(self._rewritten, self._constraint, self._qvel, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""

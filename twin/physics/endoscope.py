@@ -14,7 +14,7 @@ from twin.mechanics.drive import Drive
 from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, Rewritten
-from twin.physics.model import model_xml, stepped_model
+from twin.physics.model import compiled_model, model_xml
 from twin.physics.release import is_curved, release_shares
 from twin.preset.preset import Preset
 
@@ -66,8 +66,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             drawn: False leaves out what is only drawn: it is stepped faster, through the same states.
         """
         xml = model_xml(preset)
-        model = mujoco.MjModel.from_xml_string(xml) if drawn else stepped_model(xml)
-        physics = cast("Endoscope", cls.from_model(dm_mujoco.wrapper.MjModel(model)))
+        model = dm_mujoco.wrapper.MjModel(compiled_model(xml, drawn=drawn))
+        physics = cast("Endoscope", cls.from_model(model))
         physics.xml = xml
         physics._bind(preset)
         return physics
@@ -211,7 +211,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             )
 
         if self._loads.takes_notes:
-            self._loads.note(self._rewritten, data.qfrc_constraint[None], _ALONE)
+            self._loads.note(self._rewritten, data.qfrc_constraint[None], self._qvel, _ALONE)
 
     def push_tip(self, force: float) -> None:
         """Push the last vertebra sideways from now on, towards more bend; the direction follows the tip.

@@ -25,14 +25,15 @@ def follow_load(
     steps: Array,
     sheath: Array,
     damping: Array,
+    inertia: Array,
     at_tip: Array,
 ) -> None:
     """Write the friction of the sheath and the damping of the wires of B endoscopes.
 
     These are `tension_at` and `element_friction`, segment by segment from the pulley to the tip.
-    Damping holds, beside the wire's own, time step times stiffness: it makes MuJoCo's implicit step in the
-    velocities a backward Euler step of the springs, which it would otherwise take explicitly. A segment that
-    will be taut before the next update has it already.
+    Damping holds, beside the wire's own, time step times stiffness: with it, and with as much inertia times
+    the time step, a step is one of backward Euler (`model.py`). A segment that will be taut before the next
+    update has it already.
 
     Args:
         qpos: (B, nq) positions.
@@ -48,6 +49,7 @@ def follow_load(
         steps: (2,) time step, and how far ahead a segment counts as taut [s].
         sheath: (B, wires, elements), where friction goes [N].
         damping: (B, wires, elements + 1), where damping goes [N s / m].
+        inertia: (B, wires, elements + 1), where the inertia of that damping goes [kg].
         at_tip: (B, wires), where the tension at the tip goes [N].
     """
     time_step, ahead = steps
@@ -76,5 +78,6 @@ def follow_load(
                 damping[b, w, i] = 0.0
                 if max(stretch, soon) > -NEARLY_TAUT:
                     damping[b, w, i] = own + time_step * (stiffness + 2 * quadratic * taut)
+                inertia[b, w, i] = time_step * damping[b, w, i]
                 before, start, start_rate = tension, end, end_rate
             at_tip[b, w] = before

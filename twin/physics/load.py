@@ -1,7 +1,7 @@
 """Load-dependent forces in batches: friction and damping of MuJoCo's models, from the tension of the wires.
 
 MuJoCo knows one constant friction force per joint. Here it is rewritten, once per control period, from where
-the wires are; so is the damping of the wires, which must vanish with their tension.
+the wires are; so are damping and inertia of the wires, which must vanish with their tension.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from twin.physics.wires import Wires
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "wrap_prm")
+REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendon_armature", "wrap_prm")
 """Fields of MuJoCo's models that follow the load."""
 
 
@@ -41,6 +41,7 @@ class Rewritten(NamedTuple):
         sheath: breakaway friction of the sheath elements, (B, wires, elements) [N].
         joints: breakaway friction of each hinge of a group, (B, planes, groups) [N m].
         damping: damping of the wire segments, (B, wires, elements + 1) [N s / m].
+        inertia: time step times damping, (B, wires, elements + 1) [kg]: see `model.py`.
         loss: friction of pairs of neighbours, along and across, (B, 2, pairs); none with one plane.
         coefficient: of their tendons, (B, 2, wraps); likewise.
     """
@@ -48,13 +49,14 @@ class Rewritten(NamedTuple):
     sheath: Array
     joints: Array
     damping: Array
+    inertia: Array
     loss: Array
     coefficient: Array
 
     @classmethod
     def of(cls, layout: Layout, fields: Sequence[Array]) -> "Rewritten":
         """Return the views of the fields `REWRITTEN`, each with the endoscopes along its first axis."""
-        joint_loss, tendon_loss, tendon_damping, wraps = fields
+        joint_loss, tendon_loss, tendon_damping, tendon_inertia, wraps = fields
 
         def view(field: Array, index: Index) -> Array:
             return field[:, consecutive(index)].reshape(len(field), *index.shape)
@@ -65,8 +67,9 @@ class Rewritten(NamedTuple):
         else:
             sheath = np.zeros((count, *layout.element.shape))
             joints = np.zeros((count, planes, layout.shared.shape[1] - 2 * layout.element.shape[1]))
+        damping, inertia = view(tendon_damping, layout.wire), view(tendon_inertia, layout.wire)
         loss, coefficient = view(tendon_loss, layout.shared), view(wraps, layout.wrap)
-        return cls(sheath, joints, view(tendon_damping, layout.wire), loss, coefficient)
+        return cls(sheath, joints, damping, inertia, loss, coefficient)
 
 
 class Loads:
@@ -99,7 +102,7 @@ class Loads:
         self._routing = np.array([[[p.routing_friction * p.wire_offset]] for p in presets])
         self._routed = bool(self._routing.any())
         two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
-        self.shared = SharedFriction(len(presets), presets[0].vertebrae, layout) if two else None
+        self.shared = SharedFriction(presets, layout) if two else None
         self.sticking = Sticking(presets, layout) if sticks else None
         # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
         vertebrae = presets[0].vertebrae
@@ -145,6 +148,7 @@ class Loads:
             self._steps,
             rewritten.sheath,
             rewritten.damping,
+            rewritten.inertia,
             self._at_tip,
         )
         if self._routed or self.shared is not None:
@@ -159,16 +163,18 @@ class Loads:
         """Friction depends on what `note` is told."""
         return self.shared is not None
 
-    def note(self, rewritten: Rewritten, constraint: Array, moving: Index) -> None:
+    def note(self, rewritten: Rewritten, constraint: Array, qvel: Array, moving: Index) -> None:
         """Note what friction held in a control period.
 
         Args:
             rewritten: as `follow` left it.
             constraint: (B, nv) forces of MuJoCo's constraints at its end.
+            qvel: (B, nv) velocities then.
             moving: indices of the endoscopes that were stepped.
         """
         if self.shared is not None:
-            self.shared.note(constraint, rewritten.sheath, rewritten.joints, moving)
+            sheath, joints, damping = rewritten.sheath, rewritten.joints, rewritten.damping
+            self.shared.note(constraint, qvel, sheath, joints, damping, moving)
 
     def memory(self) -> tuple[Array, Array]:
         """Return what friction has of the past, flat: shared directions [rad], and what stiction holds."""

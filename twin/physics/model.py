@@ -5,6 +5,15 @@ A joint `hinge_i` bends each vertebra. The pulley and the friction elements of t
 `wire_a1`, ...; the last length of a wire runs along the vertebrae at a constant distance from their axis, so
 that a hinge pays out or takes up wire by that moment arm times its angle. With two bending planes every
 vertebra has a second, crossed hinge, and there is a second pulley for the wires c and d.
+
+Springs are stiff and their masses light, so that a step of the velocities v by time must be implicit. With
+damping of D + K h, for a spring K and the time step h, it is backward Euler:
+
+    (M + h (D + K h)) (v' - v) = h (f - (D + K h) v + friction)
+
+MuJoCo's implicit integrators put h (D + K h) beside M after friction has been found for M alone: what should
+stop at once then goes on sliding for many steps, as h^2 K is far above M. Here it is inertia of the joints
+and tendons (`armature`), and friction is found for what is moved.
 """
 
 import functools
@@ -25,6 +34,7 @@ _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached,
 # Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
 _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
+_TOLERANCE = 1e-15  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
 _MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
@@ -50,15 +60,17 @@ def model_xml(preset: Preset) -> str:
     return xml
 
 
-def stepped_model(xml: str) -> mujoco.MjModel:
-    """Compile a model without its shapes, lights and cameras, which MuJoCo would place in every step.
+def compiled_model(xml: str, *, drawn: bool) -> mujoco.MjModel:
+    """Compile a model, with or without its shapes, lights and cameras.
 
-    It moves bit for bit as the whole one, as nothing of them has mass or touches anything.
+    Without those, which MuJoCo would place in every step, it moves bit for bit as the whole one, as nothing
+    of them has mass or touches anything.
     """
     spec = mujoco.MjSpec.from_string(xml)
-    for drawn in (*spec.geoms, *spec.lights, *spec.cameras):
-        spec.delete(drawn)
+    for unseen in () if drawn else (*spec.geoms, *spec.lights, *spec.cameras):
+        spec.delete(unseen)
     model: mujoco.MjModel = spec.compile()
+    model.opt.noslip_tolerance = _TOLERANCE
     return model
 
 
@@ -66,9 +78,8 @@ def element_mass(preset: Preset) -> float:
     """Return the inertia of one sheath element [kg].
 
     A wire's own mass would need steps of microseconds. The motion is quasi-static and the springs are taken
-    implicitly, so an inertia well below stiffness times the time step squared changes nothing that is
-    measured; a much lighter element would be thrown about by the friction constraint, which MuJoCo solves
-    explicitly.
+    implicitly, so an inertia below stiffness times the time step squared changes nothing that is measured;
+    with a much lower one the friction of neighbours is found in more iterations.
     """
     return _LIGHTNESS * segment_stiffness(preset) * preset.time_step**2
 
@@ -84,10 +95,9 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
 
     The integrating actuator ramps linearly between two distances and holds each as a stiff spring does: it
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
-    that no error in position is needed to move. Time step times stiffness, added to the damping, makes the
-    spring implicit (see `Loads.follow`).
+    that no error in position is needed to move.
     """
-    damping = 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
+    damping = _pulley_damping(preset)
     spec.add_actuator(
         name=f"{plane}position",
         target=f"{plane}pulley",
@@ -109,18 +119,26 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     )
 
 
+def _pulley_damping(preset: Preset) -> float:
+    """Return the damping of a pulley, critical and what makes its spring implicit [N s / m]."""
+    return 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
+
+
 def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
     """Add pulleys and sheath elements as slide joints of invisible, weightless bodies.
 
-    They are nested in the last vertebra, although nothing hangs there: MuJoCo's implicit integrator couples
-    the velocities of one kinematic tree only, and wires couple them all. A slide's inertia is its joint's
-    armature, so the frame it is carried in does not matter. Each wire has a branch of its own below the
-    pulleys, as no force couples the elements of two wires, and as few bodies as its slides fit on.
+    They are nested in the last vertebra, although nothing hangs there: inertia of a tendon couples joints of
+    one kinematic tree only, each with those before it, and wires couple them all. A slide's inertia is its
+    joint's armature, so the frame it is carried in does not matter. Each wire has a branch of its own below
+    the pulleys, as no force couples the elements of two wires, and as few bodies as its slides fit on.
     """
     pulleys = _add_weightless(tip, "pulleys")
     for plane in PLANES[: preset.bending_planes]:
         pulleys.add_joint(
-            name=f"{plane}pulley", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1, 0, 0], armature=_PULLEY_MASS
+            name=f"{plane}pulley",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[-1, 0, 0],
+            armature=_PULLEY_MASS + preset.time_step * _pulley_damping(preset),
         )
     for wire in WIRES[: preset.wires]:
         body = pulleys
@@ -177,17 +195,18 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], curve: float) -> None:
-    """Add one hinge; damping of time step times stiffness makes its spring implicit (`Loads.follow`)."""
+    """Add one hinge with an implicit spring."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
+    damping = preset.section_damping * count + preset.time_step * stiffness
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=axis,
         stiffness=[stiffness, 0, stiffness * preset.section_stiffening * count**2],
         springref=curve / count,
-        damping=[preset.section_damping * count + preset.time_step * stiffness, 0, 0],
-        armature=section_inertia(preset) * count,
+        damping=[damping, 0, 0],
+        armature=section_inertia(preset) * count + preset.time_step * damping,
     )
 
 
@@ -202,6 +221,7 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
             name=f"wire_{wire}{length}",
             stiffness=[stiffness, quadratic, 0],
             damping=[damping, 0, 0],
+            armature=preset.time_step * damping,
             springlength=[_FAR, -float(stretch)],
         )
         if length == 0:

@@ -3,9 +3,11 @@
 `twin/reduced/shared_friction.py` states the law: neighbours slide in the direction tau / F, with tau the
 forces that friction holds over the friction F of each. Here every pair has a constraint along tau and one
 across it. With a friction of 1 each, in units of F, the pair slides along tau, and across it hardly at all.
-The direction follows the force from one control period to the next: the law of the other twin by explicit
-steps, which differs from it by the turn in one period.
+The direction follows the force from one control period to the next. What slides gives way as the direction
+turns, so that the force across it, which told the turn, falls: the turn is taken by an implicit step.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from twin.mechanics.compiled import compiled
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups
 from twin.physics.layout import Index, Layout
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
@@ -29,10 +32,14 @@ class SharedFriction:
             plane of wires a and b.
     """
 
-    def __init__(self, count: int, vertebrae: int, layout: Layout) -> None:
+    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Begin with all directions in the first plane."""
-        self.direction = np.zeros((count, layout.shared.shape[1]))
-        groups = hinge_groups(vertebrae)
+        self.direction = np.zeros((len(presets), layout.shared.shape[1]))
+        self._time_step, self._period = presets[0].time_step, presets[0].control_period
+        groups = hinge_groups(presets[0].vertebrae)
+        self._arm = np.array([preset.wire_offset for preset in presets])[:, None, None]
+        self._hinge = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
+        self._size = np.array([len(group) for group in groups])
         a, b, c, d = layout.element
         neighbours = [np.stack([a, c]), np.stack([b, d])]
         self._dof = np.concatenate([*neighbours, layout.hinge[:, [group[0] for group in groups]]], axis=1)
@@ -55,22 +62,45 @@ class SharedFriction:
         friction = self._of_pairs(sheath, joints)
         write_pairs(friction, self.direction, self._members, self._first_wrap, loss, coefficient)
 
-    def note(self, constraint: Array, sheath: Array, joints: Array, moving: Index) -> None:
-        """Turn the directions to those of the forces that friction holds.
+    def note(
+        self, constraint: Array, qvel: Array, sheath: Array, joints: Array, damping: Array, moving: Index
+    ) -> None:
+        """Turn the directions towards those of the forces that friction holds.
+
+        Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs k_p.
+        Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with a
+        across it. So the turn that the force across tells is divided by 1 + c.
 
         Args:
             constraint: (B, nv) forces of MuJoCo's constraints, of which there are no others.
+            qvel: (B, nv) velocities.
             sheath: as of `write`.
             joints: as of `write`.
+            damping: (B, 4, elements + 1) of the wire segments, which holds their stiffness [N s / m].
             moving: indices of the endoscopes that were stepped.
         """
-        tau = constraint[moving][:, self._dof] / self._of_pairs(sheath[moving], joints[moving])
+        friction = self._of_pairs(sheath[moving], joints[moving])
+        tau = constraint[moving][:, self._dof] / friction
+        before = self.direction[moving]
+        along = np.stack([np.cos(before), np.sin(before)], axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        slid = self._period * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
+        lost = slid * (self._stiffness(damping, moving) * (across / friction) ** 2).sum(axis=1)
+        held, ahead = (tau * across).sum(axis=1), (tau * along).sum(axis=1)
+        # Back along the same line is no turn.
+        turn = np.arctan2(np.copysign(held, held * ahead), np.abs(ahead)) / (1 + lost)
         told = np.hypot(tau[:, 0], tau[:, 1]) > TOLD
-        turned = np.arctan2(tau[:, 1], tau[:, 0])
-        self.direction[moving] = np.where(told, turned, self.direction[moving])
+        self.direction[moving] = np.where(told, before + turn, before)
+
+    def _stiffness(self, damping: Array, moving: Index) -> Array:
+        """Return what holds each member of a pair but friction, (b, 2, pairs) [N / m] and [N m / rad]."""
+        segment = damping[moving] / self._time_step
+        of_tips = segment[:, :, -1].reshape(len(moving), 2, 2).sum(axis=2)[:, :, None]
+        of_hinges = self._hinge[moving] + self._arm[moving] ** 2 * self._size * of_tips
+        return self._of_pairs(segment[:, :, :-1] + segment[:, :, 1:], of_hinges)
 
     def _of_pairs(self, sheath: Array, joints: Array) -> Array:
-        """Return the friction of both members of each pair, (B, 2, pairs)."""
+        """Return what both members of each pair have, friction or stiffness, (B, 2, pairs)."""
         a, b, c, d = (sheath[:, wire] for wire in range(4))
         first = np.concatenate([a, b, joints[:, 0]], axis=1)
         second = np.concatenate([c, d, joints[:, 1]], axis=1)
