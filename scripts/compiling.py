@@ -9,7 +9,7 @@ def compile_once(command: str) -> None:
     Args:
         command: that says so.
     """
-    from twin.mechanics.compiled import has_machine_code
+    from twin.mechanics.machine_code import has_machine_code
 
     if has_machine_code("reduced"):
         return

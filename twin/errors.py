@@ -26,6 +26,7 @@ class MissingExtraError(EndoTwinError, ImportError):
 EXTRA_OF = {
     "mujoco": "sim",
     "numba": "sim",
+    "llvmlite": "sim",
     "dm_control": "sim",
     "OpenGL": "sim",
     "pymoo": "sim",

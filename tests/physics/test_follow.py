@@ -23,7 +23,7 @@ def rewritten(request, monkeypatch):
     if request.param == "interpreted":
         if not COMPILED:
             pytest.skip("nothing is compiled here")
-        monkeypatch.setattr(load_module, "follow_load", follow_load.py_func)
+        monkeypatch.setattr(load_module, "follow_load", follow_load.kernel)
     layout = Endoscope.from_preset(PRESETS[0]).layout
     rng = np.random.default_rng(0)
     count = layout.hinge.size + layout.pulley.size + layout.element.size
@@ -37,7 +37,7 @@ def rewritten(request, monkeypatch):
         np.zeros((2, *layout.shared.shape)),
         np.zeros((2, *layout.wrap.shape)),
     )
-    Loads(PRESETS, layout).follow(out, qpos, qvel, np.array([1.0, 2.0]), None)
+    Loads(PRESETS, layout, out, qpos, qvel).follow(np.array([1.0, 2.0]), None)
     return Wires(PRESETS, layout), qpos, qvel, out
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from twin.mechanics.friction import element_friction, friction_per_tension, hinge_friction
 from twin.mechanics.hinges import hinge_groups
 from twin.physics import Endoscope, simulate
-from twin.physics.load import Loads
+from twin.physics.batch import EndoscopeBatch
 from twin.preset.preset import Preset
 from twin.signals.excitation import approach
 
@@ -207,14 +207,10 @@ def test_hinges_of_the_model_have_the_friction_of_the_wires_that_they_are_bent_b
             np.testing.assert_allclose(noted[k + 1][plane], expected, rtol=1e-9)
 
 
-def loads_of(*presets: Preset) -> Loads:
-    return Loads(presets, Endoscope.from_preset(presets[0]).layout)
-
-
 def test_friction_of_a_new_cold_sheath_fades_and_wears():
     cold, worn = ROUGH.replace(friction_warm_up=0.6, warm_up_time=30.0), ROUGH.replace(friction_wear=0.5)
     smoother = ROUGH.replace(friction_warm_up=-0.3, warm_up_time=10.0, friction_wear=0.1)
-    loads = loads_of(cold, worn, smoother, ROUGH)
+    loads = EndoscopeBatch([cold, worn, smoother, ROUGH])._loads
     np.testing.assert_allclose(loads.drift(np.zeros(4), np.zeros(4)), [1.6, 1.0, 0.7, 1.0])
     at_30_s = [1 + 0.6 * np.exp(-1), 1 + 0.5 * 2, 1 - 0.3 * np.exp(-3) + 0.1 * 2, 1.0]
     np.testing.assert_allclose(loads.drift(np.full(4, 30.0), np.full(4, 2.0)), at_30_s)

@@ -1,4 +1,4 @@
-"""Steps of MuJoCo's twin by time: implicit in springs and damping, and friction is found for what is moved."""
+"""Steps of MuJoCo's twin: implicit in springs and damping, and friction is found for what is moved."""
 
 import mujoco
 import numpy as np
@@ -82,7 +82,8 @@ def test_step_of_a_wire_alone_is_backward_euler():
     rest = endoscope._loads.wires.rest_stretch[0, 0]
     moved = data.qpos[element] - start
     pulled = [
-        tension_at(rest + [-x, x], stiffness, quadratic_stiffness(preset)) for x in (start, start + moved)
+        tension_at(rest + np.array([-x, x]), stiffness, quadratic_stiffness(preset))
+        for x in (start, start + moved)
     ]
     after = pulled[1][0] - pulled[1][1]
     assert abs(moved) > 0.3 * start

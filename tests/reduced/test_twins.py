@@ -123,12 +123,12 @@ def test_it_imports_no_mujoco():
 def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
     """Compiled code of this process serves: nothing is compiled again here."""
     from scripts.compiling import compile_once
-    from twin.mechanics import compiled
+    from twin.mechanics import machine_code
 
-    assert compiled.has_machine_code("reduced")
+    assert machine_code.has_machine_code("reduced")
     compile_once("endotwin generate")
     assert not capsys.readouterr().err
-    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path / "none")
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path / "none")
     compile_once("endotwin generate")
     assert "endotwin generate: compiling the reduced twin, once" in capsys.readouterr().err
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.mechanics.batch import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
-from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import REWRITTEN, Loads, Rewritten
+from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
 from twin.physics.release import is_curved, release_shares
 from twin.physics.simulation import Recorder
@@ -97,15 +96,13 @@ class EndoscopeBatch:
         self.xml = [built[preset] for preset in presets]
         models = [compiled[preset] for preset in presets]
         self.layout = Layout.of(models[0], presets[0])
-        self._loads = Loads(presets, self.layout)
         self._batch = Batch(models[0], len(presets), threads)
         for name in _fields_that_differ(models):
             self._batch.expand(name)[:] = [_field(model, name) for model in models]
-        self._rewritten = Rewritten.of(self.layout, [self._batch.expand(name) for name in REWRITTEN])
-        self._rewritten.joints[:] = [[joint_friction(preset)] for preset in presets]
-        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.takes_notes else np.empty(0)
+        rewritten = views(self.layout, [self._batch.expand(name) for name in REWRITTEN])
         self.qpos: Array = self._batch.bind("qpos")
-        self._qvel = self._batch.bind("qvel")
+        self._loads = Loads(presets, self.layout, rewritten, self.qpos, self._batch.bind("qvel"))
+        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.takes_notes else np.empty(0)
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
         self._ctrl = self._batch.bind("ctrl")
         self._drives = [[Drive(preset, zero) for zero in preset.command_zeros] for preset in presets]
@@ -120,7 +117,7 @@ class EndoscopeBatch:
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (B, wires, elements)."""
-        return self._rewritten.sheath.copy()
+        return self._loads.rewritten.sheath.copy()
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
         """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
@@ -144,7 +141,7 @@ class EndoscopeBatch:
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
         if self._loads.takes_notes:
-            self._loads.note(self._rewritten, self._constraint, self._qvel, moving)
+            self._loads.note(self._constraint, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""
@@ -166,7 +163,7 @@ class EndoscopeBatch:
 
     def _follow_load(self, sheath_bend: Array) -> None:
         drift = self._loads.drift(self._time, self._travel) if self._loads.drifts else None
-        self._loads.follow(self._rewritten, self.qpos, self._qvel, sheath_bend, drift)
+        self._loads.follow(sheath_bend, drift)
 
 
 def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:

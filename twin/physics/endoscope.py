@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from twin.errors import DivergedError, InputError
 from twin.mechanics.drive import Drive
-from twin.mechanics.hinges import joint_friction
 from twin.physics.layout import Layout
-from twin.physics.load import REWRITTEN, Loads, Rewritten
+from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
 from twin.physics.release import is_curved, release_shares
 from twin.preset.preset import Preset
@@ -76,19 +75,18 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         """Look up, once, the indices of what every control period reads and writes."""
         self.preset = preset
         self.layout = Layout.of(self.model.ptr, preset)
-        self._loads = Loads([preset], self.layout)
         self._drives = [Drive(preset, zero) for zero in preset.command_zeros]
         self._travel = 0.0
         self._steps = round(preset.control_period / preset.time_step)
         self._sheath_bend = np.array([preset.sheath_bend])
         model, data = self.model.ptr, self.data.ptr
         self._pair = model, data
-        self._qpos, self._qvel = data.qpos[None], data.qvel[None]
+        self._qpos = data.qpos[None]
         self._tip = model.site("tip").bodyid.item()
         self._on_tip, self._tip_force = data.xfrc_applied[self._tip], 0.0
         self._act, self._ctrl, self._warnings = data.act, data.ctrl, data.warning.number
-        self._rewritten = Rewritten.of(self.layout, [getattr(model, name)[None] for name in REWRITTEN])
-        self._rewritten.joints[:] = joint_friction(preset)
+        rewritten = views(self.layout, [getattr(model, name)[None] for name in REWRITTEN])
+        self._loads = Loads([preset], self.layout, rewritten, data.qpos[None], data.qvel[None])
         self._follow_load()
         self._let_go()
 
@@ -160,7 +158,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
-        friction: Array = self._rewritten.sheath[0].copy()
+        friction: Array = self._loads.rewritten.sheath[0].copy()
         return friction
 
     def tip_position(self) -> Array:
@@ -211,7 +209,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             )
 
         if self._loads.takes_notes:
-            self._loads.note(self._rewritten, data.qfrc_constraint[None], self._qvel, _ALONE)
+            self._loads.note(data.qfrc_constraint[None], _ALONE)
 
     def push_tip(self, force: float) -> None:
         """Push the last vertebra sideways from now on, towards more bend; the direction follows the tip.
@@ -241,7 +239,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         drift = None
         if self._loads.drifts:
             drift = self._loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
-        self._loads.follow(self._rewritten, self._qpos, self._qvel, self._sheath_bend, drift)
+        self._loads.follow(self._sheath_bend, drift)
 
     def save_state(self) -> State:
         """Return the complete state, friction memory included."""
@@ -269,7 +267,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._loads.restore(state.friction_direction, state.grip)
         mujoco.mj_setState(model, data, state.physics, _WHOLE_STATE)
         self._warnings[:] = 0  # that it diverged is no part of a state
-        self._rewritten.sheath[0] = state.sheath_friction
+        self._loads.rewritten.sheath[0] = state.sheath_friction
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
         self._travel, self._tip_force = state.travel, state.tip_force

@@ -5,12 +5,12 @@ the wires are; so are damping and inertia of the wires, which must vanish with t
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.mechanics.compiled import bound
 from twin.mechanics.friction import (
     LEAST_FRICTION,
     friction_drift,
@@ -20,7 +20,7 @@ from twin.mechanics.friction import (
 )
 from twin.mechanics.hinges import hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness
-from twin.physics.follow import follow_load
+from twin.physics.follow import LoadLaw, Rewritten, follow_load
 from twin.physics.layout import Index, Layout, consecutive
 from twin.physics.shared import SharedFriction
 from twin.physics.sticking import Sticking
@@ -32,51 +32,40 @@ REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendo
 """Fields of MuJoCo's models that follow the load."""
 
 
-class Rewritten(NamedTuple):
-    """Forces that follow the load, of B endoscopes: views of MuJoCo's fields, to write through.
+def views(layout: Layout, fields: Sequence[Array]) -> Rewritten:
+    """Return the views of the fields `REWRITTEN`, each with the endoscopes along its first axis."""
+    joint_loss, tendon_loss, tendon_damping, tendon_inertia, wraps = fields
 
-    With two planes, friction is written by way of `SharedFriction`: `sheath` and `joints` are no views then.
+    def view(field: Array, index: Index) -> Array:
+        return field[:, consecutive(index)].reshape(len(field), *index.shape)
 
-    Attributes:
-        sheath: breakaway friction of the sheath elements, (B, wires, elements) [N].
-        joints: breakaway friction of each hinge of a group, (B, planes, groups) [N m].
-        damping: damping of the wire segments, (B, wires, elements + 1) [N s / m].
-        inertia: time step times damping, (B, wires, elements + 1) [kg]: see `model.py`.
-        loss: friction of pairs of neighbours, along and across, (B, 2, pairs); none with one plane.
-        coefficient: of their tendons, (B, 2, wraps); likewise.
-    """
-
-    sheath: Array
-    joints: Array
-    damping: Array
-    inertia: Array
-    loss: Array
-    coefficient: Array
-
-    @classmethod
-    def of(cls, layout: Layout, fields: Sequence[Array]) -> "Rewritten":
-        """Return the views of the fields `REWRITTEN`, each with the endoscopes along its first axis."""
-        joint_loss, tendon_loss, tendon_damping, tendon_inertia, wraps = fields
-
-        def view(field: Array, index: Index) -> Array:
-            return field[:, consecutive(index)].reshape(len(field), *index.shape)
-
-        count, planes = len(joint_loss), len(layout.hinge)
-        if planes == 1:
-            sheath, joints = view(joint_loss, layout.element), view(tendon_loss, layout.joints)
-        else:
-            sheath = np.zeros((count, *layout.element.shape))
-            joints = np.zeros((count, planes, layout.shared.shape[1] - 2 * layout.element.shape[1]))
-        damping, inertia = view(tendon_damping, layout.wire), view(tendon_inertia, layout.wire)
-        loss, coefficient = view(tendon_loss, layout.shared), view(wraps, layout.wrap)
-        return cls(sheath, joints, damping, inertia, loss, coefficient)
+    count, planes = len(joint_loss), len(layout.hinge)
+    if planes == 1:
+        sheath, joints = view(joint_loss, layout.element), view(tendon_loss, layout.joints)
+    else:
+        sheath = np.zeros((count, *layout.element.shape))
+        joints = np.zeros((count, planes, layout.shared.shape[1] - 2 * layout.element.shape[1]))
+    damping, inertia = view(tendon_damping, layout.wire), view(tendon_inertia, layout.wire)
+    loss, coefficient = view(tendon_loss, layout.shared), view(wraps, layout.wrap)
+    return Rewritten(sheath, joints, damping, inertia, loss, coefficient)
 
 
 class Loads:
     """Load-dependent forces of B endoscopes of one layout, which may differ in their parameters."""
 
-    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
-        """Gather the parameters of all endoscopes, along the leading axis of every array."""
+    def __init__(
+        self, presets: Sequence[Preset], layout: Layout, rewritten: Rewritten, qpos: Array, qvel: Array
+    ) -> None:
+        """Gather the parameters of all endoscopes, along the leading axis of every array.
+
+        Args:
+            presets: B endoscopes.
+            layout: of their models.
+            rewritten: where the forces go.
+            qpos: (B, nq) positions; MuJoCo's own arrays, as the next.
+            qvel: (B, nv) velocities.
+        """
+        self.rewritten, self._qpos, self._qvel = rewritten, qpos, qvel
         self.layout, self.wires = layout, Wires(presets, layout)
         elements = presets[0].sheath_elements
         self._friction = np.array([p.sheath_friction for p in presets])
@@ -88,27 +77,31 @@ class Loads:
         self._warm_up_time = np.array([p.warm_up_time for p in presets])
         self._wear = np.array([p.friction_wear for p in presets])
         self.drifts = bool(self._warm_up.any() or self._wear.any())
-        self._of_bend, self._half_share, self._floor_now = np.empty(0), self._floor, self._floor
-        self._wire = np.array(
-            [
-                (p.wire_offset, segment_stiffness(p), quadratic_stiffness(p), p.wire_damping * (elements + 1))
-                for p in presets
-            ]
-        )
-        self._steps = np.array([presets[0].time_step, 2 * presets[0].control_period])
-        self._at_tip = np.empty((len(presets), layout.wires))
-
-        self._joint = np.array([joint_friction(p) for p in presets])[:, None, :]
-        self._routing = np.array([[[p.routing_friction * p.wire_offset]] for p in presets])
-        self._routed = bool(self._routing.any())
-        two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
-        self.shared = SharedFriction(presets, layout) if two else None
-        self.sticking = Sticking(presets, layout) if sticks else None
+        self._of_bend = np.empty(0)
+        wire = [
+            (p.wire_offset, segment_stiffness(p), quadratic_stiffness(p), p.wire_damping * (elements + 1))
+            for p in presets
+        ]
         # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
         vertebrae = presets[0].vertebrae
         of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
-        groups = hinge_groups(vertebrae)
-        self._wrapped = np.stack([of_hinges[:, group].mean(axis=1) for group in groups], axis=1)
+        law = LoadLaw(
+            hinge=layout.hinge,
+            pulley=layout.pulley,
+            element=layout.element,
+            wire=np.array(wire),
+            rest_stretch=self.wires.rest_stretch,
+            joint=np.array([joint_friction(p) for p in presets]),
+            routing=np.array([p.routing_friction * p.wire_offset for p in presets]),
+            wrapped=np.stack([of_hinges[:, group].mean(axis=1) for group in hinge_groups(vertebrae)], axis=1),
+            time_step=presets[0].time_step,
+            ahead=2 * presets[0].control_period,
+        )
+        self._half_share, self._floor_now = np.empty(len(presets)), np.empty(len(presets))
+        self._rewrite = bound(follow_load, law, rewritten, qpos, qvel, self._half_share, self._floor_now)
+        two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
+        self.shared = SharedFriction(presets, layout) if two else None
+        self.sticking = Sticking(presets, layout) if sticks else None
 
     def drift(self, time: Array, travel: Array) -> Array:
         """Return the factor of sheath friction due to warm-up and wear.
@@ -122,39 +115,18 @@ class Loads:
         """
         return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
-    def follow(
-        self, rewritten: Rewritten, qpos: Array, qvel: Array, sheath_bend: Array, drift: Array | None
-    ) -> None:
+    def follow(self, sheath_bend: Array, drift: Array | None) -> None:
         """Rewrite friction and damping to the load of the present state.
 
         Args:
-            rewritten: of the models; hinges on which no wire rubs are left as they are.
-            qpos: (B, nq) positions.
-            qvel: (B, nv) velocities.
             sheath_bend: (B,) angle that the sheath is bent by [rad]; not to be changed in place.
             drift: (B,) of `drift`; None where nothing drifts.
         """
         self._follow_sheath(sheath_bend, drift)
-        follow_load(
-            qpos,
-            qvel,
-            self.layout.hinge,
-            self.layout.pulley,
-            self.layout.element,
-            self._wire,
-            self.wires.rest_stretch,
-            self._half_share,
-            self._floor_now,
-            self._steps,
-            rewritten.sheath,
-            rewritten.damping,
-            rewritten.inertia,
-            self._at_tip,
-        )
-        if self._routed or self.shared is not None:
-            rewritten.joints[:] = self._rubbing(qpos)
+        self._rewrite()
+        rewritten = self.rewritten
         if self.sticking is not None:
-            self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(qpos)[0])
+            self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0])
         if self.shared is not None:
             self.shared.write(rewritten.sheath, rewritten.joints, rewritten.loss, rewritten.coefficient)
 
@@ -163,18 +135,16 @@ class Loads:
         """Friction depends on what `note` is told."""
         return self.shared is not None
 
-    def note(self, rewritten: Rewritten, constraint: Array, qvel: Array, moving: Index) -> None:
+    def note(self, constraint: Array, moving: Index) -> None:
         """Note what friction held in a control period.
 
         Args:
-            rewritten: as `follow` left it.
             constraint: (B, nv) forces of MuJoCo's constraints at its end.
-            qvel: (B, nv) velocities then.
             moving: indices of the endoscopes that were stepped.
         """
         if self.shared is not None:
-            sheath, joints, damping = rewritten.sheath, rewritten.joints, rewritten.damping
-            self.shared.note(constraint, qvel, sheath, joints, damping, moving)
+            sheath, joints, damping = self.rewritten.sheath, self.rewritten.joints, self.rewritten.damping
+            self.shared.note(constraint, self._qvel, sheath, joints, damping, moving)
 
     def memory(self) -> tuple[Array, Array]:
         """Return what friction has of the past, flat: shared directions [rad], and what stiction holds."""
@@ -215,14 +185,6 @@ class Loads:
             return
         factor = np.ones(len(sheath_bend)) if drift is None else drift
         wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
-        self._half_share = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
-        self._floor_now = friction_floor(self._floor, self._growth, self._exponent, sheath_bend) * factor
+        self._half_share[:] = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
+        self._floor_now[:] = friction_floor(self._floor, self._growth, self._exponent, sheath_bend) * factor
         self._of_bend = sheath_bend
-
-    def _rubbing(self, qpos: Array) -> Array:
-        """Return the friction of the hinges of a group with that of the wires, (B, planes, groups) [N m]."""
-        hinge = qpos[:, self.layout.hinge]
-        turn = np.abs(hinge) if hinge.shape[1] == 1 else np.sqrt((hinge**2).sum(axis=1, keepdims=True))
-        at_tip = self._at_tip.reshape(len(qpos), -1, 2).sum(axis=2, keepdims=True)
-        rubbing: Array = self._joint + self._routing * at_tip * np.matmul(turn, self._wrapped)
-        return rubbing

@@ -17,6 +17,7 @@ and tendons (`armature`), and friction is found for what is moved.
 """
 
 import functools
+import math
 
 import mujoco
 
@@ -121,7 +122,7 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
 
 def _pulley_damping(preset: Preset) -> float:
     """Return the damping of a pulley, critical and what makes its spring implicit [N s / m]."""
-    return 2 * (PULLEY_STIFFNESS * _PULLEY_MASS) ** 0.5 + preset.time_step * PULLEY_STIFFNESS
+    return 2 * math.sqrt(PULLEY_STIFFNESS * _PULLEY_MASS) + preset.time_step * PULLEY_STIFFNESS
 
 
 def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:

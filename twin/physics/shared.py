@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import compiled
+from twin.mechanics.compiled import entry
 from twin.mechanics.friction import LEAST_FRICTION
 from twin.mechanics.hinges import hinge_groups
 from twin.physics.layout import Index, Layout
@@ -67,9 +67,9 @@ class SharedFriction:
     ) -> None:
         """Turn the directions towards those of the forces that friction holds.
 
-        Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs k_p.
-        Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with a
-        across it. So the turn that the force across tells is divided by 1 + c.
+        Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs
+        k_p. Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with
+        a across it. So the turn that the force across tells is divided by 1 + c.
 
         Args:
             constraint: (B, nv) forces of MuJoCo's constraints, of which there are no others.
@@ -108,7 +108,7 @@ class SharedFriction:
         return friction
 
 
-@compiled
+@entry
 def write_pairs(
     friction: Array, direction: Array, members: Index, first_wrap: Index, loss: Array, coefficient: Array
 ) -> None:

@@ -5,28 +5,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import compiled
+from twin.mechanics.compiled import compiled, entry
 from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
-from twin.reduced.chain import Array, Work, new_work
+from twin.reduced.chain import Array, write_row, write_rows
 from twin.reduced.increment import drift_of, increment
 from twin.reduced.parameters import Parameters
 from twin.reduced.state import ReducedState
+from twin.reduced.workspace import Workspace
 
 _advance_drive = compiled(advance_drive)
 _delayed_command = compiled(delayed_command)
 
 
-@compiled
-def advance(parameters: Parameters, state: ReducedState, inputs: Array, periods: int) -> None:
+@entry
+def advance(
+    parameters: Parameters, state: ReducedState, work: Workspace, inputs: Array, periods: int
+) -> None:
     """Advance endoscopes by one sample, in place.
 
     Args:
         parameters: of M endoscopes.
         state: theirs.
+        work: scratch arrays.
         inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
         periods: control periods in it.
     """
-    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     for m in range(len(inputs)):
         advance_one(parameters, state, work, m, inputs[m], periods)
 
@@ -58,19 +61,20 @@ def new_trace(parameters: Parameters, samples: int) -> Trace:
     )
 
 
-@compiled
+@entry
 def keep(parameters: Parameters, state: ReducedState, m: int, trace: Trace, k: int) -> None:
     """Write where an endoscope is into row k of a trace."""
-    trace.element[k] = state.element[m]
-    trace.hinge[k] = state.hinge[m]
-    trace.pulley[k] = state.pulley[m]
+    write_rows(trace.element[k], state.element[m])
+    write_rows(trace.hinge[k], state.hinge[m])
+    write_row(trace.pulley[k], state.pulley[m])
     trace.drift[k] = drift_of(parameters, state, m)
 
 
-@compiled
+@entry
 def advance_record(
     parameters: Parameters,
     state: ReducedState,
+    work: Workspace,
     m: int,
     inputs: Array,
     periods: NDArray[np.int64],
@@ -81,12 +85,12 @@ def advance_record(
     Args:
         parameters: of M endoscopes.
         state: theirs.
+        work: scratch arrays.
         m: which one.
         inputs: (S, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of each sample.
         periods: (S,) control periods in each sample.
         trace: of S samples; written.
     """
-    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     for k in range(len(inputs)):
         advance_one(parameters, state, work, m, inputs[k], periods[k])
         keep(parameters, state, m, trace, k)
@@ -94,11 +98,12 @@ def advance_record(
 
 @compiled
 def advance_one(
-    parameters: Parameters, state: ReducedState, work: Work, m: int, inputs: Array, periods: int
+    parameters: Parameters, state: ReducedState, work: Workspace, m: int, inputs: Array, periods: int
 ) -> None:
     """Advance one endoscope by one sample, in place; see `advance`."""
     planes = parameters.hinge_rest.shape[1]
-    begin = state.command[m].copy()
+    begin, way, ahead = work.begin, work.way, work.ahead
+    write_row(begin, state.command[m])
     sticks = parameters.holds[m] > 1.0
     if parameters.rigid[m] and not sticks:
         for p in range(planes):
@@ -106,17 +111,16 @@ def advance_one(
             state.drive[m, p, 0] = inputs[p]
             state.drive[m, p, 2] = inputs[p]
         increment(parameters, state, work, m, periods, inputs[2])
-        state.command[m] = inputs
+        write_row(state.command[m], inputs)
         return
 
     # A drive may turn back within a sample: its way until then is an increment of its own. So is every
     # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
     law = _law(parameters, m)
-    way = np.zeros(planes)
+    way[:] = 0.0
     waiting = 0
     for k in range(1, periods + 1):
         share = k / periods
-        ahead = np.empty((planes, 3))
         turns_back = False
         for p in range(planes):
             command = begin[p] * (1.0 - share) + inputs[p] * share
@@ -124,7 +128,7 @@ def advance_one(
             wanted = _delayed_command(law.delay, past, command) - parameters.zero[m, p]
             for late in range(len(past) - 1, -1, -1):
                 past[late] = past[late - 1] if late > 0 else command
-            ahead[p] = _advance_drive(law, now[0], now[1], now[2], wanted)
+            ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(law, now[0], now[1], now[2], wanted)
             turns_back = turns_back or (ahead[p, 2] - now[2]) * way[p] < 0.0
         if turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
@@ -137,9 +141,9 @@ def advance_one(
             step = ahead[p, 2] - state.drive[m, p, 2]
             state.travel[m] += abs(step)
             way[p] += step
-            state.drive[m, p] = ahead[p]
+            write_row(state.drive[m, p], ahead[p])
     increment(parameters, state, work, m, waiting, inputs[2])
-    state.command[m] = inputs
+    write_row(state.command[m], inputs)
 
 
 @compiled

@@ -6,13 +6,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.compiled import compiled
-from twin.reduced.chain import HELD, Array, Hinge, Plane, fill_stretch, hinge_torque, load_of, turn_of
+from twin.reduced.chain import (
+    HELD,
+    Array,
+    Hinge,
+    Plane,
+    Signs,
+    fill_stretch,
+    hinge_torque,
+    load_of,
+    turn_of,
+)
 from twin.reduced.shared_friction import Neighbours, new_neighbours
 
 Index = NDArray[np.int64]
 
 LEAST_TORQUE = 1e-12
 """Smallest friction of a hinge [N m]: a force over its friction must be a number."""
+
+
+class Start(NamedTuple):
+    """Positions and slip of two planes at the start of an increment.
+
+    Attributes:
+        element: (2, 2 E) as of `ReducedState`; so are the others.
+        hinge: (2, G).
+        pulley: (2,).
+        slip: (2, 2 E).
+        turn: (2, G).
+    """
+
+    element: Array
+    hinge: Array
+    pulley: Array
+    slip: Signs
+    turn: Signs
 
 
 class BothPlanes(NamedTuple):
@@ -32,6 +60,7 @@ class BothPlanes(NamedTuple):
         column: (2, N + 2) unknown of each node of the chain, with the pulley before and after them.
         matrix: (U, U) of the linear system: elements, hinges, tip, pulleys [N / m]; rows of hinges [N m].
         right: (U,) its right side, then its solution.
+        start: where the increment began.
     """
 
     node: Array
@@ -47,9 +76,9 @@ class BothPlanes(NamedTuple):
     column: Index
     matrix: Array
     right: Array
+    start: Start
 
 
-@compiled
 def new_both_planes(elements: int, groups: int) -> BothPlanes:
     """Return scratch arrays."""
     nodes, unknowns = 2 * elements + 1, 4 * elements + 2 * groups + 4
@@ -60,20 +89,24 @@ def new_both_planes(elements: int, groups: int) -> BothPlanes:
         for i in range(elements):  # of both wires from the pulley to the tip, neighbours side by side
             column[p, 1 + i] = 2 * i + p
             column[p, nodes - i] = 2 * (elements + i) + p
+    of_nodes = ("node", "before")
+    of_segments = ("stretch", "stretch_before", "tension", "force", "slope")
     return BothPlanes(
-        np.zeros((2, nodes)),
-        np.zeros((2, nodes)),
-        np.zeros((2, nodes + 1)),
-        np.zeros((2, nodes + 1)),
-        np.zeros((2, nodes + 1)),
-        np.zeros((2, nodes + 1)),
-        np.zeros((2, nodes + 1)),
-        np.zeros((2, groups)),
-        np.zeros(2),
-        new_neighbours(),
-        column,
-        np.zeros((unknowns, unknowns)),
-        np.zeros(unknowns),
+        **{name: np.zeros((2, nodes)) for name in of_nodes},
+        **{name: np.zeros((2, nodes + 1)) for name in of_segments},
+        hinge_before=np.zeros((2, groups)),
+        hinge_slope=np.zeros(2),
+        pair=new_neighbours(),
+        column=column,
+        matrix=np.zeros((unknowns, unknowns)),
+        right=np.zeros(unknowns),
+        start=Start(
+            np.zeros((2, 2 * elements)),
+            np.zeros((2, groups)),
+            np.zeros(2),
+            np.zeros((2, 2 * elements), np.int8),
+            np.zeros((2, groups), np.int8),
+        ),
     )
 
 

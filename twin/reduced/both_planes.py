@@ -12,10 +12,21 @@ import math
 
 from twin.mechanics.compiled import compiled
 from twin.mechanics.friction import CAUGHT_UP
-from twin.reduced.both_chain import BothPlanes, both_pulley_force, load_both, new_both_planes
+from twin.reduced.both_chain import BothPlanes, both_pulley_force, load_both
 from twin.reduced.both_newton import FARTHEST, settle_both
 from twin.reduced.both_sweep import sweep_both
-from twin.reduced.chain import RESIDUAL_N, Array, Hinge, Plane, Segment, Signs, bend_of, fill_stretch
+from twin.reduced.chain import (
+    RESIDUAL_N,
+    Array,
+    Hinge,
+    Plane,
+    Segment,
+    Signs,
+    bend_of,
+    fill_stretch,
+    write_row,
+    write_rows,
+)
 
 PARTS = 5
 """Parts that an increment is divided into: the direction of friction turns within it."""
@@ -32,6 +43,7 @@ def solve_both_planes(
     plane: Plane,
     rest: tuple[float, float],
     target: tuple[float, float],
+    both: BothPlanes,
     element: Array,
     hinge: Array,
     pulley: Array,
@@ -45,6 +57,7 @@ def solve_both_planes(
         plane: parameters of the first; the second has the same but for what follows.
         rest: angle of a hinge where nothing pulls, in each plane [rad].
         target: distance that each pulley is driven to [m].
+        both: scratch arrays.
         element: (2, 2 E) positions of the elements in the order of the chains [m]; rewritten.
         hinge: (2, G) angle of a hinge of each group [rad]; rewritten.
         pulley: (2,) positions of the pulleys [m]; rewritten.
@@ -55,20 +68,26 @@ def solve_both_planes(
     Returns:
         Largest force that is missing [N].
     """
-    both = new_both_planes(plane.elements, len(plane.size))
-    start, start_hinge, start_pulley = element.copy(), hinge.copy(), pulley.copy()
-    start_slip, start_turn = slip.copy(), turn.copy()
+    start = both.start
+    write_rows(start.element, element)
+    write_rows(start.hinge, hinge)
+    write_row(start.pulley, pulley)
+    write_rows(start.slip, slip)
+    write_rows(start.turn, turn)
     missing, parts = math.inf, min(periods, PARTS)
     while not missing <= RESIDUAL_N and parts <= MOST_PARTS:
-        element[:], hinge[:], pulley[:] = start, start_hinge, start_pulley
-        slip[:], turn[:] = start_slip, start_turn
+        write_rows(element, start.element)
+        write_rows(hinge, start.hinge)
+        write_row(pulley, start.pulley)
+        write_rows(slip, start.slip)
+        write_rows(turn, start.turn)
         of_part = divided(plane, parts)
         missing = 0.0
         for part in range(1, parts + 1):
             share = part / parts
             there = (
-                start_pulley[0] + (target[0] - start_pulley[0]) * share,
-                start_pulley[1] + (target[1] - start_pulley[1]) * share,
+                start.pulley[0] + (target[0] - start.pulley[0]) * share,
+                start.pulley[1] + (target[1] - start.pulley[1]) * share,
             )
             now = _solve_part(of_part, rest, there, both, element, hinge, pulley, slip, turn)
             missing = max(missing, now)
@@ -126,7 +145,8 @@ def _solve_part(
             break
         for _ in range(SWEEPS << min(turns, 3)):
             sweep_both(plane, rest, target, both, hinge, pulley, slip, turn)
-    element[:, :E], element[:, E:] = both.node[:, :E], both.node[:, E + 1 :]
+    write_rows(element[:, :E], both.node[:, :E])
+    write_rows(element[:, E:], both.node[:, E + 1 :])
     return missing
 
 
@@ -151,12 +171,13 @@ def _begin(
 ) -> None:
     """Take up where the last increment ended, and move the pulleys to where they drive themselves."""
     E = plane.elements
-    both.before[:, :E], both.before[:, E + 1 :] = element[:, :E], element[:, E:]
-    both.hinge_before[:] = hinge
+    write_rows(both.before[:, :E], element[:, :E])
+    write_rows(both.before[:, E + 1 :], element[:, E:])
+    write_rows(both.hinge_before, hinge)
     for p in range(2):
         both.before[p, E] = plane.arm * bend_of(plane.size, hinge[p])
         fill_stretch(both.stretch_before[p], plane.rest, both.before[p], pulley[p])
-    both.node[:] = both.before
+    write_rows(both.node, both.before)
     load_both(plane, both, pulley)
     for p in range(2):
         pulley[p] += both_pulley_force(plane, target[p], both, pulley, p) / plane.pulley_stiffness

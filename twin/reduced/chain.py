@@ -11,12 +11,12 @@ hinges at the angle theta.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import compiled, inlined
+from twin.mechanics.compiled import inlined
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
@@ -131,28 +131,32 @@ class Work(NamedTuple):
     hinge_slope: Array
 
 
-@compiled
 def new_work(elements: int, groups: int) -> Work:
     """Return scratch arrays."""
     nodes = 2 * elements + 1
+    of_nodes = ("node", "before", "lower", "main", "upper", "right", "border")
+    of_segments = ("stretch", "stretch_before", "tension", "force", "slope")
+    of_groups = ("hinge_before", "wrapped", "residual", "hinge_slope")
     return Work(
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes + 1),
-        np.zeros(nodes + 1),
-        np.zeros(nodes + 1),
-        np.zeros(nodes + 1),
-        np.zeros(nodes + 1),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(groups),
-        np.zeros(groups),
-        np.zeros(groups),
-        np.zeros(groups),
+        **{name: np.zeros(nodes) for name in of_nodes},
+        **{name: np.zeros(nodes + 1) for name in of_segments},
+        **{name: np.zeros(groups) for name in of_groups},
     )
+
+
+@inlined
+def write_row(to: Array, values: Array) -> None:
+    """Write the numbers of an array into another one."""
+    for i in range(len(to)):
+        to[i] = values[i]
+
+
+@inlined
+def write_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Write the numbers of an array of two dimensions into another one."""
+    for i in range(to.shape[0]):
+        for k in range(to.shape[1]):
+            to[i, k] = values[i, k]
 
 
 @inlined

@@ -5,11 +5,13 @@ import math
 from twin.mechanics.compiled import compiled
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import friction_drift, friction_floor
+from twin.reduced.both_chain import BothPlanes
 from twin.reduced.both_planes import solve_both_planes
 from twin.reduced.chain import Array, Hinge, Plane, Segment, Work
 from twin.reduced.parameters import Parameters
 from twin.reduced.plane import solve_plane
 from twin.reduced.state import ReducedState
+from twin.reduced.workspace import Workspace
 
 _friction_drift = compiled(friction_drift)
 _friction_floor = compiled(friction_floor)
@@ -24,14 +26,14 @@ def drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
 
 @compiled
 def increment(
-    parameters: Parameters, state: ReducedState, work: Work, m: int, periods: int, sheath_bend: float
+    parameters: Parameters, state: ReducedState, work: Workspace, m: int, periods: int, sheath_bend: float
 ) -> None:
     """Bring an endoscope to equilibrium with its drive.
 
     Args:
         parameters: of M endoscopes.
         state: theirs; that of one is rewritten.
-        work: scratch arrays of one plane.
+        work: scratch arrays.
         m: which one.
         periods: control periods since the last increment.
         sheath_bend: angle that the sheath is bent by [rad].
@@ -39,18 +41,17 @@ def increment(
     state.time[m] += periods * parameters.control_period
     plane = _plane(parameters, state, m, periods, sheath_bend)
     rest = parameters.hinge_rest[m]
-    missing = _solve(parameters.one_plane, parameters.two_planes, plane, rest, state, work, m, periods)
+    missing = _solve(work.plane, work.both, plane, rest, state, m, periods)
     state.missing[m] = max(state.missing[m], missing) if missing < math.inf else math.inf
 
 
 @compiled
 def _solve(
-    one_plane: bool | None,
-    two_planes: bool | None,
+    work: Work | None,
+    both: BothPlanes | None,
     plane: Plane,
     rest: Array,
     state: ReducedState,
-    work: Work,
     m: int,
     periods: int,
 ) -> float:
@@ -59,15 +60,16 @@ def _solve(
     Numba leaves out a branch where it knows the type None: so one solver is compiled, and not both.
     """
     missing = 0.0
-    if one_plane is not None:
+    if work is not None:
         element, hinge, pulley = state.element[m, 0], state.hinge[m, 0], state.pulley[m, 0]
         slip, turn = state.slip[m, 0], state.turn[m, 0]
         state.pulley[m, 0], missing = solve_plane(plane, work, element, hinge, pulley, slip, turn)
-    if two_planes is not None:
+    if both is not None:
         missing = solve_both_planes(
             plane,
             (rest[0], rest[1]),
             (plane.target, state.drive[m, 1, 2]),
+            both,
             state.element[m],
             state.hinge[m],
             state.pulley[m],

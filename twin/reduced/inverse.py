@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import compiled
+from twin.mechanics.compiled import compiled, entry
 from twin.mechanics.drive import DriveLaw
 from twin.reduced.advance import advance_one
-from twin.reduced.chain import Array, Work, bend_of, new_work
+from twin.reduced.chain import Array, bend_of, write_row, write_rows
 from twin.reduced.parameters import Parameters
 from twin.reduced.state import ReducedState
+from twin.reduced.workspace import Workspace
 
 LEAST_WIDTH_M = 1e-9
 """Bracket that is not narrowed further [m]; nor is one of half a count of the encoder."""
@@ -68,20 +69,22 @@ class Trial(NamedTuple):
     parameters: Parameters
     state: ReducedState
     scratch: ReducedState
-    work: Work
+    work: Workspace
     first: int
     weights: Array
     inputs: Array
     periods: int
 
 
-@compiled
+@entry
 def find_pulls(
     parameters: Parameters,
     state: ReducedState,
     scratch: ReducedState,
+    work: Workspace,
     inputs: Array,
     periods: int,
+    alone: Array,
     target: Array,
     limits: Array,
     tolerance: float,
@@ -93,15 +96,16 @@ def find_pulls(
         parameters: of M endoscopes.
         state: theirs; not changed.
         scratch: a state of the same shape; rewritten.
+        work: scratch arrays.
         inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
         periods: control periods in the sample.
+        alone: (1,) weight of an endoscope by itself, 1.
         target: (M, P) bend of each plane [rad]; NaN where the pull is to stay as it is.
         limits: (P, 2) lowest and highest pull of each plane [m].
         tolerance: of the bend [rad].
         found: written.
     """
-    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
-    planes, alone = target.shape[1], np.ones(1)
+    planes = target.shape[1]
     for m in range(len(inputs)):
         trial = Trial(parameters, state, scratch, work, m, alone, inputs, periods)
         for _ in range(TURNS):
@@ -130,14 +134,14 @@ def _bend_after(trial: Trial, p: int) -> float:
     state, scratch, bend = trial.state, trial.scratch, 0.0
     for place in range(len(trial.weights)):
         m = trial.first + place
-        scratch.element[m] = state.element[m]
-        scratch.hinge[m] = state.hinge[m]
-        scratch.slip[m] = state.slip[m]
-        scratch.turn[m] = state.turn[m]
-        scratch.pulley[m] = state.pulley[m]
-        scratch.drive[m] = state.drive[m]
-        scratch.past[m] = state.past[m]
-        scratch.command[m] = state.command[m]
+        write_rows(scratch.element[m], state.element[m])
+        write_rows(scratch.hinge[m], state.hinge[m])
+        write_rows(scratch.slip[m], state.slip[m])
+        write_rows(scratch.turn[m], state.turn[m])
+        write_row(scratch.pulley[m], state.pulley[m])
+        write_rows(scratch.drive[m], state.drive[m])
+        write_rows(scratch.past[m], state.past[m])
+        write_row(scratch.command[m], state.command[m])
         scratch.time[m] = state.time[m]
         scratch.travel[m] = state.travel[m]
         advance_one(trial.parameters, scratch, trial.work, m, trial.inputs[m], trial.periods)
@@ -222,43 +226,43 @@ def _narrow(
     return f1
 
 
-@compiled
+@entry
 def find_common_pull(
     parameters: Parameters,
     state: ReducedState,
     scratch: ReducedState,
+    work: Workspace,
     inputs: Array,
     periods: int,
     weights: Array,
     target: float,
     limits: Array,
     tolerance: float,
-) -> tuple[float, float]:
+    found: Array,
+) -> None:
     """Find the pull of wire a that brings a weighted sum of the bends of endoscopes that have it in common.
 
     Args:
         parameters: of M endoscopes, all of which stand at the same command.
         state: theirs; not changed.
         scratch: a state of the same shape; rewritten.
+        work: scratch arrays.
         inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
         periods: control periods in the sample.
         weights: (M,) of each bend.
         target: weighted sum at the end of the next sample [rad].
         limits: (2,) lowest and highest pull [m].
         tolerance: of the sum [rad].
-
-    Returns:
-        The pull [m], and the sum that it brings [rad]: the nearest that can be reached. Where no pull leads
-        as far, the end of the stroke: endoscopes that stick move only after a longer way.
+        found: (4,) written: the pull [m], the sum that it brings [rad], and its bracket [m]. The nearest that
+            can be reached; where no pull leads as far, the end of the stroke: endoscopes that stick move only
+            after a longer way.
     """
-    work = new_work((parameters.rest.shape[1] - 2) // 2, len(parameters.size))
     trial = Trial(parameters, state, scratch, work, 0, weights, inputs, periods)
-    reached = _find(trial, 0, target, limits, tolerance, np.empty(2))
-    pull = inputs[0, 0]
+    reached = _find(trial, 0, target, limits, tolerance, found[2:])
+    found[0], found[1] = inputs[0, 0], reached
     if abs(reached - target) > tolerance:
         end = limits[1] if reached < target else limits[0]
         of_end = _bend_at(trial, 0, end)
         # An end beyond the target is none: there the bend jumps over it, as the counts of an encoder do.
         if (of_end - target) * (reached - target) >= 0.0:
-            return end, of_end
-    return pull, reached
+            found[0], found[1] = end, of_end

@@ -47,8 +47,6 @@ class Parameters(NamedTuple):
         late: most commands that a delay makes any of them keep.
         rigid: (M,) whether the pulley follows the command exactly.
         control_period: between two updates of the drive [s].
-        one_plane: True with one bending plane, else None.
-        two_planes: True with two, else None. Only what a None does not exclude is compiled.
     """
 
     rest: Array
@@ -77,8 +75,6 @@ class Parameters(NamedTuple):
     late: int
     rigid: NDArray[np.bool_]
     control_period: float
-    one_plane: bool | None
-    two_planes: bool | None
 
 
 def parameters_of(presets: Sequence[Preset]) -> Parameters:
@@ -129,8 +125,6 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
             [is_rigid(law) and not any(p.command_zeros) for law, p in zip(laws, unique, strict=True)]
         )[order],
         control_period=presets[0].control_period,
-        one_plane=True if presets[0].bending_planes == 1 else None,
-        two_planes=True if presets[0].bending_planes == 2 else None,
     )
 
 

@@ -27,6 +27,7 @@ from twin.reduced.chain import (
     fill_stretch,
     load_segments,
     pulley_force,
+    write_row,
 )
 from twin.reduced.newton import settle
 from twin.reduced.sweep import sweep
@@ -56,10 +57,11 @@ def solve_plane(
         Position of the pulley [m] and largest force that is missing [N].
     """
     E = plane.elements
-    work.before[:E], work.before[E + 1 :] = element[:E], element[E:]
+    write_row(work.before[:E], element[:E])
+    write_row(work.before[E + 1 :], element[E:])
     work.before[E] = plane.arm * bend_of(plane.size, hinge)
-    work.node[:] = work.before
-    work.hinge_before[:] = hinge
+    write_row(work.node, work.before)
+    write_row(work.hinge_before, hinge)
     fill_stretch(work.stretch_before, plane.rest, work.node, pulley)
     load_segments(plane, work, pulley)
     if plane.holds > 1.0:
@@ -73,7 +75,8 @@ def solve_plane(
             break
         for _ in range(SWEEPS << min(turns, 5)):
             pulley = sweep(plane, work, hinge, pulley, slip, turn)
-    element[:E], element[E:] = work.node[:E], work.node[E + 1 :]
+    write_row(element[:E], work.node[:E])
+    write_row(element[E:], work.node[E + 1 :])
     return pulley, missing
 
 

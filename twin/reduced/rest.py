@@ -8,6 +8,7 @@ from twin.preset.preset import Preset
 from twin.reduced.advance import advance
 from twin.reduced.parameters import Parameters
 from twin.reduced.state import ReducedState, new_state
+from twin.reduced.workspace import new_workspace
 
 
 def state_at_rest(presets: Sequence[Preset], parameters: Parameters) -> ReducedState:
@@ -23,7 +24,7 @@ def state_at_rest(presets: Sequence[Preset], parameters: Parameters) -> ReducedS
     if any(any(preset.initial_bends) for preset in presets):
         still = np.zeros(len(presets))
         slow = parameters._replace(wire_damping=still, hinge_damping=still)
-        advance(slow, state, state.command.copy(), 1)
+        advance(slow, state, new_workspace(parameters), state.command.copy(), 1)
         state.time[:] = 0.0
         state.slip[:] = state.turn[:] = 0
     return state

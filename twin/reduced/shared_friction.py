@@ -44,7 +44,6 @@ class Neighbours(NamedTuple):
     of_slip: Array
 
 
-@compiled
 def new_neighbours() -> Neighbours:
     """Return the arrays of two neighbours."""
     return Neighbours(

@@ -20,6 +20,7 @@ from twin.reduced.parameters import Parameters, parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
 from twin.reduced.rest import state_at_rest
 from twin.reduced.state import MISSING_LIMIT_N, ReducedState, not_converged
+from twin.reduced.workspace import new_workspace
 
 Array = NDArray[np.float64]
 
@@ -121,7 +122,8 @@ def _approach(parameters: Parameters, state: ReducedState, m: int, command: Comm
     stops = np.arange((len(way) - 1) % each + 1, len(way) + 1, each)
     state.command[m, 2] = command.sheath_bend[0]
     periods = np.diff(stops, prepend=0)
-    advance_record(parameters, state, m, way[stops - 1], periods, new_trace(parameters, len(stops)))
+    trace = new_trace(parameters, len(stops))
+    advance_record(parameters, state, new_workspace(parameters), m, way[stops - 1], periods, trace)
 
 
 def _record(
@@ -134,7 +136,7 @@ def _record(
     """Advance one endoscope from the first sample of its command along the others; return the record."""
     samples = np.stack([command.pull, command.lateral_pull, command.sheath_bend], axis=1)
     count = len(samples)
-    trace = new_trace(parameters, count)
+    trace, work = new_trace(parameters, count), new_workspace(parameters)
     state.command[m] = samples[0]
     keep(parameters, state, m, trace, 0)
     if on_sample is not None:
@@ -143,7 +145,8 @@ def _record(
     for start in range(1, count, stride):
         rows = slice(start, start + stride)
         periods = np.full(len(samples[rows]), command.between.shape[1])
-        advance_record(parameters, state, m, samples[rows], periods, Trace(*(kept[rows] for kept in trace)))
+        part = Trace(*(kept[rows] for kept in trace))
+        advance_record(parameters, state, work, m, samples[rows], periods, part)
         if on_sample is not None:
             on_sample()
     if not state.missing[m] <= MISSING_LIMIT_N:
@@ -153,7 +156,7 @@ def _record(
 
 def _only(parameters: Parameters, m: int) -> Parameters:
     """Return the parameters of one endoscope."""
-    shared = ("size", "late", "control_period", "one_plane", "two_planes")
+    shared = ("size", "late", "control_period")
     return Parameters(
         **{
             name: values if name in shared else values[m : m + 1]

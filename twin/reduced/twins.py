@@ -1,21 +1,22 @@
 """Reduced twins that are advanced sample by sample: for ensembles, controllers and estimators online."""
 
-import copy
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.mechanics.compiled import bound
 from twin.mechanics.friction import friction_drift
 from twin.preset.preset import Preset
 from twin.preset.sample_time import check_sample_time
 from twin.reduced.advance import advance
 from twin.reduced.inverse import Inverse, find_common_pull, find_pulls, new_inverse
-from twin.reduced.parameters import parameters_of
+from twin.reduced.parameters import Parameters, parameters_of
 from twin.reduced.readings import sheath_friction, tension_and_slack
 from twin.reduced.rest import state_at_rest
 from twin.reduced.state import MISSING_LIMIT_N, ReducedState
+from twin.reduced.workspace import new_workspace
 
 Array = NDArray[np.float64]
 
@@ -28,8 +29,6 @@ class ReducedTwins:
 
     Attributes:
         presets: their parameters.
-        parameters: the same as arrays, for the kernels.
-        state: where they are.
     """
 
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
@@ -44,11 +43,25 @@ class ReducedTwins:
             ValueError: they differ in layout, gravity pulls at one, or the sample time does not fit.
         """
         self.presets = list(presets)
-        self.parameters = parameters_of(presets)
+        self._parameters = parameters_of(presets)
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
-        self.state = state_at_rest(self.presets, self.parameters)
+        self._state = state_at_rest(self.presets, self.parameters)
         self._inputs = self.state.command.copy()
-        self._scratch: ReducedState | None = None
+        work, inputs, periods = new_workspace(self.parameters), self._inputs, self._periods
+        self._advance = bound(advance, self.parameters, self.state, work, inputs)
+        trial = self.parameters, self.state, self.save_state(), work, inputs, periods
+        self._find_pulls = bound(find_pulls, *trial, np.ones(1))
+        self._find_common_pull = bound(find_common_pull, *trial)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters of the endoscopes, as the kernels take them."""
+        return self._parameters
+
+    @property
+    def state(self) -> ReducedState:
+        """State of the endoscopes; its arrays may be written."""
+        return self._state
 
     def reset(self) -> None:
         """Reset all endoscopes to rest, with new sheaths; drives and wear are reset too."""
@@ -77,7 +90,7 @@ class ReducedTwins:
             ValueError: an input is not finite, the sheath's bend is negative, or there is no second plane.
         """
         self._set_inputs(pull, lateral_pull, sheath_bend)
-        advance(self.parameters, self.state, self._inputs, samples * self._periods)
+        self._advance(samples * self._periods)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
@@ -140,12 +153,8 @@ class ReducedTwins:
             )
         if not tolerance > 0:
             raise InputError(f"tolerance = {tolerance:g} rad: must be positive")
-        self._scratch = self._scratch or copy.deepcopy(self.state)
         found = new_inverse(*target.shape)
-        state, scratch = self.state, self._scratch
-        find_pulls(
-            self.parameters, state, scratch, self._inputs, self._periods, target, limits, tolerance, found
-        )
+        self._find_pulls(target, limits, float(tolerance), found)
         return found
 
     def common_pull(
@@ -169,19 +178,10 @@ class ReducedTwins:
         if not np.isfinite(bend):
             raise InputError(f"wanted bend of {bend} rad: must be a finite number")
         self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], None)
-        self._scratch = self._scratch or copy.deepcopy(self.state)
-        pull, reached = find_common_pull(
-            self.parameters,
-            self.state,
-            self._scratch,
-            self._inputs,
-            self._periods,
-            weights,
-            bend,
-            np.array(stroke),
-            tolerance,
-        )
-        return float(pull), float(reached)
+        found = np.empty(4)
+        shares, limits = np.asarray(weights, dtype=float), np.array(stroke, dtype=float)
+        self._find_common_pull(shares, float(bend), limits, float(tolerance), found)
+        return float(found[0]), float(found[1])
 
     @property
     def converged(self) -> NDArray[np.bool_]:
