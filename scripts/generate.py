@@ -121,7 +121,7 @@ def _write(args: Generate, out: Path) -> Summary:
     recipe = resolve(change_recipe(values, changes), folder, origin)
     output_folder(out)
     if recipe.physics == "reduced":
-        compile_once("endotwin generate")
+        compile_once("endotwin generate", recipe.preset)
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         csv, progress = args.format == "csv", Progress("generate", "ep")
         try:

@@ -121,16 +121,32 @@ def test_it_imports_no_mujoco():
 
 
 def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
-    """Compiled code of this process serves: nothing is compiled again here."""
     from scripts.compiling import compile_once
     from twin.mechanics import machine_code
+    from twin.mechanics.compiled import Block
+    from twin.reduced import advance
 
-    assert machine_code.has_machine_code("reduced")
+    compile_once("endotwin generate")
+    capsys.readouterr()
+    kept = machine_code.cache_folder()
+
+    def begin_anew():
+        for kernel in (advance.advance, advance.advance_record, advance.keep):
+            monkeypatch.setattr(kernel, "_functions", {})
+
+    begin_anew()
     compile_once("endotwin generate")
     assert not capsys.readouterr().err
-    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path / "none")
+
+    def instead(kernel, arguments):  # what was made before: nothing is compiled again here
+        layout = [Block(argument).layout for argument in arguments]
+        return machine_code._read(kept / machine_code._name(kernel, layout))
+
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(machine_code, "_make", instead)
+    begin_anew()
     compile_once("endotwin generate")
-    assert "endotwin generate: compiling the reduced twin, once" in capsys.readouterr().err
+    assert capsys.readouterr().err.count("endotwin generate: compiling the reduced twin, once") == 1
 
 
 def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):

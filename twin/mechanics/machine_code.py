@@ -11,12 +11,12 @@ import functools
 import hashlib
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from twin.mechanics.compiled import COMPILED, KERNELS, Entry
+from twin.mechanics.compiled import KERNELS, Entry
 
 PACKAGES = ("mechanics", "physics", "reduced")
 """Packages that have kernels."""
@@ -26,6 +26,7 @@ _MARK = b"machine code 1\n"
 _lock = threading.RLock()
 _engines: list[Any] = []
 """Engines of LLVM that own what was loaded."""
+_tell: list[Callable[[], None]] = []
 _namespaces: dict[str, dict[str, Any]] = {}
 _made: dict[FunctionType, Any] = {}
 
@@ -38,14 +39,21 @@ def machine_code(kernel: FunctionType, arguments: Sequence[Any], layout: Sequenc
         arguments: such as it will be called with.
         layout: of each, as of `Block`.
     """
-    told = hashlib.sha256(" ".join(layout).encode()).hexdigest()[:16]
-    path = cache_folder() / f"{kernel.__module__}.{kernel.__name__}-{told}.bin"
+    path = cache_folder() / _name(kernel, layout)
     with _lock:
         whole = _read(path)
         if whole is None:
+            if _tell:
+                _tell.pop()()
             whole = _make(kernel, arguments)
             _write(path, *whole)
         return _load(*whole)
+
+
+def _name(kernel: FunctionType, layout: Sequence[str]) -> str:
+    """Return the name of the file of a kernel for a layout of arguments."""
+    told = hashlib.sha256(" ".join(layout).encode()).hexdigest()[:16]
+    return f"{kernel.__module__}.{kernel.__name__}-{told}.bin"
 
 
 @functools.cache
@@ -64,9 +72,14 @@ def cache_folder() -> Path:
     return (here if os.access(here, os.W_OK) else home) / "__pycache__" / f"kernels-{told.hexdigest()[:16]}"
 
 
-def has_machine_code(package: str) -> bool:
-    """Return whether the kernels of a package need no compiling: the first call then takes no time."""
-    return not COMPILED or any(cache_folder().glob(f"twin.{package}.*.bin"))
+@contextlib.contextmanager
+def telling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call a function, once, before kernels are compiled within the block: it takes some ten seconds."""
+    _tell.append(tell)
+    try:
+        yield
+    finally:
+        _tell.clear()
 
 
 def _read(path: Path) -> tuple[str, bytes] | None:
