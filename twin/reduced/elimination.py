@@ -1,6 +1,6 @@
 """Solution of the linear system of two planes: chains of elements, hinges, and a border that both hold."""
 
-from twin.mechanics.compiled import compiled
+from twin.mechanics.compiled import compiled, inlined
 from twin.reduced.chain import Array
 
 NEAR = 3
@@ -23,17 +23,14 @@ def eliminate(matrix: Array, right: Array, elements: int, hinges: int) -> None:
     count, border = len(right), elements + hinges
     for k in range(count):
         near = _near(k, elements, hinges, count)
-        for row in range(k + 1, count):
-            if (near <= row < elements) or (elements <= k < border and near <= row < border):
-                continue
-            if matrix[row, k] == 0.0:
-                continue
-            ratio = matrix[row, k] / matrix[k, k]
-            for column in range(k + 1, near):
-                matrix[row, column] -= ratio * matrix[k, column]
-            for column in range(max(near, border), count):
-                matrix[row, column] -= ratio * matrix[k, column]
-            right[row] -= ratio * right[k]
+        far = max(near, border)
+        for row in range(k + 1, near):
+            _reduce(matrix, right, row, k, near, far)
+        if k < elements:
+            for row in range(elements, border):
+                _reduce(matrix, right, row, k, near, far)
+        for row in range(far, count):
+            _reduce(matrix, right, row, k, near, far)
     for k in range(count - 1, -1, -1):
         near = _near(k, elements, hinges, count)
         total = right[k]
@@ -44,7 +41,20 @@ def eliminate(matrix: Array, right: Array, elements: int, hinges: int) -> None:
         right[k] = total / matrix[k, k]
 
 
-@compiled
+@inlined
+def _reduce(matrix: Array, right: Array, row: int, k: int, near: int, far: int) -> None:
+    """Subtract from a row what removes its unknown k: of row k, columns below `near` and from `far` on."""
+    if matrix[row, k] == 0.0:
+        return
+    ratio = matrix[row, k] / matrix[k, k]
+    for column in range(k + 1, near):
+        matrix[row, column] -= ratio * matrix[k, column]
+    for column in range(far, len(right)):
+        matrix[row, column] -= ratio * matrix[k, column]
+    right[row] -= ratio * right[k]
+
+
+@inlined
 def _near(k: int, elements: int, hinges: int, count: int) -> int:
     """Return the end of the unknowns that row k holds before those of the border."""
     if k < elements:
