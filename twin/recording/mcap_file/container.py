@@ -34,6 +34,8 @@ from twin.recording.descriptors import schema_data
 from twin.recording.mcap_file.chunks import ChunkContent
 from twin.recording.mcap_file.records import MAGIC
 
+LEVEL = 1
+"""Level of compression: on episodes, zstd's own choice, 3, is slower and makes larger files."""
 _CRC = 4  # [bytes]
 
 
@@ -57,7 +59,7 @@ class Container:
         self._file = file
         self._offset = 0
         self._crc = 0
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = zstandard.ZstdCompressor(level=LEVEL)
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[str, Channel] = {}
         # As bytes, a seventh of the objects: a live recording gets a chunk every second, for days.

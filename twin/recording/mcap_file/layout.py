@@ -24,6 +24,7 @@ SECOND = 10**9  # [ns]
 
 _DOUBLE = 8  # [bytes]
 _DIGIT = 7  # [bits] of a number that each byte of a varint holds
+_MOST_FOUND = 1000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,6 +89,10 @@ class MessageLayout:
                 out[:, begin : begin + digits.shape[1]] = digits
 
 
+_found: dict[tuple[str, int, int, int, bytes], MessageLayout] = {}
+"""Layouts of messages that were written before, by topic and template: a dataset has thousands of files."""
+
+
 def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLayout:
     """Return the layout of those messages of a stream whose time stamps have parts of these lengths.
 
@@ -110,18 +115,25 @@ def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLa
         return np.frombuffer(message.SerializeToString(deterministic=True), dtype=np.uint8)
 
     template = serialise(row, seconds[0], nanos[0])
+    told = stream.topic, count, seconds_size, nanos_size, template.tobytes()
+    if told in _found:
+        return _found[told]
     changed = serialise(inverted, seconds[0], nanos[0])
     doubles = _changed(stream, template, changed, _DOUBLE)
     found, negative = (_numbers_at(doubles, message) for message in (template, changed))
     order = np.argsort(found)
     if found[order].tolist() != row.tolist() or negative[order].tolist() != inverted.tolist():
         raise InputError(f"{stream.topic}: {count} numbers do not stand in a double of the message each")
-    return MessageLayout(
+    layout = MessageLayout(
         template=template,
         doubles=doubles[order],
         seconds=_changed(stream, template, serialise(row, seconds[1], nanos[0]), seconds_size),
         nanos=_changed(stream, template, serialise(row, seconds[0], nanos[1]), nanos_size),
     )
+    if len(_found) >= _MOST_FOUND:
+        _found.clear()
+    _found[told] = layout
+    return layout
 
 
 def varint_sizes(values: NDArray[np.int64]) -> NDArray[np.int64]:
