@@ -1,5 +1,7 @@
 """Derivatives of a record against statics, against longer differences, and as what calibration needs."""
 
+import importlib
+
 import numpy as np
 import pytest
 from driven_endoscope import ramp_and_rest
@@ -77,6 +79,12 @@ def test_lateral_bend_has_derivatives_of_its_own():
         found.lateral_bend[later], one.bend[later], rtol=0.01, atol=6e-3 * np.abs(one.bend).max()
     )
     assert not one.lateral_bend.any()
+
+
+def test_endoscope_without_equilibrium_is_refused_with_what_was_missing(monkeypatch):
+    monkeypatch.setattr(importlib.import_module("twin.reduced.simulate"), "MISSING_LIMIT_N", 1e-12)
+    with pytest.raises(FloatingPointError, match=r"found no equilibrium: \d[\d.]*e-\d+ N are missing"):
+        derivatives(URETEROSCOPE, PULL, T, ["section_stiffness"])
 
 
 @pytest.mark.parametrize(
