@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.mechanics import compiled, machine_code
-from twin.mechanics.compiled import COMPILED, Block, bound, entry, inlined
+from twin.mechanics.compiled import COMPILED, PackedArgument, bound, entry, inlined
 from twin.preset.file import load_preset
 from twin.reduced import ReducedTwins
 
@@ -187,11 +187,11 @@ def test_threads_that_begin_together_share_one_making(folder, monkeypatch):
 
 def test_words_are_numbers_addresses_lengths_and_strides():
     values = np.arange(6.0).reshape(2, 3)
-    block = Block((values, 7, None, 0.5, True))
-    assert block.layout == "(d2Cinfb)"
+    packed = PackedArgument((values, 7, None, 0.5, True))
+    assert packed.layout == "(d2Cinfb)"
     expected = [values.ctypes.data, 2, 3, 24, 8, 7, np.float64(0.5).view(np.int64), 1]
-    assert np.frombuffer(block.words, np.int64).tolist() == expected
-    assert Block(values.T).layout == "d2A"
+    assert np.frombuffer(packed.words, np.int64).tolist() == expected
+    assert PackedArgument(values.T).layout == "d2A"
 
 
 def test_a_start_with_kept_code_loads_no_numba():

@@ -56,7 +56,7 @@ def bound(kernel: Callable[..., None], *arguments: Any) -> Callable[..., None]:
     return Bound(kernel, *arguments) if isinstance(kernel, Entry) else functools.partial(kernel, *arguments)
 
 
-class Block:
+class PackedArgument:
     """Argument as machine code reads it: words of 8 bytes, which are numbers, addresses, lengths and strides.
 
     Attributes:
@@ -100,21 +100,21 @@ class Entry:
             TypeError: an argument is of a kind that it does not take.
             RuntimeError: the kernel raised an error, which it never should.
         """
-        blocks = [Block(argument) for argument in arguments]
-        self.run(self.function(blocks), _table(blocks))
+        packed = [PackedArgument(argument) for argument in arguments]
+        self.run(self.function(packed), _table(packed))
 
     def __reduce__(self) -> str:
         """Say how to copy it: it is the one of its module."""
         return self.__name__
 
-    def function(self, blocks: Sequence[Block]) -> Callable[..., int]:
+    def function(self, packed: Sequence[PackedArgument]) -> Callable[..., int]:
         """Return the machine code for arguments of a layout."""
-        layout = tuple([block.layout for block in blocks])
+        layout = tuple([one.layout for one in packed])
         function = self._functions.get(layout)
         if function is None:
             from twin.mechanics.machine_code import machine_code
 
-            arguments = [block.argument for block in blocks]
+            arguments = [one.argument for one in packed]
             function = self._functions[layout] = machine_code(self.kernel, arguments, layout)
         return function
 
@@ -129,27 +129,27 @@ class Bound:
 
     def __init__(self, of: Entry, *arguments: Any) -> None:
         """Pack them."""
-        self._of, self._blocks = of, [Block(argument) for argument in arguments]
+        self._of, self._packed = of, [PackedArgument(argument) for argument in arguments]
         self._ready: tuple[Callable[..., int], Any] | None = None
 
     def __call__(self, *others: Any) -> None:
         """Run the machine code with the other arguments; raises as `Entry`."""
         if others:
-            blocks = [*self._blocks, *[Block(argument) for argument in others]]
-            self._of.run(self._of.function(blocks), _table(blocks))
+            packed = [*self._packed, *[PackedArgument(argument) for argument in others]]
+            self._of.run(self._of.function(packed), _table(packed))
             return
         if self._ready is None:
-            self._ready = self._of.function(self._blocks), _table(self._blocks)
+            self._ready = self._of.function(self._packed), _table(self._packed)
         self._of.run(*self._ready)
 
     def __reduce__(self) -> tuple[type["Bound"], tuple[Any, ...]]:
         """Say how to copy it: packed anew, as the arrays of the copy are elsewhere."""
-        return Bound, (self._of, *[block.argument for block in self._blocks])
+        return Bound, (self._of, *[one.argument for one in self._packed])
 
 
-def _table(blocks: Sequence[Block]) -> Any:
+def _table(packed: Sequence[PackedArgument]) -> Any:
     """Return the addresses of the words of all arguments."""
-    return (ctypes.c_char_p * len(blocks))(*[block.words for block in blocks])
+    return (ctypes.c_char_p * len(packed))(*[one.words for one in packed])
 
 
 def _pack(argument: Any, layout: list[str], words: list[float]) -> None:

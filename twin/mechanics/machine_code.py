@@ -37,7 +37,7 @@ def machine_code(kernel: FunctionType, arguments: Sequence[Any], layout: Sequenc
     Args:
         kernel: that is called.
         arguments: such as it will be called with.
-        layout: of each, as of `Block`.
+        layout: of each, as of `PackedArgument`.
     """
     path = cache_folder() / _name(kernel, layout)
     with _lock:

@@ -1,4 +1,4 @@
-"""Arguments of machine code as Numba's values: read from the words that `Block` packs."""
+"""Arguments of machine code as Numba's values: read from the words that `PackedArgument` packs."""
 
 from collections.abc import Sequence
 from typing import Any, cast
