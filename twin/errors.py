@@ -45,6 +45,7 @@ EXTRA_OF = {
     "tensorboard": "tensorboard",
     "foxglove": "live",
     "filterpy": "benchmark",
+    "cv2": "vision",
 }
 """Extra of EndoTwin that installs a module, by the name that the module is imported by."""
 

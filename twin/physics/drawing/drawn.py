@@ -4,6 +4,8 @@ It is a model of its own, beside the one that is simulated: it has no joints and
 placed for each picture.
 """
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from twin.physics.drawing.parts import (
     add_station,
     wheel_place,
 )
+from twin.physics.drawing.targets import AWAY
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -35,7 +38,13 @@ class DrawnEndoscope:
     """Endoscope that is drawn, and only drawn."""
 
     def __init__(
-        self, preset: Preset, scene: str = "bench", sleeve: str = "cut", *, pale: bool = False
+        self,
+        preset: Preset,
+        scene: str = "bench",
+        sleeve: str = "cut",
+        *,
+        pale: bool = False,
+        more: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
         """Build the model.
 
@@ -44,6 +53,7 @@ class DrawnEndoscope:
             scene: one of `SCENES`.
             sleeve: one of `parts.SLEEVES`.
             pale: True for lighter materials, which are seen on a dark background.
+            more: adds what else there is to the model.
         """
         self.preset = preset
         self._overview = scene == "overview"
@@ -60,6 +70,8 @@ class DrawnEndoscope:
         for name in ("sleeve", "sheath", "cap", "motor") if pale else ():
             material = spec.material(name)
             material.rgba = [*(_PALER * material.rgba[:3]), 1.0]
+        if more is not None:
+            more(spec)
         self.model = spec.compile()
         self._data = mujoco.MjData(self.model)
         self._body = {
@@ -67,20 +79,20 @@ class DrawnEndoscope:
             for index in range(1, self.model.nbody)
         }
         self._skins = self._wire_skins()
-        self._place("base", np.zeros(3), np.eye(3))
+        self.place("base", np.zeros(3), np.eye(3))
         self.place_sheath(sheath_frames(preset, 0.0))
 
     def stand(self, links: Frames, index: int) -> None:
         """Set the pose of the bending section to that of a sample, as of `frames.link_frames`."""
         for number in range(self.preset.vertebrae):
-            self._place(f"link_{number}", links.position[index, number], links.rotation[index, number])
+            self.place(f"link_{number}", links.position[index, number], links.rotation[index, number])
 
     def place_sheath(self, frames: Frames) -> None:
         """Bend the sheath along its frames, from the base to the pulley, as of `frames.sheath_frames`."""
         for number in range(SHEATH_BONES + 1):
-            self._place(f"sheath_{number}", frames.position[number], frames.rotation[number])
+            self.place(f"sheath_{number}", frames.position[number], frames.rotation[number])
         if self._overview:
-            self._place("station", frames.position[-1], frames.rotation[-1])
+            self.place("station", frames.position[-1], frames.rotation[-1])
 
     def turn_wheel(self, plane: int, pull: float, sheath: Frames) -> None:
         """Turn the wheel of a bending plane to a pulling distance [m], at the pulley's end of a sheath.
@@ -95,7 +107,7 @@ class DrawnEndoscope:
         across = np.eye(3) if plane == 0 else Rotation.from_rotvec([np.pi / 2, 0, 0]).as_matrix()
         # Pulling wire a, which leaves the wheel's upper side, moves that side backwards.
         turn = Rotation.from_rotvec([0.0, -pull / self.preset.pulley_radius, 0.0]).as_matrix()
-        self._place(f"wheel_{plane}", centre, rotation @ across @ turn)
+        self.place(f"wheel_{plane}", centre, rotation @ across @ turn)
 
     def paint_wires(self, colours: Array) -> None:
         """Colour each length of each wire, pulley to tip.
@@ -124,10 +136,15 @@ class DrawnEndoscope:
         mujoco.mj_camlight(self.model, self._data)
         return self._canvas.draw(self._data, view)
 
-    def _place(self, name: str, position: Array, rotation: Array) -> None:
+    def place(self, name: str, position: Array, rotation: Array) -> None:
+        """Place a body that is moved by nothing else: its origin (3,) [m] and its axes (3, 3), as columns."""
         body = self._body[name]
         self._data.mocap_pos[body] = position
         self._data.mocap_quat[body] = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+
+    def hide(self) -> None:
+        """Put every body out of sight; those that are placed from then on are seen again."""
+        self._data.mocap_pos[:] = AWAY
 
     def _wire_skins(self) -> dict[tuple[int, int], int]:
         """Return the skin of each length of each wire."""

@@ -60,7 +60,23 @@ def _sheath_bones(preset: Preset) -> Bones:
 
 
 def add_section(spec: mujoco.MjSpec, preset: Preset, bones: Bones, sleeve: str) -> None:
-    """Add vertebrae, core, wires and sleeve of the bending section."""
+    """Add the sleeve of the bending section, and where it is not whole, what is in it."""
+    radius, link, length = preset.wire_offset, preset.section_length / preset.vertebrae, preset.section_length
+    if sleeve != "whole":
+        _add_inside(spec, preset, bones)
+    if sleeve == "none":
+        return
+    start, end = min(1.2 * radius, 0.1 * length), length - max(3.0 * radius, 0.1 * length)
+    corner = min(1.6 * radius, 0.2 * length)
+    along = _window_rings(-0.5 * link, start, end, length, corner, length / 48)
+    opening = np.zeros(len(along))
+    if sleeve == "cut":
+        opening = window(along, start, end, _SLEEVE_OPENING, corner)
+    _shell(spec, "sleeve", along, opening, _TOWARDS_VIEWER, preset, bones)
+
+
+def _add_inside(spec: mujoco.MjSpec, preset: Preset, bones: Bones) -> None:
+    """Add vertebrae, core and wires."""
     radius, link = preset.wire_offset, preset.section_length / preset.vertebrae
     length, count = preset.section_length, preset.vertebrae
     for index in range(count):
@@ -74,15 +90,6 @@ def add_section(spec: mujoco.MjSpec, preset: Preset, bones: Bones, sleeve: str) 
         y, z = WIRE_PLACES[wire]
         tube = round_tube(along, _WIRE * radius, 8, (y * radius, z * radius))
         add_skin(spec, f"wire_{wire}{preset.sheath_elements}", tube, bones, "wire")
-    if sleeve == "none":
-        return
-    start, end = min(1.2 * radius, 0.1 * length), length - max(3.0 * radius, 0.1 * length)
-    corner = min(1.6 * radius, 0.2 * length)
-    along = _window_rings(-0.5 * link, start, end, length, corner, length / 48)
-    opening = np.zeros(len(along))
-    if sleeve == "cut":
-        opening = window(along, start, end, _SLEEVE_OPENING, corner)
-    _shell(spec, "sleeve", along, opening, _TOWARDS_VIEWER, preset, bones)
 
 
 def add_cap(spec: mujoco.MjSpec, preset: Preset) -> None:
@@ -216,7 +223,8 @@ def _shell(
     spec: mujoco.MjSpec, name: str, along: Array, opening: Array, towards: float, preset: Preset, bones: Bones
 ) -> None:
     outer, inner = (np.full(len(along), share * preset.wire_offset) for share in (OUTER, _INNER))
-    wall, cut = open_shell(along, outer, inner, opening, 24, towards)
+    seam = towards if opening.any() else towards + math.pi  # of a whole one, out of sight
+    wall, cut = open_shell(along, outer, inner, opening, 24, seam)
     add_skin(spec, name, wall, bones, name)
     add_skin(spec, f"{name}_cut", cut, bones, "cut")
 

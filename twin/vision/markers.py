@@ -1,0 +1,129 @@
+"""Bending angle from markers: found in both pictures, placed in space, and turned against one another."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.vision.bench import Pair, Picture
+from twin.vision.calibration import StereoCalibration
+from twin.vision.opencv import cv2
+from twin.vision.rigid import Pose, fitted_pose, mean_rotation, reprojection, triangulate
+from twin.vision.targets import BASE, DICTIONARY, TIP, marker_corners
+
+Array = NDArray[np.float64]
+
+LARGEST_RESIDUAL = 0.4
+"""Largest reprojection of a marker that is believed, root mean square [pixels]."""
+
+
+class MarkerFinder:
+    """Finder of the markers in pairs of pictures, and of their poses in the axes of the left camera.
+
+    A marker that is not seen whole by both cameras, or is not as square as it should be, is not found.
+    """
+
+    def __init__(self, calibration: StereoCalibration, side: float) -> None:
+        """Make the detector.
+
+        Args:
+            calibration: of the cameras.
+            side: of a marker's black border [m].
+        """
+        self._calibration = calibration
+        self._shapes = {number: marker_corners(side) for number in (BASE, TIP)}
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.cornerRefinementWinSize = 4
+        parameters.cornerRefinementMaxIterations = 50
+        parameters.cornerRefinementMinAccuracy = 0.005
+        self._detector = cv2.aruco.ArucoDetector(DICTIONARY, parameters)
+
+    def measure_sizes(self, pairs: Sequence[Pair]) -> None:
+        """Measure the markers as they appear: blur changes the size of print a little."""
+        for number, shape in self._shapes.items():
+            both = [
+                (left[number], right[number])
+                for left, right in self._seen(pairs)
+                if number in left.keys() & right.keys()
+            ]
+            sizes = [_size(triangulate(left, right, self._calibration)) for left, right in both]
+            if sizes:
+                self._shapes[number] = shape * float(np.median(sizes)) / _size(shape)
+
+    def poses(self, pair: Pair) -> dict[int, Pose]:
+        """Return the poses of the markers that are seen well in a pair of pictures, by number."""
+        ((left, right),) = self._seen([pair])
+        found = {}
+        for number, shape in self._shapes.items():
+            if number not in left or number not in right:
+                continue
+            corners = left[number], right[number]
+            pose = fitted_pose(shape, triangulate(*corners, self._calibration))
+            if reprojection(shape, pose, *corners, self._calibration) <= LARGEST_RESIDUAL:
+                found[number] = pose
+        return found
+
+    def _seen(self, pairs: Sequence[Pair]) -> list[tuple[dict[int, Array], dict[int, Array]]]:
+        return [(self._corners(left), self._corners(right)) for left, right in pairs]
+
+    def _corners(self, picture: Picture) -> dict[int, Array]:
+        """Return the corners (4, 2) of the markers in a picture, by number [pixels]; not if seen twice."""
+        corners, numbers, _ = self._detector.detectMarkers(picture)
+        every = [] if numbers is None else numbers.ravel().tolist()
+        return {
+            number: corner.reshape(4, 2).astype(float)
+            for number, corner in zip(every, corners, strict=True)
+            if every.count(number) == 1
+        }
+
+
+class MarkerMeter:
+    """Meter of the bending angle by a marker on the shaft and one on the tip."""
+
+    def __init__(self, calibration: StereoCalibration, side: float, planes: int = 1) -> None:
+        """Make the finder.
+
+        Args:
+            calibration: of the cameras.
+            side: of a marker's black border [m].
+            planes: bending planes of the endoscope.
+        """
+        self._finder, self._planes = MarkerFinder(calibration, side), planes
+        self._straight = np.eye(3)
+
+    def zero(self, pairs: Sequence[Pair]) -> int:
+        """Take the endoscope for straight in pairs of pictures; returns in how many it is seen."""
+        self._finder.measure_sizes(pairs)
+        turns = [turn for turn in map(self._turn, pairs) if turn is not None]
+        if turns:
+            self._straight = mean_rotation(turns)
+        return len(turns)
+
+    def forget(self) -> None:
+        """Do nothing: each pair of pictures stands for itself."""
+
+    def angle(self, pair: Pair) -> float:
+        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is not known."""
+        turn = self._turn(pair)
+        if turn is None:
+            return float("nan")
+        # In the axes of the shaft's marker: x along the shaft, y against wire a, z away from the cameras.
+        along, against, away = (turn @ self._straight.T)[:, 0]
+        if self._planes == 1:
+            return float(np.arctan2(-against, along))
+        aside = float(np.hypot(against, away))
+        return float(np.arctan2(aside, along)) * -float(against) / aside if aside > 0 else 0.0
+
+    def _turn(self, pair: Pair) -> Array | None:
+        """Return the rotation of the tip's marker in the axes of the shaft's; None where one is not found."""
+        poses = self._finder.poses(pair)
+        if len(poses) < 2:
+            return None
+        turn: Array = poses[BASE].rotation.T @ poses[TIP].rotation
+        return turn
+
+
+def _size(points: Array) -> float:
+    """Return the root mean square distance of points (n, 3) from their middle."""
+    return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))

@@ -1,0 +1,193 @@
+"""Stereo sensor: the bending angle of a record as two calibrated cameras measure it."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.episode import Episode
+from twin.errors import InputError
+from twin.physics.drawing.frames import link_frames
+from twin.preset.preset import Preset
+from twin.rendering.actor import shape_of
+from twin.vision.bench import Bench, Pair
+from twin.vision.calibration import StereoCalibration, calibrate
+from twin.vision.markers import MarkerMeter
+from twin.vision.meter import Meter
+from twin.vision.motion import Motion
+from twin.vision.passes import Pass, draw_passes
+from twin.vision.rig import StereoRig
+from twin.vision.silhouette import SilhouetteMeter
+from twin.vision.targets import marker_side
+
+Array = NDArray[np.float64]
+
+_ZERO_PICTURES = 20
+"""Pairs of pictures of the straight endoscope, before a record."""
+_PASSES, _PIXELS = (
+    0,
+    1,
+)  # children of a record's seed: what passes before the cameras, and the noise of each picture
+
+
+class StereoSensor:
+    """Two cameras before an endoscope, calibrated, and zeroed on the straight endoscope.
+
+    Attributes:
+        rig: the cameras.
+        calibration: of them.
+    """
+
+    def __init__(self, preset: Preset, rig: StereoRig) -> None:
+        """Set up the rig: calibrate the cameras, and take pictures of the straight endoscope.
+
+        Args:
+            preset: the endoscope.
+            rig: the cameras.
+
+        Raises:
+            ValueError: board or endoscope are not seen well enough, as where it is too dark or blurred.
+            OSError: nothing on this system can draw without a screen.
+        """
+        self.rig, self._preset = rig, preset
+        self._bench = Bench(preset, rig)
+        self.calibration = _calibrated(self._bench)
+        self._bench.set_up()
+        self._meter = self._made_meter()
+        rng = np.random.default_rng([rig.seed, 2])
+        links = link_frames(np.zeros((1, preset.vertebrae)), np.empty(0), preset.section_length)
+        pairs = [
+            self._bench.take(lambda _: self._bench.stand(links, 0), 0.0, rng) for _ in range(_ZERO_PICTURES)
+        ]
+        if self._meter.zero(pairs) < _ZERO_PICTURES / 2:
+            raise InputError(
+                "the straight endoscope is not measured in half of its pictures: less blur, noise or "
+                "distortion, more light, or larger markers"
+            )
+
+    def _made_meter(self) -> Meter:
+        if self.rig.method == "markers":
+            side, planes = marker_side(self._preset, self.rig), self._preset.bending_planes
+            return MarkerMeter(self.calibration, side, planes)
+        return SilhouetteMeter(self.calibration, self._preset, self.rig)
+
+    def measure(
+        self,
+        episode: Episode,
+        seed: np.random.SeedSequence,
+        on_progress: Callable[[int, int], None] | None = None,
+    ) -> Array:
+        """Return the measured bending angle (N,) [rad], NaN where there is no picture or no angle in it.
+
+        Args:
+            episode: the record.
+            seed: of what passes before the cameras, and of the noise of each picture.
+            on_progress: told how many of how many pairs of pictures are measured.
+        """
+        measured = np.full(len(episode.time), np.nan)
+        count = len(frame_samples(episode.time, self.rig.frames_per_second))
+        self._meter.forget()
+        for done, (sample, pair) in enumerate(self.pictures(episode, seed), start=1):
+            measured[sample] = self._meter.angle(pair)
+            if on_progress is not None:
+                on_progress(done, count)
+        return measured
+
+    def passes(self, episode: Episode, seed: np.random.SeedSequence) -> list[Pass]:
+        """Return what passes before the cameras during a record, as of `measure`."""
+        tip = Motion(episode, self._preset).tip
+        rng = np.random.default_rng(_child(seed, _PASSES))
+        return draw_passes(self.rig, episode.time, tip, self._preset.section_length, rng)
+
+    def pictures(
+        self, episode: Episode, seed: np.random.SeedSequence, frames_per_second: float | None = None
+    ) -> Iterator[tuple[int, Pair]]:
+        """Yield samples and their pairs of pictures; a picture does not depend on which others are taken.
+
+        Args:
+            episode: the record.
+            seed: as of `measure`.
+            frames_per_second: rate of the pairs [1 / s]; that of the rig, if not given.
+        """
+        motion, bench = Motion(episode, self._preset), self._bench
+        taken = frame_samples(episode.time, self.rig.frames_per_second)
+        if frames_per_second is not None:
+            wanted = frame_samples(episode.time, frames_per_second)
+            taken = sorted({max(one for one in taken if one <= sample) for sample in wanted})
+        passes = self.passes(episode, seed)
+        scale = self.calibration.left.matrix[0, 0] / (self.rig.distance * self._preset.section_length)
+        for sample in taken:
+            time = float(episode.time[sample])
+
+            def scene(instant: float, time: float = time) -> None:
+                bench.stand(motion.links_at(time + instant), 0)
+                _pass_by(bench, passes, time + instant)
+
+            rng = np.random.default_rng(_child(seed, _PIXELS, sample))
+            yield sample, bench.take(scene, scale * motion.speed(sample), rng)
+
+
+def _pass_by(bench: Bench, passes: Sequence[Pass], time: float) -> None:
+    """Hold the rod where it is at a time, if it is in sight."""
+    for one in passes:
+        middle = one.middle(time)
+        if middle is not None:
+            bench.pass_rod(middle, one.along)
+
+
+def _child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
+
+
+def frame_samples(time: Array, frames_per_second: float) -> list[int]:
+    """Return the samples at which pictures are taken: the latest at the time of each picture.
+
+    Args:
+        time: (N,) of the record [s].
+        frames_per_second: rate of the pictures [1 / s].
+    """
+    since = time - time[0]
+    taken = np.arange(int(since[-1] * frames_per_second + 1e-9) + 1) / frames_per_second
+    samples: list[int] = np.unique(np.searchsorted(since, taken + 1e-9, side="right") - 1).tolist()
+    return samples
+
+
+def sensor_before(episode: Episode, rig: StereoRig) -> StereoSensor:
+    """Return the sensor before the endoscope of a record; it is set up once for endoscopes of one shape."""
+    return _set_up(shape_of(episode, max(episode.joint_angle.shape[1], 1)), rig)
+
+
+@functools.lru_cache(maxsize=2)  # each holds a renderer
+def _set_up(preset: Preset, rig: StereoRig) -> StereoSensor:
+    return StereoSensor(preset, rig)
+
+
+_CALIBRATIONS: dict[tuple[StereoRig, float], StereoCalibration] = {}
+_MOST_CALIBRATIONS = 16
+
+
+def _of_the_board(rig: StereoRig) -> StereoRig:
+    """Return a rig with all that is not seen of a board that stands still before the cameras as usual."""
+    usual = StereoRig()
+    return dataclasses.replace(
+        rig,
+        method=usual.method,
+        frames_per_second=usual.frames_per_second,
+        marker_size=usual.marker_size,
+        exposure_s=usual.exposure_s,
+        rolling_shutter_s=usual.rolling_shutter_s,
+        occlusions_per_minute=usual.occlusions_per_minute,
+        pictures_per_second=usual.pictures_per_second,
+    )
+
+
+def _calibrated(bench: Bench) -> StereoCalibration:
+    """Return the calibration of a bench's cameras: it is the same before every endoscope of one length."""
+    key = _of_the_board(bench.rig), bench.preset.section_length
+    if key not in _CALIBRATIONS:
+        if len(_CALIBRATIONS) >= _MOST_CALIBRATIONS:
+            _CALIBRATIONS.clear()
+        _CALIBRATIONS[key] = calibrate(bench)
+    return _CALIBRATIONS[key]
