@@ -39,6 +39,8 @@ class Benchmark:
     """Of 60 s, of the dataset that is made, weighed and read."""
     many_episodes: int = 1000
     """Of 10 s, while the memory is watched."""
+    frames: int = 10_000
+    """Pairs of pictures of the stereo sensor, while instruments pass before it."""
     seed: int = 0
     """Not used: the random measurements are the same every time."""
     json: bool = False
@@ -65,6 +67,7 @@ def benchmark(args: Benchmark) -> Summary:
         steps=args.steps,
         episodes=args.episodes,
         many_episodes=args.many_episodes,
+        frames=args.frames,
     )
     check_measurements(size, names, table_of_all)
     table = args.out.with_suffix(".md")

@@ -39,7 +39,7 @@ class Evaluate:
     The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
     --train and kept beside the results; without --train it is left out.
 
-    The suite `full` has every estimator here, ten noises, two sample times and the limit, an ensemble of
+    The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
     twins. It makes what it is not given: records, models, training. All is kept; a stopped run goes on.
     """
 
@@ -62,7 +62,7 @@ class Evaluate:
     """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full."""
     measurements: Literal["auto", "drawn", "recorded"] = "auto"
     """drawn: the truth and noise drawn anew; recorded: what the sensor of the record saw, once. auto:
-    recorded where all records are measured logs, else drawn; the full suite draws."""
+    recorded where all records are measured logs, else drawn; the full suite draws, unless told."""
     sensor_variance: float | None = None
     """R that is told with recorded measurements [deg^2]; if not given, as the records tell it, else 0.1."""
     write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -98,9 +98,12 @@ def evaluate(args: Evaluate) -> Summary:
 
 
 def _full(args: Evaluate) -> Summary:
-    if args.measurements == "recorded" or args.write_estimates or args.sensor_variance is not None:
+    if args.write_estimates:
+        raise ValueError("--write-estimates is for --suite paper")
+    recorded = args.measurements == "recorded"
+    if recorded and not args.data:
         raise ValueError(
-            "--measurements recorded, --write-estimates and --sensor-variance are for --suite paper"
+            "--measurements recorded: the benchmark's own records have none, name folders of records"
         )
     from rl.suite.full import run_full_suite
     from rl.suite.given import given_files
@@ -119,7 +122,7 @@ def _full(args: Evaluate) -> Summary:
         preset=args.preset,
         sample_times=sample_times,
         trained=given_files(args.policy, None, sample_times),
-        seeds=args.seeds,
+        seeds=1 if recorded else args.seeds,
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
         members=args.members,
@@ -127,14 +130,16 @@ def _full(args: Evaluate) -> Summary:
         seconds=args.seconds,
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
+        recorded_variance=_variance(args, recorded),
         origin=_origin(args, args.model),
     )
     output_folder(args.out, FULL_FILES)
     if args.data:
-        _say_of_measured_logs(chosen_measurements("drawn", args.data)[1])
+        _say_of_measured_logs(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
-    line = f"{result.path}: {len(methods)} methods, {result.records} records, {args.seeds} noise seeds"
+    draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
+    line = f"{result.path}: {len(methods)} methods, {result.records} records, {draws}"
     return Summary(line, {"out": str(result.path), "methods": methods, "rows": len(result.scores)})
 
 
@@ -148,9 +153,9 @@ def _paper(args: Evaluate) -> Summary:
     from rl.suite.paper import PaperSuite, run_paper_suite
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
-    from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements, common_variance
+    from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements
     from twin.files.atomic import write_whole
-    from twin.files.bounds import LARGEST_VARIANCE_DEG2, check_between
+    from twin.files.bounds import check_between
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
     from twin.report.paper_figures import paper_figures
@@ -167,20 +172,7 @@ def _paper(args: Evaluate) -> Summary:
     if not (model is None or isinstance(model, ColemanHodgdon)):
         raise ValueError(f"--model {source} is {model.name}: the paper's suite rests on coleman-hodgdon")
     trained = given_files(args.policy, model, [T])
-    variance = args.sensor_variance
-    usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
-    if not usable or not (variance is None or recorded or args.write_estimates):
-        raise ValueError(
-            f"--sensor-variance {variance:g}: must be positive, at most {LARGEST_VARIANCE_DEG2:g}, and is "
-            "for --measurements recorded or --write-estimates"
-        )
-    if variance is None and (recorded or args.write_estimates):
-        variance, told = common_variance(args.data)
-        if not told:
-            complain(
-                f"endotwin evaluate: not every record tells the noise of its sensor: R = {variance:g} deg^2 "
-                "(--sensor-variance sets it)"
-            )
+    variance = _variance(args, recorded or args.write_estimates)
     if recorded:
         protocol = dataclasses.replace(protocol, seeds=1, recorded_variance=variance)
     suite = PaperSuite(
@@ -211,6 +203,33 @@ def _paper(args: Evaluate) -> Summary:
         line += f"; estimates in {args.out}/estimates"
     values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
     return Summary(line, values, table=shown)
+
+
+def _variance(args: Evaluate, recorded: bool) -> float | None:
+    """Return R of recorded measurements, as it is given or as the records tell it; None where none are used.
+
+    Raises:
+        ValueError: it is given and out of range, or not needed.
+    """
+    from twin.evaluation.recorded import common_variance
+    from twin.files.bounds import LARGEST_VARIANCE_DEG2
+
+    variance = args.sensor_variance
+    usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
+    if not usable or not (variance is None or recorded):
+        raise ValueError(
+            f"--sensor-variance {variance:g}: must be positive, at most {LARGEST_VARIANCE_DEG2:g}, and is "
+            "for --measurements recorded or --write-estimates"
+        )
+    if variance is not None or not recorded:
+        return variance
+    variance, told = common_variance(args.data)
+    if not told:
+        complain(
+            f"endotwin evaluate: not every record tells the noise of its sensor: R = {variance:g} deg^2 "
+            "(--sensor-variance sets it)"
+        )
+    return variance
 
 
 def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Score], str], str]") -> str:

@@ -74,6 +74,10 @@ class Generate:
     """Time between two samples [s]; 0.02, if not given."""
     sensor_variance: float | None = None
     """Variance of noise that /measurement gets besides the preset's sensor [deg^2]; 0.1, if not given."""
+    sensor: Literal["angle", "stereo"] | None = None
+    """angle, of the preset; or stereo: /measurement from the pictures of two cameras (docs/vision.md)."""
+    stereo: tuple[str, ...] = ()
+    """Change parameters of the two cameras: NAME=VALUE ..., as in method=silhouette blur_px=1.5."""
     camera: float | None = None
     """Pictures per second of /camera/image, 320 x 240; none, if not given."""
     format: Literal["mcap", "csv"] = "mcap"
@@ -154,7 +158,7 @@ def _changes(args: Generate) -> dict[str, Any]:
         "signals": args.signal and (list(SIGNALS) if args.signal == "all" else [args.signal]),
         "command_csv": _command(args) or None,
         "sheath_bends_deg": None if start is end is None else [start if end is None else (start, end)],
-        "sensor": None if args.sensor_variance is None else {"variance_deg2": args.sensor_variance},
+        "sensor": _sensor(args),
         "camera": None if args.camera is None else {"pictures_per_second": args.camera},
         "seeds": None if args.seed is None else [args.seed],
         "physics": args.physics,
@@ -162,6 +166,21 @@ def _changes(args: Generate) -> dict[str, Any]:
     if args.preset and args.preset.endswith((".yaml", ".yml")):
         given["preset"] = os.path.abspath(args.preset)
     return {key: value for key, value in given.items() if value is not None}
+
+
+def _sensor(args: Generate) -> dict[str, Any] | None:
+    """Return the flags of the sensor that are given, as a recipe's file says them."""
+    if args.sensor == "angle" and args.stereo:
+        raise ValueError("--sensor angle and --stereo: choose one")
+    if args.sensor == "stereo" or args.stereo:
+        require_extra("vision", "--sensor stereo")
+        if args.sensor_variance is not None:
+            raise ValueError("--sensor-variance and --sensor stereo: choose one")
+        from twin.vision.rig import parse_rig
+
+        return {"stereo": parse_rig(args.stereo) or True}
+    given = {} if args.sensor_variance is None else {"variance_deg2": args.sensor_variance}
+    return given | {"stereo": False} if args.sensor == "angle" else given or None
 
 
 def _command(args: Generate) -> dict[str, Any]:

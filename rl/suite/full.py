@@ -20,7 +20,6 @@ from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
-from twin.evaluation.protocol import SUITES
 from twin.evaluation.reading import evaluation_records, true_records
 from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.score import Score, to_rows
@@ -101,7 +100,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
             found, seen = evaluate(records, methods, suite.protocol(T), shown, executor)
             scores += found
             if ensembles:
-                limits += bounds(records, list(ensembles), T, SUITES["full"])
+                limits += bounds(records, list(ensembles), T, suite.protocol(T).conditions)
             sets += containment(records, _bounded(suite, knowledge), suite.protocol(T))
             tracks.append(seen)
     return _write(suite, scores, limits, sets, tracks[0], records)

@@ -44,6 +44,7 @@ class FullSuite:
         seconds: length of the records that it simulates.
         workers: processes.
         seed: of everything that is drawn.
+        recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
         origin: command, versions and hashes of the data, as `evaluation.json` states them.
     """
 
@@ -62,6 +63,7 @@ class FullSuite:
     seconds: float = 60.0
     workers: int = 1
     seed: int = 0
+    recorded_variance: float | None = None
     origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -92,12 +94,14 @@ class FullSuite:
 
     @property
     def specs(self) -> list[MethodSpec]:
-        """Methods that are compared, in the order of tables."""
-        return [spec for spec in method_specs() if not self.methods or spec.name in self.methods]
+        """Methods that are compared, in the order of tables; nobody knows the density of a recorded noise."""
+        specs = [spec for spec in method_specs() if not self.methods or spec.name in self.methods]
+        return [spec for spec in specs if self.recorded_variance is None or not spec.is_limit]
 
     def protocol(self, sample_time: float) -> Protocol:
         """Return how methods are compared at one sample time."""
-        return Protocol("full", self.seeds, sample_time, self.initial_error_deg, self.seed)
+        recorded = self.recorded_variance
+        return Protocol("full", self.seeds, sample_time, self.initial_error_deg, self.seed, recorded)
 
     def folder_at(self, sample_time: float) -> Path:
         """Return where all that is made for one sample time is kept."""

@@ -9,7 +9,7 @@ from twin.benchmark.start import processor_seconds
 
 
 @pytest.mark.parametrize(
-    "field", ["amplitude", "cycles", "draws", "known", "steps", "episodes", "many_episodes"]
+    "field", ["amplitude", "cycles", "draws", "known", "steps", "episodes", "many_episodes", "frames"]
 )
 def test_a_size_that_measures_nothing_is_refused_by_name(field):
     with pytest.raises(ValueError, match=f"^{field} = 0: must be positive$"):

@@ -25,7 +25,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Episod
     folder = tmp_path_factory.mktemp("lerobot")
     signals = ("sine", "triangle", "sine")
     episodes = [make_full(30 + 10 * k, k, signal=signal) for k, signal in enumerate(signals)]
-    write_lerobot(folder, ((f"record_{k}", episode, None) for k, episode in enumerate(episodes)))
+    write_lerobot(folder, ((f"record_{k}", episode, {}) for k, episode in enumerate(episodes)))
     return folder, episodes
 
 
@@ -158,9 +158,7 @@ def test_statistics_are_those_of_numpy_over_the_dataset_and_over_each_episode(da
 
 def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
     episodes = [make_full(400, seed) for seed in range(6)]
-    write_lerobot(
-        tmp_path, ((str(k), episode, None) for k, episode in enumerate(episodes)), file_megabytes=0.6
-    )
+    write_lerobot(tmp_path, ((str(k), episode, {}) for k, episode in enumerate(episodes)), file_megabytes=0.6)
     rows, info = rows_of(tmp_path), info_of(tmp_path)
     files = sorted((tmp_path / "data").glob("*/*.parquet"))
     assert 2 <= len(files) < 6
@@ -179,7 +177,7 @@ def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
 
 def test_a_chunk_holds_a_thousand_files(tmp_path, monkeypatch):
     monkeypatch.setattr("twin.export.parts.CHUNK_FILES", 2)
-    write_lerobot(tmp_path, ((str(seed), make_full(9, seed), None) for seed in range(5)), file_megabytes=1e-9)
+    write_lerobot(tmp_path, ((str(seed), make_full(9, seed), {}) for seed in range(5)), file_megabytes=1e-9)
     files = sorted(str(file.relative_to(tmp_path / "data")) for file in (tmp_path / "data").glob("*/*"))
     assert files == [f"chunk-{k // 2:03d}/file-{k % 2:03d}.parquet" for k in range(5)]
     places = [(row["data/chunk_index"], row["data/file_index"]) for row in rows_of(tmp_path)]
@@ -189,7 +187,7 @@ def test_a_chunk_holds_a_thousand_files(tmp_path, monkeypatch):
 def test_many_episodes_are_described_each_where_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr("twin.export.lerobot._ROWS_AT_ONCE", 3)
     write_lerobot(
-        tmp_path, ((str(seed), make_episode(5, seed=seed), None) for seed in range(8)), file_megabytes=0.01
+        tmp_path, ((str(seed), make_episode(5, seed=seed), {}) for seed in range(8)), file_megabytes=0.01
     )
     rows = rows_of(tmp_path)
     assert [row["episode_index"] for row in rows] == list(range(8))
@@ -224,12 +222,12 @@ def test_many_episodes_are_described_each_where_it_is(tmp_path, monkeypatch):
 )
 def test_episodes_that_differ_are_refused_by_name(tmp_path, other, fault):
     with pytest.raises(ValueError, match=fault.replace(".", r"\.")):
-        write_lerobot(tmp_path, [("a", make_episode(), None), ("b", other, None)])
+        write_lerobot(tmp_path, [("a", make_episode(), {}), ("b", other, {})])
 
 
 def test_an_angle_that_nobody_has_measured_and_no_episode_are_refused(tmp_path):
     blind = dataclasses.replace(make_episode(), measured_bend=np.full(12, np.nan))
     with pytest.raises(ValueError, match="measured_bend_deg is missing at every sample of all episodes"):
-        write_lerobot(tmp_path / "a", [("a", blind, None)])
+        write_lerobot(tmp_path / "a", [("a", blind, {})])
     with pytest.raises(ValueError, match="there is no episode"):
         write_lerobot(tmp_path / "b", [])

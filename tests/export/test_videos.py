@@ -12,12 +12,13 @@ from PIL import Image
 from recorded import make_episode
 
 from twin.export.statistics import exact_statistics
-from twin.export.videos import VIDEO_KEY
-from twin.recording.camera import CAMERA_TOPIC, picture_message
+from twin.export.videos import video_key
+from twin.recording.camera import CAMERA_TOPIC, picture_message, stereo_topics
 from twin.recording.messages import to_nanoseconds
 from twin.recording.pictures import decoded, read_pictures
 from twin.recording.writer import EpisodeWriter
 
+VIDEO_KEY = video_key("camera")
 SAMPLES, EVERY = 20, 5  # a picture at each fifth sample
 SIDES = (64, 48)
 SHADES = (20, 90, 160, 230)
@@ -55,7 +56,7 @@ def frames_of(path) -> np.ndarray:
 
 
 def test_pictures_are_read_back_with_their_times(folder):
-    pictures = read_pictures(folder / "episode_0000.mcap")
+    pictures = read_pictures(folder / "episode_0000.mcap")["camera"]
     episode = make_episode(SAMPLES, seed=0)
     np.testing.assert_allclose(pictures.time, episode.time[2::EVERY])
     assert pictures.size == SIDES
@@ -65,7 +66,7 @@ def test_pictures_are_read_back_with_their_times(folder):
 
 
 def test_a_record_without_a_camera_has_none(whole_dataset):
-    assert read_pictures(whole_dataset / "episode_0000.mcap") is None
+    assert read_pictures(whole_dataset / "episode_0000.mcap") == {}
 
 
 def test_every_frame_of_the_table_has_its_picture_in_the_film(folder, tmp_path, capsys):
@@ -130,3 +131,19 @@ def test_pictures_that_do_not_fit_are_one_line(folder, tmp_path, capsys, change,
     assert rule in said
     assert len(said.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_two_cameras_are_two_films(tmp_path, capsys):
+    (tmp_path / "data").mkdir()
+    episode = make_episode(SAMPLES, seed=0)
+    times = to_nanoseconds(episode.time)
+    with EpisodeWriter(tmp_path / "data/episode_0000.mcap") as writer:
+        writer.write(episode)
+        for side, shade in (("left", 40), ("right", 200)):
+            writer.add_message(stereo_topics(side)[0], picture_message(picture(shade), times[0]), times[0])
+    code, _, said = run(capsys, tmp_path / "data", "--out", tmp_path / "out")
+    assert code == 0, said
+    for side, shade in (("left", 40), ("right", 200)):
+        frames = frames_of(tmp_path / f"out/videos/{video_key(side)}/chunk-000/file-000.mp4")
+        assert len(frames) == SAMPLES
+        np.testing.assert_allclose(frames[:, 24, 32, 0], shade, atol=12)

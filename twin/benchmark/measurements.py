@@ -18,6 +18,7 @@ from twin.benchmark import (
     scaling,
     speed,
     start,
+    stereo,
 )
 from twin.benchmark.result import Result
 from twin.errors import InputError
@@ -39,6 +40,7 @@ MOST = {
     "steps": 100_000_000,
     "episodes": 10_000,
     "many_episodes": 10_000,
+    "frames": 10_000_000,
 }
 """Largest number of each."""
 
@@ -57,6 +59,7 @@ class Size:
         steps: samples over which the covariances of the Kalman filters are watched.
         episodes: of 60 s, of the dataset that is made, weighed and read.
         many_episodes: of 10 s, while the memory is watched.
+        frames: pairs of pictures of a stereo sensor, while instruments pass before it.
     """
 
     preset: str | Path = "ureteroscope"
@@ -68,6 +71,7 @@ class Size:
     steps: int = 1_000_000
     episodes: int = 64
     many_episodes: int = 1000
+    frames: int = 10_000
 
     def __post_init__(self) -> None:
         """Refuse what measures nothing, or never ends.
@@ -82,7 +86,7 @@ class Size:
             raise InputError(
                 f"amplitude = {self.amplitude * 1e3:g} mm: must be at most {LARGEST_AMPLITUDE * 1e3:g} mm"
             )
-        for name in ("cycles", "draws", "pairs", "known", "steps", "episodes", "many_episodes"):
+        for name in ("cycles", "draws", "pairs", "known", "steps", "episodes", "many_episodes", "frames"):
             check_between(name, getattr(self, name), 1, MOST[name])
 
 
@@ -143,6 +147,8 @@ MEASUREMENTS: dict[str, Measurement] = {
     "recovery": lambda preset, size, progress: recovery.recovered(
         preset, size.amplitude, size.known, progress
     ),
+    "stereo": lambda preset, _, progress: stereo.accuracy(preset, progress),
+    "stereo_occlusions": lambda preset, size, progress: stereo.occlusions(preset, size.frames, progress),
     "memory": lambda preset, size, _: datasets.memory(preset, size.amplitude, size.many_episodes),
 }
 """Each measurement by its name: a result, or several."""

@@ -21,6 +21,7 @@ from twin.files.templates import card_environment
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
+from twin.vision.rig import StereoRig
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,7 @@ def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
             rate=f"{1 / recipe.sample_time_s:g}",
             features=_features(contents),
             first=contents.files[0].name,
+            stereo=recipe.stereo is not None,
             size=_size(contents.bytes, contents.seconds),
         )
     )
@@ -204,7 +206,19 @@ def _changed(recipe: Recipe) -> str:
     )
 
 
+def _stereo(rig: StereoRig) -> str:
+    usual = StereoRig()
+    changed = [
+        f"{name} {value}" for name, value in dataclasses.asdict(rig).items() if value != getattr(usual, name)
+    ]
+    what = "a marker on the tip" if rig.method == "markers" else "the silhouette"
+    line = f"two calibrated cameras, {rig.frames_per_second:g} pairs of pictures per second, angle by {what}"
+    return f"{line}; {', '.join(changed)}" if changed else line
+
+
 def _sensor(recipe: Recipe) -> str:
+    if recipe.stereo is not None:
+        return _stereo(recipe.stereo)
     preset = recipe.preset
     parts = [f"white noise of {recipe.sensor_variance_deg2:g} deg² besides its own"]
     if preset.sensor_noise:

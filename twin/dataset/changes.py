@@ -19,6 +19,8 @@ def change_recipe(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict
     changed = dict(values)
     for key, value in changes.items():
         there = changed.get(key) or {}
+        if key == "sensor" and isinstance(value, Mapping) and "stereo" in value:
+            there = {}  # two cameras are another sensor
         if key in SHORT_FORMS and not isinstance(there, Mapping):
             there = {SHORT_FORMS[key]: there}
         changed[key] = {**there, **value} if isinstance(value, Mapping) else value

@@ -9,15 +9,18 @@ from numpy.typing import NDArray
 from twin.dataset.recipe import Conditions, EpisodeKey, Recipe, in_metres, of_each_episode
 from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
-from twin.errors import DivergedError
+from twin.errors import DivergedError, InputError
 from twin.preset.preset import Preset
 from twin.recording.features import statistics
 from twin.signals.excitation import command
 from twin.signals.noise import draw_noise
 from twin.signals.sensor import measure
 from twin.simulation import simulate_batch
+from twin.vision.rig import StereoRig
 
 Array = NDArray[np.float64]
+
+_STREAMS = 4  # of random numbers: signal, sensor, lateral signal, preset
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +94,7 @@ def diverged(recipe: Recipe, key: EpisodeKey) -> str:
 
 def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
     # The same stream for the same key, however many episodes and workers there are.
-    streams = np.random.SeedSequence([key.seed, key.number]).spawn(4)
+    streams = np.random.SeedSequence([key.seed, key.number]).spawn(_STREAMS)
     signal_rng, sensor_rng, lateral_rng, preset_rng = map(np.random.default_rng, streams)
     conditions = recipe.conditions(key.number)
     bend = conditions.sheath_bend_deg
@@ -116,11 +119,36 @@ def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
     return _Drawn(key, conditions, preset, pull, lateral_pull, sheath_bend, sensor_rng)
 
 
+def _seen_by_cameras(rig: StereoRig, key: EpisodeKey, record: Episode) -> Episode:
+    """Return the record with what two cameras measure of it.
+
+    Raises:
+        ValueError: they see it at no time.
+    """
+    from twin.vision.sensor import sensor_before  # OpenCV and MuJoCo, for those who ask for them
+
+    measured = sensor_before(record, rig).measure(record, stereo_seed(key))
+    if np.isnan(measured).all():
+        raise InputError(
+            f"episode {key.number} of seed {key.seed}: the stereo sensor measures it in no picture: less "
+            "blur or noise, more light, larger markers, or a larger half_height"
+        )
+    return dataclasses.replace(record, measured_bend=measured)
+
+
+def stereo_seed(key: EpisodeKey) -> np.random.SeedSequence:
+    """Return the seed of what two cameras see of an episode; it meets none of its other streams."""
+    return np.random.SeedSequence([key.seed, key.number], spawn_key=(_STREAMS,))
+
+
 def _with_sensor(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
     """Return the record with the sensor's measurements, and with its origin in the metadata."""
-    measured = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
-    noise = draw_noise("gaussian", recipe.sensor_variance_deg2, drawn.pull.shape, drawn.sensor_rng)
-    episode = dataclasses.replace(record, measured_bend=measured + np.radians(noise))
+    if recipe.stereo is None:
+        measured = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
+        noise = draw_noise("gaussian", recipe.sensor_variance_deg2, drawn.pull.shape, drawn.sensor_rng)
+        episode = dataclasses.replace(record, measured_bend=measured + np.radians(noise))
+    else:
+        episode = _seen_by_cameras(recipe.stereo, drawn.key, record)
     text, sha256 = of_each_episode(recipe)
     origin = {
         "seed": drawn.key.seed,

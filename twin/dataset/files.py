@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from twin.dataset.episodes import diverged, make_episodes
+from twin.dataset.episodes import diverged, make_episodes, stereo_seed
 from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
@@ -22,6 +22,7 @@ from twin.recording.messages import to_nanoseconds
 from twin.recording.reader import HINT
 from twin.recording.table import csv_text
 from twin.rendering.camera import pictures
+from twin.vision.rig import StereoRig
 
 Entry = dict[str, Any]
 """Entry of one file in `dataset.json`, as `twin.files.dataset_json.SimulatedFile` describes it."""
@@ -97,7 +98,7 @@ def make_files(
         if episode is None:
             failed.append(key)
         else:
-            _write(recipe, paths[key], episode)
+            _write(recipe, key, paths[key], episode)
             if csv:
                 _write_table(paths[key], known.get(paths[key].name))
             made[key] = Made(_entry(recipe, paths[key], episode.metadata, csv), damage=damage.get(key, ""))
@@ -121,14 +122,30 @@ def _refuse_if_unwanted(recipe: Recipe, folder: Path) -> None:
         raise InputError(f"{folder} is the folder of another dataset by now")
 
 
-def _write(recipe: Recipe, path: Path, episode: Episode) -> None:
+def _write(recipe: Recipe, key: EpisodeKey, path: Path, episode: Episode) -> None:
+    nanoseconds = to_nanoseconds(episode.time)
     with EpisodeWriter(path) as writer:
         writer.write(episode)
+        if recipe.stereo is not None:
+            _add_stereo(writer, recipe.stereo, key, episode, nanoseconds)
         if recipe.camera is not None:
-            nanoseconds = to_nanoseconds(episode.time)
             for sample, picture in pictures(episode, recipe.camera):
                 time = nanoseconds[sample]
                 writer.add_message(CAMERA_TOPIC, picture_message(picture, time), time)
+
+
+def _add_stereo(
+    writer: EpisodeWriter, rig: StereoRig, key: EpisodeKey, episode: Episode, nanoseconds: list[int]
+) -> None:
+    """Add the calibration of two cameras, and those of their pictures that are recorded."""
+    from twin.vision.messages import calibration_messages, picture_messages
+    from twin.vision.sensor import sensor_before
+
+    sensor = sensor_before(episode, rig)
+    for topic, message in calibration_messages(sensor.calibration, nanoseconds[0]):
+        writer.add_message(topic, message, nanoseconds[0])
+    for topic, message, time in picture_messages(sensor, episode, stereo_seed(key), nanoseconds):
+        writer.add_message(topic, message, time)
 
 
 def most_table_bytes(samples: int) -> int:

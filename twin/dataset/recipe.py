@@ -20,6 +20,7 @@ from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import PHYSICS, check_physics
+from twin.vision.rig import StereoRig
 
 Interval = tuple[float, float]
 MOST_EPISODES = 10_000
@@ -82,6 +83,7 @@ class Recipe:
         signals: kinds of signal.
         sensor_variance_deg2: variance of the Gaussian noise in `/measurement`, besides that of the preset's
             sensor [deg^2].
+        stereo: two cameras that measure the bending angle instead of the preset's sensor; None: none.
         camera: rate and size of pictures to take; None: none.
         episodes: number of episodes of each seed.
         seeds: seeds.
@@ -99,6 +101,7 @@ class Recipe:
     sample_time_s: float = 0.02
     signals: tuple[str, ...] = tuple(SIGNALS)
     sensor_variance_deg2: float = 0.1
+    stereo: StereoRig | None = None
     camera: Camera | None = None
     episodes: int = 5
     seeds: tuple[int, ...] = (0,)
@@ -211,6 +214,11 @@ class Recipe:
             for kind in self.signals:
                 command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)
 
+    def _sensor(self) -> dict[str, Any]:
+        if self.stereo is not None:
+            return {"stereo": dataclasses.asdict(self.stereo)}
+        return {"variance_deg2": float(self.sensor_variance_deg2)}
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as a recipe's file holds them (see `twin.dataset.recipe_file`)."""
         values = {
@@ -223,7 +231,7 @@ class Recipe:
             "strokes_mm": [_floats(stroke) for stroke in self.strokes_mm],
             "lateral_stroke_mm": None if self.lateral_stroke_mm is None else _floats(self.lateral_stroke_mm),
             "sheath_bends_deg": [_floats(bend) for bend in self.sheath_bends_deg],
-            "sensor": {"variance_deg2": float(self.sensor_variance_deg2)},
+            "sensor": self._sensor(),
             "camera": None if self.camera is None else dataclasses.asdict(self.camera),
             "preset": self.preset.to_dict(),
             "given_pull_m": None if self.given_pull_m is None else _floats(self.given_pull_m),

@@ -24,6 +24,7 @@ from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS
 from twin.simulation import PHYSICS
+from twin.vision.rig import StereoRig, stereo_rig
 
 LEAST_EPISODES = 5
 """Number of episodes where a recipe does not state it, even if it has fewer combinations."""
@@ -49,6 +50,8 @@ class SensorFile(_Strict):
         resolution_deg: step of the readings [deg].
         period_s: time between two readings [s].
         latency_s: age of a reading [s].
+        stereo: two cameras measure the angle instead; true, or the parameters of their rig that are not the
+            usual ones. The rest of the sensor is then left out.
     """
 
     variance_deg2: Number = 0.1
@@ -56,6 +59,21 @@ class SensorFile(_Strict):
     resolution_deg: Number | None = None
     period_s: Number | None = None
     latency_s: Number | None = None
+    stereo: bool | dict[str, str | int | Number] = False
+
+    @property
+    def rig(self) -> StereoRig | None:
+        """Rig of two cameras, if there is one.
+
+        Raises:
+            ValueError: a parameter is unknown or out of range, or another sensor is given too.
+        """
+        if self.stereo is False:
+            return None
+        others = [name for name in self.model_fields_set if name != "stereo"]
+        if others:
+            raise InputError(f"sensor: stereo and {', '.join(sorted(others))}: choose one")
+        return stereo_rig({} if self.stereo is True else self.stereo)
 
     def parameters(self) -> dict[str, float]:
         """Return the parameters of the preset that are given, in SI units."""
@@ -283,6 +301,7 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
         sample_time_s=file.sample_time_s,
         signals=tuple(file.signals),
         sensor_variance_deg2=file.sensor.variance_deg2,
+        stereo=file.sensor.rig,
         camera=file.camera,
         seeds=tuple(file.seeds),
         given_pull_m=None if given is None else tuple(given),

@@ -31,7 +31,7 @@ from twin.recording.listing import features_of, totals
 AT_ONCE = 8
 """Episodes that one worker simulates together: more are hardly faster, and each is on the disk later."""
 AT_ONCE_WITH_PICTURES = 2
-"""The same with a camera: pictures take longer than all else."""
+"""The same with cameras: pictures take longer than all else."""
 SAMPLES_AT_ONCE = 200_000
 """Samples that one worker holds at a time: about 150 MB."""
 
@@ -119,7 +119,8 @@ def _make(
 ) -> list[Made]:
     keys = recipe.keys
     samples = max(round(recipe.seconds / recipe.sample_time_s), 1)
-    most = AT_ONCE if recipe.camera is None else AT_ONCE_WITH_PICTURES
+    cameras = recipe.camera is not None or recipe.stereo is not None
+    most = AT_ONCE_WITH_PICTURES if cameras else AT_ONCE
     most = max(min(most, SAMPLES_AT_ONCE // samples), 1)
     rounds = math.ceil(len(keys) / (workers * most))
     size = math.ceil(len(keys) / (workers * rounds))  # even, so that no worker waits for another's last batch

@@ -14,7 +14,6 @@ from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.registry import MethodSpec, register_method
 from twin.files.arrays import read_arrays
 from twin.files.bounded import MEBIBYTE
-from twin.signals.noise import noise_variance
 
 Array = NDArray[np.float64]
 MOST_BYTES = 1024 * MEBIBYTE
@@ -49,7 +48,9 @@ class Ensembles:
         for runs, members_deg in self._alike(case):
             kind, level = case.noises[runs[0]]
             density = noise_density(kind, level) if self.knows_density else None
-            filters = EnsembleFilter(members_deg, noise_variance(kind, level), density)
+            filters = EnsembleFilter(
+                members_deg, float(np.atleast_1d(case.sensor.variance)[runs[0]]), density
+            )
             samples = members_deg.shape[1]
             estimate[runs, :samples] = filters.estimate(
                 case.pull_mm[runs, :samples],

@@ -11,7 +11,7 @@ from twin.estimation.case import Case
 from twin.estimation.estimator import Sensor
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
-from twin.signals.noise import NOISES, draw_noise, noise_bound, noise_variance
+from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_variance
 
 Array = NDArray[np.float64]
 
@@ -70,18 +70,19 @@ def _measurements(condition: Condition, number: int, record: EvaluationRecord, p
         if record.measured_deg is None:
             raise InputError(f"{record.name}: the record holds no measurement")
         return record.measured_deg[None]
-    noise = _draws(kind, level, number, len(record.pull_mm), protocol)
+    noise = _draws(kind, level, number, record.bend_deg, protocol)
     return np.where(record.seen, record.bend_deg + noise, np.nan)
 
 
-def _draws(noise: str, level: float, record: int, samples: int, protocol: Protocol) -> Array:
+def _draws(noise: str, level: float, record: int, bend_deg: Array, protocol: Protocol) -> Array:
     """(seeds, N) noise [deg]; each seed has its own stream, whatever their number."""
-    kind = list(NOISES).index(noise)
+    kind = KINDS.index(noise)
     streams = [
         np.random.default_rng([protocol.seed, seed, record, kind, round(level * 1000)])
         for seed in range(protocol.seeds)
     ]
-    return np.stack([draw_noise(noise, level, (samples,), rng) for rng in streams])
+    T = protocol.sample_time_s
+    return np.stack([draw_errors(noise, level, bend_deg, T, rng) for rng in streams])
 
 
 def _variance(kind: str, level: float) -> float:

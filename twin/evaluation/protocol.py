@@ -32,6 +32,7 @@ UNSEEN_CONDITIONS = (
     ("uniform", 1.0),
     ("salt-and-pepper", 0.05),
     ("gamma", 1.0),
+    ("stereo-vision", 4.0),
 )
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from twin.files.yaml_text import parse_yaml
 from twin.recording import EpisodeWriter, episode_files, read_episode, read_metadata
 from twin.recording.estimate import estimate_message, estimate_topic
 from twin.recording.messages import to_nanoseconds
+from twin.signals.noise import noise_variance
+from twin.signals.stereo_noise import STEREO
 
 MEASUREMENTS = ("auto", "drawn", "recorded")
 """Choices of what estimators get."""
@@ -25,22 +28,38 @@ DEFAULT_VARIANCE = 0.1
 def recorded_variance(episode: Episode) -> float | None:
     """Return the variance of the noise in the measurements of a simulated episode [deg^2].
 
-    It is that of the sensor's own noise, of its rounding (a step^2 / 12), and of what the recipe adds.
+    It is that of the sensor's own noise, of its rounding (a step^2 / 12), and of what the recipe adds; of a
+    stereo sensor, that which was measured of the usual rig.
     None, where the episode does not tell: it was measured, or its measurements have no noise.
     """
     preset = episode.metadata.get("preset")
     if episode.is_measured or not isinstance(preset, dict):
         return None
+    if _is_stereo(episode):
+        return noise_variance(STEREO, 0.0)
     noise, step = (float(preset.get(name, 0.0)) for name in ("sensor_noise", "sensor_resolution"))
     variance = np.degrees(noise) ** 2 + np.degrees(step) ** 2 / 12 + _added(episode)
     return float(variance) if variance > 0 else None
 
 
+def _is_stereo(episode: Episode) -> bool:
+    """Return whether two cameras measured an episode."""
+    return isinstance(_sensor(episode).get("stereo"), dict)
+
+
+def _sensor(episode: Episode) -> dict[str, Any]:
+    """Return what the recipe of an episode says of its sensor; nothing where there is none."""
+    try:
+        sensor = parse_yaml(episode.attachments.get("recipe.yaml", b""))["sensor"]
+    except (KeyError, TypeError, ValueError):
+        return {}
+    return sensor if isinstance(sensor, dict) else {}
+
+
 def _added(episode: Episode) -> float:
     """Variance that the recipe of an episode adds to the measurements [deg^2]."""
     try:
-        recipe = parse_yaml(episode.attachments.get("recipe.yaml", b""))
-        added = float(recipe["sensor"]["variance_deg2"])
+        added = float(_sensor(episode)["variance_deg2"])
     except (KeyError, TypeError, ValueError):
         return 0.0
     return added if 0 <= added < np.inf else 0.0

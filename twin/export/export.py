@@ -10,8 +10,7 @@ from twin.export.even import whole_pieces_in_time
 from twin.export.tally import Tally
 from twin.files.atomic import write_whole
 from twin.recording import read_episode, recover_episode, write_csv, write_episode
-from twin.recording.camera import CAMERA_TOPIC
-from twin.recording.pictures import Pictures, read_pictures
+from twin.recording.pictures import Pictures, has_pictures, read_pictures
 
 FORMATS = ("parquet", "csv", "mcap")
 """Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
@@ -98,26 +97,28 @@ def export_records(
         path = folder / f"{piece.name}.{plan.form}"
         if plan.form == "csv":
             write_csv(path, piece.episode, everything=plan.all_columns)
-            tally.pictures_left_out += has_pictures(piece.source)
+            tally.pictures_left_out += _has_pictures(piece.source)
         elif piece.file is not None:
             write_whole(path, piece.file.read_bytes())  # with what is not of the episode, such as pictures
         else:
             write_episode(path, _without_recipe(piece.episode))
-            tally.pictures_left_out += has_pictures(piece.source)
+            tally.pictures_left_out += _has_pictures(piece.source)
     return tally
 
 
-def _with_pictures(pieces: Iterator[Piece], tally: Tally) -> Iterator[tuple[str, Episode, Pictures | None]]:
+def _with_pictures(
+    pieces: Iterator[Piece], tally: Tally
+) -> Iterator[tuple[str, Episode, dict[str, Pictures]]]:
     """Yield records with their pictures, and count those that have some."""
     for piece in pieces:
-        pictures = None if piece.source is None else read_pictures(piece.source)
-        tally.pictures += pictures is not None
+        pictures = {} if piece.source is None else read_pictures(piece.source)
+        tally.pictures += bool(pictures)
         yield piece.name, piece.episode, pictures
 
 
-def has_pictures(file: Path | None) -> bool:
-    """True for a file that holds pictures of a camera."""
-    return file is not None and CAMERA_TOPIC.encode() in file.read_bytes()
+def _has_pictures(file: Path | None) -> bool:
+    """True for a whole file that holds pictures of a camera."""
+    return file is not None and has_pictures(file)
 
 
 def _pieces(

@@ -7,7 +7,7 @@ meta/stats.json                           statistics of each column over the dat
 meta/tasks.parquet                        tasks in words
 README.md                                 what it holds, and how pandas, PyTorch and LeRobot load it
 meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and its statistics
-videos/observation.images.camera/chunk-000/file-000.mp4  pictures, where there are any (see `videos`)
+videos/observation.images.camera/chunk-000/file-000.mp4  pictures of each camera (see `videos`)
 ```
 
 Two columns of the episodes are ours beside those of LeRobot: `source`, the name of the record, and
@@ -37,7 +37,7 @@ from twin.export.even import frames_per_second
 from twin.export.frames import Column, frame_columns
 from twin.export.parts import CHUNK_FILES, PartWriter
 from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
-from twin.export.videos import VIDEO_KEY, VIDEO_PATH, nested, video_feature, write_episode_video
+from twin.export.videos import VIDEO_PATH, nested, video_feature, video_key, write_episode_video
 from twin.files.atomic import write_whole
 from twin.files.names import in_code
 from twin.files.templates import card_environment
@@ -52,7 +52,7 @@ _PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 def write_lerobot(
     folder: Path,
-    episodes: Iterable[tuple[str, Episode, Pictures | None]],
+    episodes: Iterable[tuple[str, Episode, Mapping[str, Pictures]]],
     *,
     file_megabytes: float = FILE_MEGABYTES,
 ) -> dict[str, Any]:
@@ -60,8 +60,8 @@ def write_lerobot(
 
     Args:
         folder: an empty folder; under an exception, what is in it is not complete.
-        episodes: a name, a record at even samples and its pictures, each with the same columns, samples per
-            second and size of the pictures.
+        episodes: a name, a record at even samples and its pictures by the name of the camera, each with the
+            same columns, samples per second, cameras and size of the pictures.
         file_megabytes: where a Parquet file ends and the next one begins [MiB].
 
     Returns:
@@ -100,7 +100,7 @@ class _Dataset:
         self._first = ""
         self._per_second = self._episodes = self._frames = 0
 
-    def add(self, name: str, episode: Episode, pictures: Pictures | None) -> None:
+    def add(self, name: str, episode: Episode, pictures: Mapping[str, Pictures]) -> None:
         try:
             per_second = frames_per_second(episode)
         except ValueError as error:
@@ -114,8 +114,7 @@ class _Dataset:
             task_index=self.tasks.setdefault(task, len(self.tasks)),
         )
         features = {key: column.feature for key, column in columns.items()}
-        if pictures is not None:
-            features[VIDEO_KEY] = video_feature(pictures, per_second)
+        features |= {video_key(camera): video_feature(seen, per_second) for camera, seen in pictures.items()}
         self._check(name, per_second, features)
         self._robots.add(robot)
         count = len(episode.time)
@@ -132,25 +131,25 @@ class _Dataset:
             "source": name,
             "metadata": json.dumps(episode.metadata, sort_keys=True, default=lambda value: value.tolist()),
         }
-        if pictures is not None:
-            row |= self._add_video(name, episode, pictures)
+        for camera, seen in pictures.items():
+            row |= self._add_video(name, video_key(camera), episode, seen)
         self._rows.append(row | self._statistics_of(columns))
         self._episodes += 1
         self._frames += count
         if len(self._rows) >= _ROWS_AT_ONCE:
             self.flush()
 
-    def _add_video(self, name: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
+    def _add_video(self, name: str, key: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
         """Write the film of an episode; returns where it is, and its statistics."""
         try:
             place, pixels = write_episode_video(
-                self._folder, self._episodes, episode, pictures, self._per_second
+                self._folder, key, self._episodes, episode, pictures, self._per_second
             )
         except ValueError as error:
             raise InputError(f"{name}: {error}") from error
-        self._running[VIDEO_KEY].add(pixels)
+        self._running[key].add(pixels)
         told = nested(exact_statistics(pixels))
-        return place | {f"stats/{VIDEO_KEY}/{key}": numbers for key, numbers in told.items()}
+        return place | {f"stats/{key}/{statistic}": numbers for statistic, numbers in told.items()}
 
     def flush(self) -> None:
         """Write the descriptions of episodes that are still held."""
@@ -177,7 +176,7 @@ class _Dataset:
             "fps": self._per_second,
             "splits": {"train": f"0:{self._episodes}"},
             "data_path": f"data/{_PATH}",
-            "video_path": VIDEO_PATH if VIDEO_KEY in self._features else None,
+            "video_path": VIDEO_PATH if self._videos else None,
             "features": self._features,
         }
 
@@ -192,9 +191,11 @@ class _Dataset:
                 raise InputError(
                     f"{self._features[name]['names'][missing]} is missing at every sample of all episodes"
                 )
-        if VIDEO_KEY in told:
-            told[VIDEO_KEY] = nested(dict(told[VIDEO_KEY]))
-        return told
+        return told | {key: nested(dict(told[key])) for key in self._videos}
+
+    @property
+    def _videos(self) -> list[str]:
+        return [key for key, feature in self._features.items() if _is_video(feature)]
 
     def _check(self, name: str, per_second: int, features: dict[str, dict[str, Any]]) -> None:
         """Take the first episode as the measure of the others."""
@@ -230,12 +231,12 @@ class _Dataset:
             "dataset_from_index": pa.int64(),
             "dataset_to_index": pa.int64(),
         }
-        if VIDEO_KEY in self._features:
+        for name in self._videos:
             for key in ("chunk_index", "file_index", "from_timestamp", "to_timestamp"):
-                types[f"videos/{VIDEO_KEY}/{key}"] = pa.int64() if key.endswith("index") else pa.float64()
-        for name in self._features:
+                types[f"videos/{name}/{key}"] = pa.int64() if key.endswith("index") else pa.float64()
+        for name, feature in self._features.items():
             numbers = pa.list_(pa.float64())
-            if name == VIDEO_KEY:
+            if _is_video(feature):
                 numbers = pa.list_(pa.list_(numbers))
             for key in ("min", "max", "mean", "std", "count", *QUANTILES):
                 types[f"stats/{name}/{key}"] = pa.list_(pa.int64()) if key == "count" else numbers
@@ -256,11 +257,15 @@ def _robot_and_task(episode: Episode) -> tuple[str, str]:
 
 def _columns(feature: Mapping[str, Any]) -> int:
     """Return how many numbers of a feature are counted apart: of a sample, or the colours of a video."""
-    return 3 if feature["dtype"] == "video" else int(feature["shape"][0])
+    return 3 if _is_video(feature) else int(feature["shape"][0])
+
+
+def _is_video(feature: Mapping[str, Any]) -> bool:
+    return str(feature["dtype"]) == "video"
 
 
 def _width(features: Mapping[str, dict[str, Any]], key: str) -> str:
-    if key == VIDEO_KEY and key in features:
+    if key in features and _is_video(features[key]):
         height, width, _ = features[key]["shape"]
         return f"pictures of {width} x {height}"
     width = features[key]["shape"][0] if key in features else 0
@@ -294,7 +299,7 @@ def _card(info: Mapping[str, Any]) -> str:
             version=VERSION,
             endotwin=__version__,
             features=info["features"],
-            video=VIDEO_KEY in info["features"],
+            video=any(map(_is_video, info["features"].values())),
         )
     )
 

@@ -1,4 +1,4 @@
-"""Pictures of a camera as a video of a LeRobot dataset: one film for each episode, a picture for each frame.
+"""Pictures of each camera as a video of a LeRobot dataset: a film for each episode, a picture for each frame.
 
 A frame that has no picture of its own shows the latest one, as LeRobot finds a picture by the time of its
 frame; where pictures are rarer than samples, `sample_time` thins the samples to their rate.
@@ -16,13 +16,17 @@ from twin.export.parts import CHUNK_FILES
 from twin.recording.pictures import Pictures
 from twin.rendering.video import write_video
 
-VIDEO_KEY = "observation.images.camera"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 SAMPLED = 20
 """Pictures of an episode that its statistics are of, at most."""
 _APART = 4  # pixels in either direction between those that are counted
 
 Array = NDArray[np.float64]
+
+
+def video_key(camera: str) -> str:
+    """Return the column of the pictures of a camera."""
+    return f"observation.images.{camera}"
 
 
 def video_feature(pictures: Pictures, per_second: int) -> dict[str, Any]:
@@ -46,12 +50,13 @@ def video_feature(pictures: Pictures, per_second: int) -> dict[str, Any]:
 
 
 def write_episode_video(
-    folder: Path, number: int, episode: Episode, pictures: Pictures, per_second: int
+    folder: Path, key: str, number: int, episode: Episode, pictures: Pictures, per_second: int
 ) -> tuple[dict[str, Any], Array]:
     """Write the film of an episode, a picture for each of its samples.
 
     Args:
         folder: of the dataset.
+        key: column of the pictures, as of `video_key`.
         number: of the episode, and so of the film.
         episode: at even samples.
         pictures: of its file.
@@ -65,7 +70,7 @@ def write_episode_video(
         OSError: the disk is full or fails.
     """
     chunk, file = divmod(number, CHUNK_FILES)
-    path = folder / VIDEO_PATH.format(video_key=VIDEO_KEY, chunk_index=chunk, file_index=file)
+    path = folder / VIDEO_PATH.format(video_key=key, chunk_index=chunk, file_index=file)
     path.parent.mkdir(parents=True, exist_ok=True)
     width, height = even_size(pictures)
     count = len(episode.time)
@@ -81,10 +86,10 @@ def write_episode_video(
 
     write_video(path, frames(), per_second, width, height)
     place = {
-        f"videos/{VIDEO_KEY}/chunk_index": chunk,
-        f"videos/{VIDEO_KEY}/file_index": file,
-        f"videos/{VIDEO_KEY}/from_timestamp": 0.0,
-        f"videos/{VIDEO_KEY}/to_timestamp": count / per_second,
+        f"videos/{key}/chunk_index": chunk,
+        f"videos/{key}/file_index": file,
+        f"videos/{key}/from_timestamp": 0.0,
+        f"videos/{key}/to_timestamp": count / per_second,
     }
     return place, np.concatenate(pixels)
 

@@ -114,7 +114,9 @@ class SimulatedRecipe(_Recipe):
     strokes_mm: tuple[Interval, ...] = Field(
         min_length=1, description="lowest and highest pulling distances [mm]"
     )
-    sensor: dict[str, float] = Field(description="`variance_deg2`: variance of the white noise [deg^2]")
+    sensor: dict[str, float | dict[str, str | int | float]] = Field(
+        description="`variance_deg2`: variance of the white noise [deg^2]; or `stereo`: two cameras"
+    )
     ranges: dict[str, Interval] | None = Field(
         None, description="ranges that endoscopes are drawn from, in SI units; left out if none"
     )

@@ -12,6 +12,11 @@ STEREO_SIDES = ("left", "right")
 """Cameras of a stereo sensor."""
 
 
+def camera_topics() -> dict[str, str]:
+    """Return the topics of the pictures of every camera, by the camera's name."""
+    return {"camera": CAMERA_TOPIC} | {side: stereo_topics(side)[0] for side in STEREO_SIDES}
+
+
 def stereo_topics(side: str) -> tuple[str, str]:
     """Return the topics of the pictures and of the calibration of a stereo sensor's camera."""
     return f"/camera/{side}/image", f"/camera/{side}/calibration"

@@ -1,4 +1,4 @@
-"""Pictures of a camera beside an episode, read back from its file."""
+"""Pictures of cameras beside an episode, read back from its file."""
 
 import dataclasses
 import io
@@ -10,7 +10,8 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.recording.camera import CAMERA_TOPIC
+from twin.recording.camera import camera_topics
+from twin.recording.contents import Contents
 from twin.recording.mcap_file.records import mcap_bytes
 from twin.recording.reader import HINT, one_line, whole_contents
 
@@ -48,8 +49,8 @@ class Pictures:
             yield picture
 
 
-def read_pictures(path: str | Path) -> Pictures | None:
-    """Read the pictures of an episode's file; None where it has none.
+def read_pictures(path: str | Path) -> dict[str, Pictures]:
+    """Read the pictures of an episode's file, by the name of the camera; none where it has none.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -57,23 +58,44 @@ def read_pictures(path: str | Path) -> Pictures | None:
     """
     path = Path(path)
     data = mcap_bytes(path)
-    if CAMERA_TOPIC.encode() not in data:  # in the channel's record, which is never compressed
-        return None
+    topics = {name: topic for name, topic in camera_topics().items() if _names(data, topic)}
+    if not topics:
+        return {}
     try:
-        contents = whole_contents(data, {CAMERA_TOPIC})
+        contents = whole_contents(data, set(topics.values()))
     except ValueError as error:
         raise InputError(f"{path} {error}{HINT}") from error
+    found = {name: _of(contents, topic, path) for name, topic in topics.items()}
+    return {name: pictures for name, pictures in found.items() if pictures is not None}
+
+
+def has_pictures(path: Path) -> bool:
+    """Return whether a file holds pictures of a camera."""
+    data = path.read_bytes()
+    return any(_names(data, topic) for topic in camera_topics().values())
+
+
+def _names(data: bytes, topic: str) -> bool:
+    return topic.encode() in data  # in the channel's record, which is never compressed
+
+
+def _of(contents: Contents, topic: str, path: Path) -> Pictures | None:
+    """Return the pictures on one topic.
+
+    Raises:
+        ValueError: one is no JPEG file.
+    """
     try:
-        times, payloads = contents.times.get(CAMERA_TOPIC, []), contents.payloads.get(CAMERA_TOPIC, [])
+        times, payloads = contents.times.get(topic, []), contents.payloads.get(topic, [])
         if not payloads:
             return None
-        contents.check_schema(CAMERA_TOPIC, CompressedImage)
+        contents.check_schema(topic, CompressedImage)
         jpeg = tuple(CompressedImage.FromString(payload).data for payload in payloads)
         height, width = decoded(jpeg[0]).shape[:2]
     except MemoryError:
         raise
     except Exception as error:
-        raise InputError(f"{path} holds no whole {CAMERA_TOPIC}: {one_line(error)}") from error
+        raise InputError(f"{path} holds no whole {topic}: {one_line(error)}") from error
     return Pictures(np.array(times, dtype=float) / 1e9, jpeg, (width, height))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.signals.stereo_noise import STEREO, stereo_noise
 
 Array = NDArray[np.float64]
 
@@ -74,14 +75,39 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
     return known.draw(level, shape, rng)
 
 
+def draw_errors(
+    kind: str, level: float, bend_deg: Array, sample_time: float, rng: np.random.Generator
+) -> Array:
+    """Draw the errors of a sensor along a record: noise of one of `NOISES`, or those of the stereo sensor.
+
+    Args:
+        kind: one of `KINDS`.
+        level: as of `draw_noise`; of the stereo sensor, instruments that pass in a minute.
+        bend_deg: (N,) true angle [deg].
+        sample_time: time between two samples [s].
+        rng: source of random numbers.
+
+    Returns:
+        (N,) errors to be added to the true angle, NaN where nothing is measured [deg].
+
+    Raises:
+        ValueError: the kind is unknown or the level is out of range.
+    """
+    if kind != STEREO:
+        return draw_noise(kind, level, bend_deg.shape, rng)
+    if not 0 <= level <= MOST_PASSES:
+        raise InputError(f"{STEREO} noise of level {level}: must be from 0 to {MOST_PASSES} passes a minute")
+    return stereo_noise().draw(level, bend_deg, sample_time, rng)
+
+
 def noise_variance(kind: str, level: float) -> float:
     """Return the variance of a noise [deg^2]: the R of a Kalman filter."""
-    return _known(kind).variance(level)
+    return stereo_noise().variance if kind == STEREO else _known(kind).variance(level)
 
 
 def noise_bound(kind: str, level: float) -> float:
     """Return the largest magnitude of a noise [deg]; infinite where it is unbounded."""
-    return _known(kind).bound(level)
+    return np.inf if kind == STEREO else _known(kind).bound(level)
 
 
 def fisher_information(kind: str, level: float) -> float | None:
@@ -90,7 +116,7 @@ def fisher_information(kind: str, level: float) -> float | None:
     It is at least 1 / variance, and equals it for Gaussian noise alone (Fisher 1925). None where it is not
     finite: on a lattice, where the density jumps, and at the edge of the gamma law.
     """
-    return _known(kind).information(level)
+    return None if kind == STEREO else _known(kind).information(level)
 
 
 def _known(kind: str) -> _Kind:
@@ -177,3 +203,7 @@ NOISES: dict[str, _Kind] = {
     "gamma": _Kind(_gamma, _level),
 }
 """Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""
+KINDS = (*NOISES, STEREO)
+"""Names of the errors that a sensor can have: noise of a law, and what was measured of the stereo sensor."""
+MOST_PASSES = 60
+"""Largest level of the noise of the stereo sensor: more instruments in a minute hide it for good."""

@@ -22,6 +22,7 @@ from twin.signals.noise import (
     STUDENT_FREEDOM,
     noise_variance,
 )
+from twin.signals.stereo_noise import STEREO, stereo_noise
 
 Array = NDArray[np.float64]
 
@@ -148,6 +149,12 @@ def _gamma(level: float) -> _Mixture:
     return np.diff(law.cdf(edges)), (edges[1:] + edges[:-1]) / 2, 0.0, np.diff(edges)
 
 
+def _stereo(level: float) -> _Mixture:
+    """Errors of the stereo sensor over all angles, as uniform bins: what depends on the angle is not told."""
+    counts, edges = np.histogram(stereo_noise().errors_deg, bins=40)
+    return counts / counts.sum(), (edges[1:] + edges[:-1]) / 2, 0.0, np.diff(edges)
+
+
 _MIXTURES: dict[str, Callable[[float], _Mixture]] = {
     "gaussian": lambda level: (1.0, np.zeros(1), level, 0.0),
     "poisson": _poisson,
@@ -157,4 +164,5 @@ _MIXTURES: dict[str, Callable[[float], _Mixture]] = {
     "uniform": lambda level: (1.0, np.zeros(1), 0.0, np.sqrt(12 * level)),
     "salt-and-pepper": _salt_and_pepper,
     "gamma": _gamma,
+    STEREO: _stereo,
 }

@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.case import group_records, make_case
-from twin.evaluation.protocol import STEADY_SECONDS, Protocol
+from twin.evaluation.protocol import RECORDED, STEADY_SECONDS, Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.signals.noise import noise_bound
 
@@ -27,7 +27,8 @@ def containment(
         Rows with `runs_contained` and `samples_contained`, shares of those in which the truth is known, and
         the mean `width_deg` after the first 5 s, where there is such a time.
     """
-    bounded = [condition for condition in protocol.conditions if np.isfinite(noise_bound(*condition))]
+    drawn = [condition for condition in protocol.conditions if condition[0] != RECORDED]
+    bounded = [condition for condition in drawn if np.isfinite(noise_bound(*condition))]
     late = round(STEADY_SECONDS / protocol.sample_time_s)
     rows = []
     for group, condition in itertools.product(group_records(records), bounded):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.estimation.ensemble import posterior_bound
 from twin.estimation.limit import Ensembles
+from twin.evaluation.protocol import RECORDED
 from twin.evaluation.record import EvaluationRecord
 from twin.files.atomic import write_whole
 from twin.preset.preset import Preset
@@ -89,7 +90,7 @@ def bounds(
         strokes.setdefault(record.stroke_mm, {}).setdefault(record.pull_mm.tobytes(), record)
     rows = []
     for (stroke, commands), (kind, level) in itertools.product(strokes.items(), conditions):
-        information = fisher_information(kind, level)
+        information = None if kind == RECORDED else fisher_information(kind, level)
         if information is None:
             continue
         squares = [

@@ -98,8 +98,18 @@ def _solved(seen: list[tuple[Array, Array, Array]], width: int, height: int) -> 
     )
     rms, turn, move = float(found[0]), np.asarray(found[5]), np.asarray(found[6]).ravel()
     return StereoCalibration(
-        Optics(left, left_bent, np.eye(3), np.zeros(3), width, height),
-        Optics(right, right_bent, turn, move, width, height),
+        Optics(_kept(left), _kept(left_bent), np.eye(3), np.zeros(3), width, height),
+        Optics(_kept(right), _kept(right_bent), _kept(turn), _kept(move), width, height),
         rms,
         len(seen),
     )
+
+
+def _kept(numbers: Array) -> Array:
+    """Return numbers to a thousand-millionth of the largest.
+
+    The last bits of what OpenCV solves depend on the number of its threads; angles must not.
+    """
+    digits = 9 - int(np.ceil(np.log10(np.abs(numbers).max() + 1e-30)))
+    rounded: Array = np.round(numbers, digits)
+    return rounded

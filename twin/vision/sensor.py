@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import threading
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -26,10 +27,7 @@ Array = NDArray[np.float64]
 
 _ZERO_PICTURES = 20
 """Pairs of pictures of the straight endoscope, before a record."""
-_PASSES, _PIXELS = (
-    0,
-    1,
-)  # children of a record's seed: what passes before the cameras, and the noise of each picture
+_PASSES, _PIXELS = 0, 1  # children of a record's seed: what passes by, and the noise of each picture
 
 
 class StereoSensor:
@@ -156,12 +154,17 @@ def frame_samples(time: Array, frames_per_second: float) -> list[int]:
 
 def sensor_before(episode: Episode, rig: StereoRig) -> StereoSensor:
     """Return the sensor before the endoscope of a record; it is set up once for endoscopes of one shape."""
-    return _set_up(shape_of(episode, max(episode.joint_angle.shape[1], 1)), rig)
+    return _READY.sensor(shape_of(episode, max(episode.joint_angle.shape[1], 1)), rig)
 
 
-@functools.lru_cache(maxsize=2)  # each holds a renderer
-def _set_up(preset: Preset, rig: StereoRig) -> StereoSensor:
-    return StereoSensor(preset, rig)
+class _Ready(threading.local):
+    """Sensors that are set up, of each thread: a renderer belongs to the thread that opened it."""
+
+    def __init__(self) -> None:
+        self.sensor = functools.lru_cache(maxsize=2)(StereoSensor)
+
+
+_READY = _Ready()
 
 
 _CALIBRATIONS: dict[tuple[StereoRig, float], StereoCalibration] = {}

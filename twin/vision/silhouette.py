@@ -29,10 +29,7 @@ Smooth = NDArray[np.float32]
 LARGEST_RESIDUAL = 0.6
 """Largest root mean square by which the line may miss the middle of the silhouettes [pixels]."""
 _DEGREE = 4  # of the polynomial
-_PLACES, _END = (
-    30,
-    2,
-)  # along the section, at which the silhouette is looked at; those at the tip's end are not
+_PLACES, _END = 30, 2  # along the section, at which the silhouette is looked at; and at the tip, where not
 _REACH, _STEPS = 2.4, 41  # to either side, in half thicknesses, and steps on the way across
 _THICKNESS = (0.75, 1.3)  # of a silhouette, of what it should be
 _ROUNDS, _FIRST_ROUNDS = 15, 6

@@ -1,0 +1,75 @@
+"""Noise of the stereo sensor: as large as was measured, of its own shape, and alike from sample to sample."""
+
+import numpy as np
+import pytest
+
+from twin.signals.noise import KINDS, NOISES, draw_errors, fisher_information, noise_bound, noise_variance
+from twin.signals.stereo_noise import STEREO, StereoNoise, stereo_noise
+
+TIME = 0.02
+
+
+def draw(bend_deg, level=0.0, seed=0):
+    return draw_errors(STEREO, level, np.asarray(bend_deg, dtype=float), TIME, np.random.default_rng(seed))
+
+
+def test_what_was_measured_is_within_the_bars():
+    noise = stereo_noise()
+    assert len(noise.errors_deg) >= 6
+    assert noise.bends_deg[[0, -1]].tolist() == [-90, 90]
+    assert np.sqrt(noise.variance) < 0.3
+    assert np.abs(noise.errors_deg.mean()) < 0.1
+
+
+def test_draws_over_the_grid_are_as_large_as_what_was_measured():
+    sweep = np.linspace(-90, 90, 9001)
+    squares = [np.mean(draw(sweep, seed=seed) ** 2) for seed in range(60)]
+    assert np.mean(squares) == pytest.approx(noise_variance(STEREO, 0.0), rel=0.15)
+
+
+def test_an_error_depends_on_the_angle_so_that_neighbours_are_alike():
+    slow = 60 * np.sin(np.linspace(0, 2 * np.pi, 1000))
+    alike = []
+    for seed in range(20):
+        error = draw(slow, seed=seed)
+        alike.append(np.corrcoef(error[1:], error[:-1])[0, 1])
+    assert np.mean(alike) > 0.5
+    white = draw_errors("gaussian", 0.01, slow, TIME, np.random.default_rng(0))
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.15
+
+
+def test_scatter_and_mean_are_kept_apart():
+    """Two rigs whose errors are known: what is drawn at an angle has the mean and spread of one of them."""
+    rng = np.random.default_rng(1)
+    mean = np.array([[0.1], [0.3]])
+    errors = mean[..., None] + 0.05 * rng.standard_normal((2, 1, 4000))
+    noise = StereoNoise(np.array([0.0]), errors, 1.0, np.array([0.5]))
+    means = set()
+    for seed in range(8):
+        drawn = noise.draw(0.0, np.zeros(20_000), TIME, np.random.default_rng(seed))
+        assert drawn.std() == pytest.approx(0.05, rel=0.05)
+        means.add(round(drawn.mean(), 1))
+    assert means == {0.1, 0.3}
+
+
+def test_passes_leave_gaps_of_the_share_that_they_hide():
+    noise, minutes, level = stereo_noise(), 60, 12.0
+    bends = np.zeros(round(minutes * 60 / TIME))
+    missing = np.isnan(draw(bends, level))
+    once = level * noise.hides_per_pass * noise.hidden_s.mean() / 60  # gaps that meet count once
+    assert missing.mean() == pytest.approx(1 - np.exp(-once), rel=0.15)
+    gaps = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))))[::2]
+    assert gaps.min() * TIME > 0.05
+    assert not np.isnan(draw(bends)).any()
+
+
+def test_it_has_no_bound_and_no_information_and_is_not_drawn_without_an_angle():
+    assert (*NOISES, STEREO) == KINDS
+    assert noise_bound(STEREO, 4.0) == np.inf
+    assert fisher_information(STEREO, 4.0) is None
+
+
+@pytest.mark.parametrize("level", [-1.0, 61.0, np.nan])
+def test_passes_that_cannot_be_are_refused(level):
+    with pytest.raises(ValueError, match=r"stereo-vision noise of level .*: must be from 0 to 60 passes"):
+        draw([0.0, 1.0], level)
