@@ -33,7 +33,7 @@ from twin.estimation.task import TrainingTask, stack_records
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
-from twin.reduced.following import members_to_dict
+from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY as DEPLOYMENT
 from twin.runtime.deployment import prepare_deployment
 
@@ -99,9 +99,8 @@ def one_sample(preset: Preset, size: Size) -> Result:
         state = estimator.step(state, pull[k], pull[k - 1], measurement[k])
         took.append(time.perf_counter() - begun)
     median = 1e3 * statistics.median(took)
-    return Result(
-        f"one sample of RAM (twins), {len(estimator.presets)} members", median, "ms", "below 1 ms", median < 1
-    )
+    of = f"one sample of RAM (twins), {len(estimator.twins.presets)} members"
+    return Result(of, median, "ms", "below 1 ms", median < 1)
 
 
 def one_command(preset: Preset, size: Size) -> dict[str, Result]:
@@ -116,7 +115,7 @@ def one_command(preset: Preset, size: Size) -> dict[str, Result]:
 def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str, Any] | None = None) -> Path:
     """Write a file of RAM (twins) that nothing was taught to, with what else it is to tell."""
     settings = TwinsTraining()
-    members = draw_members(preset, load_ranges(size.preset), settings.members, 1)
+    members = draw_members(preset, load_ranges(size.preset), settings.members, 1, moving=settings.moving)
     step = TwinsStep(torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]).eval()
     step.guarded = True
     description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(told or {})}

@@ -18,6 +18,7 @@ from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
+from twin.reduced.member_set import NO_MEMBERS
 
 
 def train_ram_memory(
@@ -39,7 +40,9 @@ def train_ram_memory(
     def export(step: MemoryStep, description: dict[str, Any], path: Path) -> None:
         export_memory(step, description | {"model": model_to_dict(model())}, path)
 
-    return train_on_twins(Learner(TRAINING, [], begin, export), preset, ranges, settings, folder, on_progress)
+    return train_on_twins(
+        Learner(TRAINING, NO_MEMBERS, begin, export), preset, ranges, settings, folder, on_progress
+    )
 
 
 def nominal_model(preset: Preset, seed: int) -> ColemanHodgdon:

@@ -14,7 +14,7 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.following import members_to_dict
+from twin.reduced.member_set import members_to_dict
 
 
 def train_ram_twins(
@@ -25,7 +25,7 @@ def train_ram_twins(
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Train into a folder, as `train_on_twins` does; the file holds the members too."""
-    members = draw_members(preset, ranges, settings.members, settings.seed)
+    members = draw_members(preset, ranges, settings.members, settings.seed, moving=settings.moving)
 
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
         return TwinsStep(principal_directions(records.members_deg, settings.rank)), by_members

@@ -28,7 +28,7 @@ from twin.files.atomic import write_whole
 from twin.files.ours import MADE_BY
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
-from twin.reduced.following import check_members
+from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.intervals import containment

@@ -10,6 +10,7 @@ from twin.errors import DivergedError
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
+from twin.reduced.member_set import MemberSet
 from twin.signals.excitation import SIGNALS, command
 
 Array32 = NDArray[np.float32]
@@ -21,10 +22,12 @@ STROKE_MM = (-4.0, 4.0)
 _NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
+_PERIODS = (80.0, 240.0)  # of the sheaths of members, there and back [s]: about half a turn in a minute
+_LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 
 # What one seed is used for: the streams of these never meet, nor those of the benchmark's records.
-_MEMBERS, _COMMANDS, _TWINS = range(100, 103)
+_MEMBERS, _COMMANDS, _TWINS, _SHEATHS, _BEGINS = range(100, 105)
 
 
 class TwinRecords(NamedTuple):
@@ -41,15 +44,33 @@ class TwinRecords(NamedTuple):
     truth_deg: Array32
 
 
-def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int) -> list[Preset]:
-    """Return the twins that a prediction is made of: draws from the ranges."""
-    return [ranges.draw(preset, np.random.default_rng([seed, _MEMBERS, number])) for number in range(count)]
+def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int, moving: int = 0) -> MemberSet:
+    """Return the twins that a prediction is made of: draws from the ranges.
+
+    Args:
+        preset: what does not vary.
+        ranges: what does.
+        count: number of twins.
+        seed: of the draws.
+        moving: how many of them are in a sheath that moves between two bends from the ranges.
+    """
+    drawn = [ranges.draw(preset, np.random.default_rng([seed, _MEMBERS, number])) for number in range(count)]
+    still = MemberSet.still(drawn)
+    if not moving:
+        return still
+    other, period, phase = (of.copy() for of in still[1:])
+    for number in range(count - moving, count):
+        rng = np.random.default_rng([seed, _SHEATHS, number])
+        other[number] = ranges.draw(preset, rng).sheath_bend
+        period[number] = np.exp(rng.uniform(*np.log(_PERIODS)))
+        phase[number] = rng.uniform()
+    return MemberSet(still.presets, other, period, phase)
 
 
 def simulate_records(
     preset: Preset,
     ranges: Ranges,
-    members: list[Preset],
+    members: MemberSet,
     *,
     commands: int,
     twins: int,
@@ -75,12 +96,13 @@ def simulate_records(
         FloatingPointError: a simulation did not converge.
     """
     kinds, wide = list(SIGNALS), ranges.wider(_WIDER)
-    pulls, bends = [], []
+    pulls, bends, count = [], [], len(members.presets)
     for number in range(commands):
         rng = np.random.default_rng([seed, _COMMANDS, number])
         pull = command(kinds[number % len(kinds)], _stroke(stroke_mm, rng), seconds, SAMPLE_TIME, rng)
-        presets = list(members)
-        sheath_bends: list[NDArray[np.float64] | None] = [None] * len(members)
+        presets, sheath_bends = _members_along(
+            members, len(pull), np.random.default_rng([seed, _BEGINS, number])
+        )
         # Drawn from wider ranges, a twin may find no equilibrium: the first that do are taken.
         for place in range(twins + _SPARE):
             rng = np.random.default_rng([seed, _TWINS, number, place])
@@ -93,14 +115,26 @@ def simulate_records(
         # One command at a time: a whole record holds a hundred times what is kept of it.
         episodes = simulate_batch(presets, [pull] * len(presets), SAMPLE_TIME, sheath_bends=sheath_bends)
         angles = [episode.bend_deg.astype(np.float32) for episode in episodes if episode is not None]
-        if any(episode is None for episode in episodes[: len(members)]) or len(angles) < len(members) + twins:
+        if any(episode is None for episode in episodes[:count]) or len(angles) < count + twins:
             raise DivergedError(f"twins along training command {number} found no equilibrium")
         pulls.append(pull)
-        bends.append(angles[: len(members) + twins])
+        bends.append(angles[: count + twins])
         if on_progress:
             on_progress(number + 1, commands)
     bend = np.array(bends)
-    return TwinRecords(np.array(pulls, np.float32) * 1e3, bend[:, : len(members)], bend[:, len(members) :])
+    return TwinRecords(np.array(pulls, np.float32) * 1e3, bend[:, :count], bend[:, count:])
+
+
+def _members_along(
+    members: MemberSet, samples: int, rng: np.random.Generator
+) -> tuple[list[Preset], list[NDArray[np.float64] | None]]:
+    """Return presets and sheaths of the members along a record that begins at any time of their courses."""
+    if not members.moves:
+        return list(members.presets), [None] * len(members.presets)
+    begun = members.later(rng.uniform(0.0, _LONGEST))
+    course = np.array([begun.sheath_bend(k * SAMPLE_TIME) for k in range(samples)])
+    moves = np.ptp(course, axis=0) > 0
+    return begun.at_start(), [course[:, place] if moves[place] else None for place in range(len(moves))]
 
 
 def _stroke(limits_mm: tuple[float, float], rng: np.random.Generator) -> tuple[float, float]:

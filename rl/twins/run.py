@@ -28,7 +28,7 @@ from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.following import check_members
+from twin.reduced.member_set import MemberSet, check_members
 from twin.runtime.deployment import KEY as DEPLOYMENT
 from twin.runtime.deployment import prepare_deployment
 
@@ -57,7 +57,7 @@ class Learner:
     """
 
     training: Training
-    members: list[Preset]
+    members: MemberSet
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
     prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None

@@ -107,6 +107,7 @@ class TwinsTraining(SimulatedTraining):
         sequences: with their own noise, that run side by side.
         window: samples that an error is traced back over: shorter windows of more sequences take less time.
         members: M, twins that the prediction is made of.
+        moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
         recogniser_sequences: records that the recogniser learns from first.
         recogniser_updates: gradient steps of that.
@@ -123,8 +124,9 @@ class TwinsTraining(SimulatedTraining):
 
     sequences: int = 256
     window: int = 25
-    members: int = 32
-    rank: int = 16
+    members: int = 40
+    moving: int = 16
+    rank: int = 28
     recogniser_sequences: int = 4096
     recogniser_updates: int = 2500
     recogniser_rate: float = 3e-3
@@ -138,4 +140,5 @@ class TwinsTraining(SimulatedTraining):
         """
         super().__post_init__()
         check_between("members", self.members, 2, MOST_MEMBERS)
+        check_between("moving", self.moving, 0, self.members)
         check_between("rank", self.rank, 1, self.members)

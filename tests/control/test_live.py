@@ -41,7 +41,7 @@ def told(policy, samples):
 def test_a_motor_driver_and_a_sensor_close_the_loop(policy):
     """The plant is one of the members, so that what is left is what the sensor's noise leaves."""
     runtime, commands = prepared(policy)
-    plant = Plant(runtime.advanced.estimator.presets[0].replace(servo_speed=5e-3), T, "reduced")
+    plant = Plant(runtime.advanced.estimator.twins.presets[0].replace(servo_speed=5e-3), T, "reduced")
     bend, pull, errors = plant.start(0.0), 0.0, []
     rng = np.random.default_rng(1)
     for k in range(600):

@@ -5,7 +5,8 @@ import pytest
 
 from twin.preset import load_preset, load_ranges
 from twin.reduced import ReducedTwins, simulate
-from twin.reduced.following import Members, members_from_dict, members_to_dict
+from twin.reduced.following import Members
+from twin.reduced.member_set import MemberSet
 
 T = 0.1
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
@@ -14,7 +15,7 @@ DRAWN = tuple(RANGES.draw(PRESET, np.random.default_rng(k)) for k in range(3))
 
 def followed(pulls):
     """(B, M, N) angle of the members of filters along (B, N) pulls [mm]."""
-    members = Members(DRAWN, T)
+    members = Members(MemberSet.still(DRAWN), T)
     following = members.start(pulls[:, 0])
     angles = [following.of_filters()]
     for k in range(1, pulls.shape[1]):
@@ -42,7 +43,7 @@ def test_filters_of_one_command_share_their_members():
 
 
 def test_a_step_leaves_the_state_before_it_as_it_is():
-    members = Members(DRAWN, T)
+    members = Members(MemberSet.still(DRAWN), T)
     begun = members.start(np.array([0.5]))
     before = [np.array(of) for of in begun.twins[0]]
     once, again = (members.step(begun, np.array([1.5])) for _ in range(2))
@@ -52,7 +53,7 @@ def test_a_step_leaves_the_state_before_it_as_it_is():
 
 
 def test_the_common_pull_brings_a_weighted_bend_of_the_members_and_leaves_them_where_they_are():
-    members, weights = Members(DRAWN, T), np.array([0.6, 0.5, -0.1])
+    members, weights = Members(MemberSet.still(DRAWN), T), np.array([0.6, 0.5, -0.1])
     following = members.start(np.array([0.7]))
     for wanted in (20.0, -25.0, 31.0):
         before = [np.array(of) for of in following.twins[0]]
@@ -64,7 +65,7 @@ def test_the_common_pull_brings_a_weighted_bend_of_the_members_and_leaves_them_w
 
 
 def test_a_common_pull_is_that_of_the_members_it_is_asked_of_whatever_was_stepped_since():
-    members, weights = Members(DRAWN, T), np.full(3, 1 / 3)
+    members, weights = Members(MemberSet.still(DRAWN), T), np.full(3, 1 / 3)
     following = members.start(np.array([0.7]))
     pull = members.common_pull_mm(following, weights, 20.0, (-4.0, 4.0))
     members.step(members.start(np.array([-2.0])), np.array([-3.0]))
@@ -75,43 +76,45 @@ def test_a_common_pull_is_that_of_the_members_it_is_asked_of_whatever_was_steppe
 @pytest.mark.parametrize("wanted", [np.nan, np.inf, -np.inf])
 def test_a_bend_that_is_no_number_has_no_common_pull(wanted):
     """The sum of members is none where one of them found no equilibrium."""
-    members = Members(DRAWN, T)
+    members = Members(MemberSet.still(DRAWN), T)
     following = members.start(np.array([0.7]))
     assert np.isnan(members.common_pull_mm(following, np.full(3, 1 / 3), wanted, (-4.0, 4.0)))
 
 
 def test_one_member_needs_the_pull_of_its_own_inverse():
-    members, twins = Members(DRAWN[:1], T), ReducedTwins(DRAWN[:1], T)
+    members, twins = Members(MemberSet.still(DRAWN[:1]), T), ReducedTwins(DRAWN[:1], T)
     following = members.start(np.array([0.0]))
     twins.restore_state(following.twins[0])
     expected = twins.inverse(np.radians(25.0), stroke=(-4e-3, 4e-3)).pull[0, 0]
     assert members.common_pull_mm(following, np.ones(1), 25.0, (-4.0, 4.0)) == expected * 1e3
 
 
-def test_a_file_gives_the_members_back():
-    assert members_from_dict(members_to_dict(DRAWN)) == DRAWN
+def test_members_in_a_sheath_that_moves_have_the_records_of_that_sheath():
+    other, period, phase = np.array([0.5, 6.0, 2.0]), np.array([8.0, 12.0, 5.0]), np.array([0.0, 0.3, 0.9])
+    moving = MemberSet(DRAWN, other, period, phase)
+    pull = 2 + np.sin(np.arange(80) * T)
+    members = Members(moving, T)
+    following = members.start(pull[:1])
+    angles = [following.of_filters()[0]]
+    for of in pull[1:]:
+        following = members.step(following, np.array([of]))
+        angles.append(following.of_filters()[0])
+    course = np.array([moving.sheath_bend(k * T) for k in range(len(pull))])
+    for place, preset in enumerate(moving.at_start()):
+        record = simulate(preset, pull * 1e-3, T, sheath_bend=course[:, place])
+        np.testing.assert_allclose(np.array(angles)[:, place], record.bend_deg, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"drawn": {}}, "drawn"),
-        ({"drawn": {"pretension": [5.0]}}, "at least 2 items"),
-        ({"drawn": {"pretension": [5.0, 6.0], "wire_offset": [1e-3] * 3}}, "from 2 to 512"),
-        ({"drawn": {"pretension": [5.0, -6.0]}}, "pretension = -6"),
-        ({"drawn": {"nothing": [5.0, 6.0]}}, "unknown preset parameter"),
-        ({"drawn": {"pretension": [5.0, "six"]}}, "drawn"),
-        ({"preset": {"nothing": 1.0}}, "unknown preset parameter"),
-        ({"preset": 3}, "preset = 3"),
-        ({"preset": {"control_period": 1e-6, "time_step": 1e-6}}, "must be at least 0.001 s"),
-        ({"preset": {"gravity_x": 9.81}}, "gravity_x = 9.81"),
-        ({"preset": {"bending_planes": 2}}, "two bending planes"),
-        ({"drawn": {"vertebrae": [8, 9]}}, "vertebrae must be the same for all"),
-        (None, "members = None"),
-    ],
-)
-def test_members_that_cannot_be_are_refused_in_one_line(change, message):
-    values = None if change is None else members_to_dict(DRAWN) | change
-    with pytest.raises(ValueError, match=message) as error:
-        members_from_dict(values)
-    assert "\n" not in str(error.value)
+def test_a_way_that_is_asked_for_is_that_which_members_would_go_and_leaves_them_where_they_are():
+    members = Members(MemberSet.still(DRAWN), T)
+    following = members.start(np.array([0.5]))
+    before = [np.array(of) for of in following.twins[0]]
+    asked = members.bends_along(following, np.array([0.7, -0.4]), np.array([1, 3]))
+    for of, was in zip(following.twins[0], before, strict=True):
+        np.testing.assert_array_equal(of, was)
+    gone = members.step(following, np.array([0.7]))
+    np.testing.assert_allclose(asked[0], gone.of_filters()[0], atol=1e-9)
+    for pull in np.linspace(0.7, -0.4, 4)[1:]:
+        gone = members.step(gone, np.array([pull]))
+    # One long way and three short ones differ by what the tensions change within a step.
+    np.testing.assert_allclose(asked[1], gone.of_filters()[0], atol=0.05)

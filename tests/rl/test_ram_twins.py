@@ -12,7 +12,16 @@ import torch
 from exported import filtered_by_both
 from repository import REPOSITORY
 from scipy import stats
-from small_twins import TINY, generator, shorter, small_records, small_source, small_step, twins
+from small_twins import (
+    TINY,
+    generator,
+    shorter,
+    small_members,
+    small_records,
+    small_source,
+    small_step,
+    twins,
+)
 
 import scripts.train
 from rl.ram_twins import train_ram_twins
@@ -48,13 +57,24 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
 
 
 def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
-    preset, ranges = twins()
-    records, members = small_records(), draw_members(preset, ranges, TINY.members, TINY.seed)
-    for number in (0, 5):
-        record = simulate(members[number], records.pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
-        np.testing.assert_allclose(record.bend_deg, records.members_deg[2, number], atol=2e-3)
+    records, members = small_records(), small_members()
+    record = simulate(members.presets[0], records.pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
+    np.testing.assert_allclose(record.bend_deg, records.members_deg[2, 0], atol=2e-3)
     assert np.abs(records.pull_mm).max() <= 4
     assert (np.ptp(records.truth_deg, axis=1) > 0).any(axis=1).all()
+
+
+def test_some_members_are_in_a_sheath_that_moves_and_stands_elsewhere_in_every_record():
+    """Not one of the records is that of the sheath as it was drawn; those of the others are."""
+    records, members = small_records(), small_members()
+    moves = np.array([members.other[place] != members.presets[place].sheath_bend for place in range(6)])
+    assert moves.sum() == TINY.moving
+    for place in (0, 5):
+        pulls = records.pull_mm.astype(float) * 1e-3
+        still = [simulate(members.presets[place], pull, SAMPLE_TIME).bend_deg for pull in pulls]
+        apart = np.abs(records.members_deg[:, place] - np.array(still)).max(axis=1)
+        assert (apart > 0.02).all() if moves[place] else (apart < 2e-3).all()
+    assert not draw_members(*twins(), 6, TINY.seed).moves
 
 
 def test_directions_are_those_in_which_members_differ_most():

@@ -14,6 +14,7 @@ from twin.estimation.learned.ram_twins import load
 from twin.estimation.registry import find_method, needed_fits
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import identify
+from twin.reduced.member_set import MemberSet
 
 T = SAMPLE_TIME * STRIDES[0]
 SEED = 1
@@ -52,9 +53,9 @@ def quantised(shape, rng):
 def records():
     """Nominal and randomised twins along commands of every kind: pull [mm] and bend [deg], thinned to T."""
     preset, ranges = twins()
-    drawn = draw_members(preset, ranges, 4, OTHER_SEED)
+    drawn = draw_members(preset, ranges, 4, OTHER_SEED).presets
     simulated = simulate_records(
-        preset, ranges, [preset, *drawn], commands=10, twins=1, seconds=60.0, seed=OTHER_SEED
+        preset, ranges, MemberSet.still([preset, *drawn]), commands=10, twins=1, seconds=60.0, seed=OTHER_SEED
     )
     pull = np.repeat(simulated.pull_mm, 5, axis=0)[:, :: STRIDES[0]].astype(float)
     bend = simulated.members_deg.reshape(-1, simulated.pull_mm.shape[1])[:, :: STRIDES[0]].astype(float)
@@ -65,7 +66,9 @@ def records():
 def tuned():
     """The tuned filter, on the paper's kind of training records of the preset."""
     preset, ranges = twins()
-    simulated = simulate_records(preset, ranges, [preset], commands=5, twins=1, seconds=60.0, seed=SEED)
+    simulated = simulate_records(
+        preset, ranges, MemberSet.still([preset]), commands=5, twins=1, seconds=60.0, seed=SEED
+    )
     known = [
         (pull[:: STRIDES[0]].astype(float), bend[0, :: STRIDES[0]].astype(float))
         for pull, bend in zip(simulated.pull_mm, simulated.members_deg, strict=True)

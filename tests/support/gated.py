@@ -3,14 +3,13 @@
 import dataclasses
 
 import numpy as np
-from small_twins import TINY, small_step, twins
+from small_twins import TINY, small_members, small_step, twins
 
 from rl.twins.graph import export_twins
-from rl.twins.records import draw_members
 from twin.gate.material import Effort, gather
 from twin.hysteresis import ColemanHodgdon
 from twin.reduced import simulate
-from twin.reduced.following import members_to_dict
+from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY, prepare_deployment
 from twin.signals.excitation import command
 
@@ -45,14 +44,13 @@ def deployment():
 def export_small(path, loud=0.0):
     """Write an untrained step of RAM (twins); `loud` is the spread of the weights of its last layer."""
     preset, ranges = twins()
-    members = draw_members(preset, ranges, TINY.members, TINY.seed)
     description = {
         "agent": "ram-twins",
         "preset": preset.to_dict(),
         "ranges": ranges.to_dict(),
-        "members": members_to_dict(members),
+        "members": members_to_dict(small_members()),
         "training": {"stroke_mm": [-4.0, 4.0]},
         KEY: deployment(),
     }
-    export_twins(small_step(loud=loud), len(members), description, path)
+    export_twins(small_step(loud=loud), TINY.members, description, path)
     return path

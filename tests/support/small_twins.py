@@ -13,9 +13,11 @@ from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
+from twin.reduced.member_set import MemberSet
 
 TINY = TwinsTraining(
     members=6,
+    moving=2,
     rank=4,
     commands=6,
     twins=2,
@@ -39,11 +41,16 @@ def twins():
 
 
 @functools.cache
+def small_members() -> MemberSet:
+    """A few members, two of them in a sheath that moves."""
+    return draw_members(*twins(), TINY.members, TINY.seed, moving=TINY.moving)
+
+
+@functools.cache
 def small_records() -> TwinRecords:
     """Records of a few commands by the reduced twin."""
     preset, ranges = twins()
-    members = draw_members(preset, ranges, TINY.members, TINY.seed)
-    return simulate_records(preset, ranges, members, commands=6, twins=2, seconds=20.0, seed=1)
+    return simulate_records(preset, ranges, small_members(), commands=6, twins=2, seconds=20.0, seed=1)
 
 
 def small_source(noises=TINY.noises) -> SequenceSource:

@@ -4,11 +4,10 @@ import fcntl
 from pathlib import Path
 
 from controlled import DEPLOYMENT
-from small_twins import TINY, small_step, twins
+from small_twins import TINY, small_members, small_step
 
 from rl.twins.graph import export_twins
-from rl.twins.records import draw_members
-from twin.reduced.following import members_to_dict
+from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY
 
 
@@ -19,7 +18,6 @@ def shared(folder: Path) -> Path:
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            members = draw_members(*twins(), TINY.members, TINY.seed)
-            described = {"members": members_to_dict(members), KEY: DEPLOYMENT.to_dict()}
-            export_twins(small_step(), len(members), {"agent": "ram-twins"} | described, path)
+            described = {"members": members_to_dict(small_members()), KEY: DEPLOYMENT.to_dict()}
+            export_twins(small_step(), TINY.members, {"agent": "ram-twins"} | described, path)
     return path

@@ -60,12 +60,29 @@ class DeploymentFile(BaseModel):
     bend_speed_deg_s: Annotated[float, Field(ge=0, le=1e9)]
 
 
+class SheathFile(BaseModel):
+    """Courses of the sheaths of members; see `twin.reduced.member_set.MemberSet`.
+
+    Attributes:
+        other: bend at the other end of the course [rad].
+        period: time there and back [s].
+        phase: share of it that has gone at the start.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    other: Annotated[list[Finite], Field(min_length=2, max_length=MOST_MEMBERS)]
+    period: Annotated[list[Annotated[float, Field(ge=1, le=1e9)]], Field(max_length=MOST_MEMBERS)]
+    phase: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_MEMBERS)]
+
+
 class MembersFile(BaseModel):
     """Twins inside of an estimator, as a trained file holds them.
 
     Attributes:
         preset: parameters that all of them have.
         drawn: the value of each member, of every other parameter.
+        sheath: how their sheaths move, where any does.
     """
 
     model_config = ConfigDict(frozen=True, strict=True)
@@ -75,6 +92,7 @@ class MembersFile(BaseModel):
         dict[str, Annotated[list[float | int], Field(min_length=2, max_length=MOST_MEMBERS)]],
         Field(min_length=1, max_length=200),
     ]
+    sheath: SheathFile | None = None
 
 
 class TrainedDescription(BaseModel):

@@ -27,7 +27,7 @@ from twin.gate.trial import PairedTrial, run_trials
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.preset.sample_time import check_sample_time
-from twin.reduced.following import check_members
+from twin.reduced.member_set import check_members
 
 Array = NDArray[np.float64]
 WIDER = 1.5

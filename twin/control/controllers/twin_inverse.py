@@ -9,6 +9,7 @@ from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, register_controller
 from twin.estimation.registry import Style
 from twin.reduced.following import Following, Members
+from twin.reduced.member_set import MemberSet
 
 
 class TwinInverse(Controller):
@@ -16,7 +17,7 @@ class TwinInverse(Controller):
 
     def __init__(self, knowledge: ControlKnowledge) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
-        self._members = Members([knowledge.preset], knowledge.sample_time)
+        self._members = Members(MemberSet.still([knowledge.preset]), knowledge.sample_time)
         self._following: Following
 
     def _start(self, reference_deg: float) -> None:

@@ -31,8 +31,8 @@ from twin.estimation.registry import MethodSpec, Style, Training, register_metho
 from twin.files.shown import shown
 
 if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
-    from twin.preset.preset import Preset
     from twin.reduced.following import Following, Members
+    from twin.reduced.member_set import MemberSet
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
@@ -73,14 +73,14 @@ class RamTwins(Estimator[TwinsState]):
 
     Attributes:
         network: graph of the trained file.
-        presets: of the members.
+        twins: that it predicts by.
         sample_time: T, a multiple of the members' control period [s].
         measurement_variance: R, one for all or (B,) [deg^2].
         parts: whether the policy acts and the recogniser is heard, each 1 or 0.
     """
 
     network: StepNetwork
-    presets: "tuple[Preset, ...]"
+    twins: "MemberSet"
     sample_time: float = SAMPLE_TIME
     measurement_variance: ArrayLike = 0.1
     parts: tuple[float, float] = ALL_PARTS
@@ -97,7 +97,7 @@ class RamTwins(Estimator[TwinsState]):
         """
         from twin.preset.sample_time import check_sample_time
 
-        check_sample_time(self.presets[0], sample_time)
+        check_sample_time(self.twins.presets[0], sample_time)
         return dataclasses.replace(self, sample_time=sample_time)
 
     def start(self, pull_mm: Array, bend_deg: Array) -> TwinsState:
@@ -156,7 +156,7 @@ class RamTwins(Estimator[TwinsState]):
         """The twins that follow the commands."""
         from twin.reduced.following import Members
 
-        return Members(self.presets, self.sample_time)
+        return Members(self.twins, self.sample_time)
 
 
 def load(path: Path) -> RamTwins:
@@ -166,16 +166,16 @@ def load(path: Path) -> RamTwins:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    from twin.reduced.following import members_from_dict
+    from twin.reduced.member_set import members_from_dict
 
     file = read_trained_file(path, AGENT)
     try:
-        presets = members_from_dict(file.description.get("members"))
-        predicted_by = {"members_deg": (len(presets),), "way_mm": ()}
+        twins = members_from_dict(file.description.get("members"))
+        predicted_by = {"members_deg": (len(twins.presets),), "way_mm": ()}
         network = step_network(file, predicted_by, STATE)
         if network.state["covariance"] != network.state["mean"] * 2:
             raise InputError(f"the shapes of its state are {shown(tuple(network.state.values()))}")
-        return RamTwins(network, presets)
+        return RamTwins(network, twins)
     except ValueError as error:
         raise InputError(f"{path} is not a policy of the agent {AGENT!r}: {error}") from error
 
