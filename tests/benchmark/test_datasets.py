@@ -41,3 +41,17 @@ def test_dataset_is_made_by_two_and_by_one_weighed_and_read(monkeypatch):
     # Per minute at 50 Hz: some numbers of eight bytes, compressed, in each sample
     assert 0.05 < results["dataset_size"].value < 3
     assert results["dataset_reading"].value > 0
+
+
+def test_both_twins_make_the_dataset_by_either_clock(monkeypatch):
+    made = []
+    write = datasets._write
+    monkeypatch.setattr(
+        datasets, "_write", lambda recipe, *rest: made.append(recipe.physics) or write(recipe, *rest)
+    )
+    results = datasets.by_the_reduced_twin(SMALL, STROKE, 2)
+    assert made == ["reduced", "reduced", "mujoco"]
+    assert list(results) == ["dataset_reduced", "dataset_reduced_processor"]
+    for result in results.values():
+        assert result.value > 0
+        assert result.holds == (result.ratio >= 8)
