@@ -23,12 +23,14 @@ TOGETHER = (
     "docs/control.md",
     "docs/results/paper_protocol.md",
     "docs/rendering.md",
+    "docs/vision.md",
 )
 """Documents whose commands go on from one another, in the order in which they are read, in one folder."""
 ALONE = ("docs/quickstart.md",)
 """Documents that begin anew."""
 
 SMALLER: tuple[tuple[str, str], ...] = (
+    (r"(endotwin generate .*--sensor stereo.*) --episodes \d+ --seconds \d+", r"\1 --episodes 1 --seconds 6"),
     (r"--seconds (60|40|30)\b", "--seconds 8"),
     (r"--seeds \d+", "--seeds 1"),
     (r"(endotwin generate mixed.yaml)", r"\1 --seconds 1"),
