@@ -9,6 +9,7 @@ from repository import REPOSITORY
 from source_tree import source_files
 
 KNOWN_ONLY_IN = {
+    "cv2": ("twin/vision/",),
     "mujoco": ("twin/physics/", "twin/errors.py"),
     "dm_control": ("twin/physics/",),
     "mcap": ("twin/recording/",),
