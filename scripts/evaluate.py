@@ -58,6 +58,9 @@ class Evaluate:
     their seed alone are one row: the mean over them, and their spread."""
     methods: tuple[str, ...] = ()
     """Names of the methods to compare, as in the tables; all of the suite, if not given."""
+    method_file: tuple[Path, ...] = ()
+    """Python files that register estimators of your own (`register_method`), to compare them too; each is
+    run."""
     suite: str = "paper"
     """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full."""
     measurements: Literal["auto", "drawn", "recorded"] = "auto"
@@ -94,6 +97,10 @@ class Evaluate:
 
 def evaluate(args: Evaluate) -> Summary:
     """Write `evaluation.json`, tables, figures and `tracks.npz`."""
+    if args.method_file:
+        from twin.estimation.method_file import load_method_files
+
+        load_method_files(args.method_file)
     return _full(args) if args.suite == "full" else _paper(args)
 
 
@@ -119,6 +126,7 @@ def _full(args: Evaluate) -> Summary:
         data=args.data,
         train=args.train,
         methods=args.methods,
+        method_files=args.method_file,
         preset=args.preset,
         sample_times=sample_times,
         trained=given_files(args.policy, None, sample_times),
@@ -249,6 +257,7 @@ def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
     from twin.files.origin import origin_of
 
     given = [*args.data, *(path for path in (args.train, model) if path is not None), *args.policy]
+    given += args.method_file
     return origin_of(command_of("evaluate", args, ("out",)), list(dict.fromkeys(given)))
 
 

@@ -4,6 +4,7 @@ Every stage keeps what it made beside the results; a run that was stopped goes o
 """
 
 import dataclasses
+import functools
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from rl.suite.preparation import agents_to_train, ensembles_along, learn, train_
 from rl.suite.settings import FullSuite, NewProgress
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
+from twin.estimation.method_file import load_method_files
 from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
@@ -76,7 +78,8 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         true_records([suite.train], max(suite.sample_times))
     suite.folder.mkdir(parents=True, exist_ok=True)
     _claim(suite, preset, ranges)
-    with local_workers(suite.workers) as executor:
+    load_methods = functools.partial(load_method_files, suite.method_files)
+    with local_workers(suite.workers, load_methods) as executor:
         data = suite.data
         if not data:
             done = progress("test records", "ep")

@@ -33,6 +33,7 @@ class FullSuite:
         data: test records; without them, the benchmark's own are simulated.
         train: training records; without them, five on the paper's stroke are simulated.
         methods: names of the methods to compare; all, if empty.
+        method_files: Python files whose methods are loaded here already, for the workers to load too.
         trained: trained files of each agent that is given, one for each training of it; others are trained.
         preset: nominal twin of records and ensembles, and ranges that they are drawn from.
         sample_times: T, each a multiple of 0.02 [s].
@@ -52,6 +53,7 @@ class FullSuite:
     data: tuple[Path, ...] = ()
     train: Path | None = None
     methods: tuple[str, ...] = ()
+    method_files: tuple[Path, ...] = ()
     trained: dict[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
     preset: str = "ureteroscope"
     sample_times: tuple[float, ...] = SAMPLE_TIMES

@@ -5,7 +5,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.managers import SyncManager
@@ -13,13 +13,16 @@ from typing import Any
 
 
 @contextlib.contextmanager
-def local_workers(count: int) -> Iterator[Executor]:
+def local_workers(count: int, begin: Callable[[], object] | None = None) -> Iterator[Executor]:
     """Context manager: an executor of worker processes, which end with this process however it ends.
 
     Args:
         count: number of processes.
+        begin: what each does first; picklable.
     """
-    with ProcessPoolExecutor(count, _FreshContext(), initializer=_begin_worker) as executor:
+    with ProcessPoolExecutor(
+        count, _FreshContext(), initializer=_begin_worker, initargs=(begin,)
+    ) as executor:
         try:
             yield executor
         except BaseException:
@@ -59,12 +62,14 @@ class _FreshContext(SpawnContext):
     Process = _DeafProcess
 
 
-def _begin_worker() -> None:
+def _begin_worker(begin: Callable[[], object] | None = None) -> None:
     """Initialise a worker: ignore Ctrl-C and end with the parent, as an orphan would wait for ever."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    if begin is not None:
+        begin()
 
 
 def _end_with_the_parent() -> None:

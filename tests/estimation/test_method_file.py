@@ -1,0 +1,92 @@
+"""An estimator of the user's own, in a file of theirs, is in every table and figure."""
+
+import functools
+import json
+
+import numpy as np
+import pytest
+from repository import REPOSITORY
+from typed import typed
+
+from twin.estimation import method_file, registry
+from twin.estimation.knowledge import Knowledge
+from twin.estimation.method_file import load_method_files
+from twin.estimation.registry import find_method, method_specs
+from twin.evaluation.compare import evaluate
+from twin.evaluation.method import build_method
+from twin.evaluation.protocol import Protocol
+from twin.evaluation.record import EvaluationRecord
+from twin.hysteresis import ColemanHodgdon
+from twin.workers.processes import local_workers
+
+EXAMPLE = REPOSITORY / "docs" / "examples" / "my_filter.py"
+DATA = REPOSITORY / "assets" / "samples" / "dataset"
+REGISTERED = (
+    "from twin.estimation.registry import MethodSpec, register_method\n"
+    "register_method(MethodSpec({!r}, 101, 'filter', 'R', lambda known: None))\n"
+)
+
+
+@pytest.fixture(autouse=True)
+def own_table(monkeypatch):
+    """Copies of the tables, which a test may add to."""
+    method_specs()
+    monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
+    monkeypatch.setattr(method_file, "_LOADED", {})
+
+
+def test_the_example_is_short():
+    assert len([line for line in EXAMPLE.read_text().splitlines() if line.strip()]) < 30
+
+
+def test_the_example_is_in_tables_figures_and_results(tmp_path):
+    model = ColemanHodgdon(1.15, 22.38, 5.0)
+    (tmp_path / "model.json").write_text(json.dumps({"model": model.name, **model.to_dict()}))
+    words = f"evaluate {DATA} --model model.json --suite paper-only --seeds 2 --out results"
+    ended = typed(f"{words} --method-file {EXAMPLE}", tmp_path)
+    assert ended.code == 0, ended.err
+    results = json.loads((tmp_path / "results" / "evaluation.json").read_text())
+    methods = [row["method"] for row in results["rows"]]
+    assert {"AM", "Complementary"} <= {*methods}
+    assert methods.count("Complementary") == methods.count("AM")
+    assert "Complementary" in (tmp_path / "results" / "tables.md").read_text()
+    assert str(EXAMPLE) in [of["path"] for of in results["origin"]["data"]]
+
+
+def test_worker_processes_have_it_too(records, model):
+    (spec,) = load_method_files([EXAMPLE])
+    pull, bend = records[0]
+    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "0")
+    methods = [build_method(spec, Knowledge(0.1, {ColemanHodgdon.name: model}))]
+    protocol = Protocol("paper-only", seeds=2)
+    here, _ = evaluate([record], methods, protocol)
+    with local_workers(1, functools.partial(load_method_files, [EXAMPLE])) as executor:
+        there, _ = evaluate([record], methods, protocol, executor=executor)
+    assert here == there
+
+
+def test_a_file_runs_once(tmp_path):
+    path = tmp_path / "one.py"
+    path.write_text(REGISTERED.format("One"))
+    assert load_method_files([path, path]) == [find_method("One")] * 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "must be a Python file"),
+        ("x = 1\n", "registers no method"),
+        ("def f(:\n", r"bad\.py, line 1: SyntaxError: "),
+        ("x = 1\nraise RuntimeError('so\\nwhat')\n", r"bad\.py, line 2: RuntimeError: so$"),
+        (REGISTERED.format("AM"), r"bad\.py, line 2: method 'AM' is registered already$"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_line(text, message, tmp_path):
+    if text is not None:
+        (tmp_path / "bad.py").write_text(text)
+    ended = typed("evaluate --suite full --method-file bad.py --out results", tmp_path)
+    assert ended.code == 2
+    with pytest.raises(ValueError, match=message):
+        load_method_files([tmp_path / "bad.py"])
+    assert len(ended.err.splitlines()) == 1
+    assert not (tmp_path / "results").exists()
