@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
+from scipy.integrate import quad
+from scipy.stats import norm
 
 from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 
@@ -125,3 +127,20 @@ def test_intervals_of_normal_errors_are_as_honest_as_they_are_wide(scale, covera
     found = interval_indices(error, np.full(200_000, 1.959964))
     assert found["coverage95"] == pytest.approx(coverage, abs=0.005)
     assert found["nees"] == pytest.approx(nees, rel=0.02)
+    assert found["width95_deg"] == pytest.approx(2 * 1.959964)
+
+
+@pytest.mark.parametrize(("error", "sigma"), [(0.0, 1.0), (-0.7, 0.4), (3.0, 0.5), (0.2, 5.0)])
+def test_crps_is_the_integral_over_all_thresholds(error, sigma):
+    """Of the squared difference between the law's distribution and that of the truth."""
+    below = quad(lambda x: norm.cdf(x, error, sigma) ** 2, -np.inf, 0)[0]
+    above = quad(lambda x: norm.sf(x, error, sigma) ** 2, 0, np.inf)[0]
+    found = interval_indices(np.array([error]), np.array([1.959964 * sigma]))
+    assert found["crps_deg"] == pytest.approx(below + above, rel=1e-5)
+
+
+def test_an_interval_of_no_width_is_as_wide_as_a_thousandth_of_a_degree():
+    found = interval_indices(np.array([0.0, 5.0]), np.zeros(2))
+    assert np.isfinite([*found.values()]).all()
+    assert found["coverage95"] == 0.5
+    assert found["crps_deg"] == pytest.approx(2.5, rel=1e-3)

@@ -11,7 +11,14 @@ from scores import SCORE
 from twin.evaluation.score import Score, read_scores, to_rows
 
 WHOLE = dataclasses.replace(
-    SCORE, twin="nominal", md_printed_deg2=0.3, paper_rmse_deg=0.6354, coverage95=0.94, nees=1.1
+    SCORE,
+    twin="nominal",
+    md_printed_deg2=0.3,
+    paper_rmse_deg=0.6354,
+    coverage95=0.94,
+    width95_deg=1.3,
+    nees=1.1,
+    crps_deg=0.2,
 )
 OPTIONAL = {
     "stroke_mm",
@@ -19,7 +26,9 @@ OPTIONAL = {
     "md_printed_deg2",
     "paper_rmse_deg",
     "coverage95",
+    "width95_deg",
     "nees",
+    "crps_deg",
     "training_rmse_deg",
 }
 

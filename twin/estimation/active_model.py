@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
-from twin.estimation.gaussian import Belief, condition, propagate
+from twin.estimation.gaussian import Belief, condition, half_width_of, propagate
 from twin.estimation.registry import MethodSpec, Style, register_method
 from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
@@ -95,6 +95,15 @@ class ActiveModel(Estimator[Belief]):
         """Return the (B,) mean of the angle [deg]."""
         bend: Array = state.mean[0]
         return bend
+
+    @property
+    def states_interval(self) -> bool:
+        """True: its covariance says how sure it is, if its model and what it is told hold."""
+        return True
+
+    def half_width_deg(self, state: Belief) -> Array:
+        """Return half of the (B,) 95 % intervals that the belief in the angle states [deg]."""
+        return half_width_of(state.covariance[0, 0])
 
     def to_dict(self) -> dict[str, Any]:
         """Return model and variances as plain values, as a trained file holds them; R must be one number."""

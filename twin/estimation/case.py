@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,3 +35,11 @@ class Case:
 
 CaseEstimator = Callable[[Case], Array]
 """Returns (B, N) estimated angles [deg] of a case."""
+
+
+@runtime_checkable
+class IntervalEstimator(Protocol):
+    """An estimator of a case that may also say how sure it is."""
+
+    def with_interval(self, case: Case) -> tuple[Array, Array | None]:
+        """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""

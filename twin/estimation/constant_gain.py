@@ -33,6 +33,11 @@ class ConstantGain(ActiveModel):
 
     gain: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def states_interval(self) -> bool:
+        """False: the covariance is that of the filter below, not of what the gain makes of it."""
+        return False
+
     def update(self, belief: Belief, measurement_deg: Array) -> Belief:
         """Condition the belief on one measurement and add the gain times what is left of the residual."""
         updated = super().update(belief, measurement_deg)

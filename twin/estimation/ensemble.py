@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.gaussian import half_width_of
 
 if TYPE_CHECKING:
     from twin.signals.noise_density import NoiseDensity
@@ -105,6 +106,16 @@ class EnsembleFilter(Estimator[EnsembleState]):
         """Return the (B,) mean of the angle [deg]."""
         mean, anomaly = self._mean_and_anomaly(state.sample)
         return mean + anomaly @ state.mean
+
+    @property
+    def states_interval(self) -> bool:
+        """True: the members that are left differ by what is not known, if the twin is like them."""
+        return True
+
+    def half_width_deg(self, state: EnsembleState) -> Array:
+        """Return half of the (B,) 95 % intervals of the belief [deg], one for all filters."""
+        _, anomaly = self._mean_and_anomaly(state.sample)
+        return np.full(state.mean.shape[1], half_width_of(anomaly @ state.covariance @ anomaly))
 
     def _weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
         """Score (B,) of innovations, and their information, for a belief of this standard deviation."""

@@ -118,7 +118,7 @@ class Estimator(abc.ABC, Generic[State]):
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         if measurement.shape[1] == 1 and (form := self.single()).plain:
-            return _estimate_one(form, pull[:, 0], measurement[:, 0], float(initial[0])), None
+            return _estimate_one(form, pull[:, 0], measurement[:, 0], float(initial[0]))
         state = self.start(pull[0], initial)
         estimate = np.empty_like(measurement)
         estimate[0] = initial
@@ -133,14 +133,18 @@ class Estimator(abc.ABC, Generic[State]):
         return estimate.T, None if half_width is None else half_width.T
 
 
-def _estimate_one(form: SingleForm[Any], pull_mm: Array, measurement_deg: Array, initial_deg: float) -> Array:
-    """Return the (1, N) estimates of one record, the same bits as on a live stream."""
+def _estimate_one(
+    form: SingleForm[Any], pull_mm: Array, measurement_deg: Array, initial_deg: float
+) -> tuple[Array, Array | None]:
+    """Return the (1, N) estimates of one record and half of their intervals, the same bits as on a stream."""
     pulls, state = pull_mm.tolist(), form.start(float(pull_mm[0]), initial_deg)
-    estimate = [initial_deg]
+    estimate, half_width = [initial_deg], [form.half_width_deg(state)] if form.states_interval else None
     for k, measured in enumerate(measurement_deg.tolist()[1:], start=1):
         state = form.step(state, pulls[k], pulls[k - 1], measured)
         estimate.append(form.bend_deg(state))
-    return np.array([estimate])
+        if half_width is not None:
+            half_width.append(form.half_width_deg(state))
+    return np.array([estimate]), None if half_width is None else np.array([half_width])
 
 
 def time_first(

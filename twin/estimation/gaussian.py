@@ -26,6 +26,16 @@ class Belief(NamedTuple):
     memory: Array
 
 
+DEVIATIONS_OF_95 = 1.959963984540054
+"""Half of the 95 % interval of a normal law, in standard deviations."""
+
+
+def half_width_of(variance: Array) -> Array:
+    """Return half of the 95 % interval of a normal law; a variance below zero is a rounding of zero."""
+    half: Array = DEVIATIONS_OF_95 * np.sqrt(np.maximum(variance, 0.0))
+    return half
+
+
 def propagate(covariance: Array, transition: Array, process_covariance: Array) -> Array:
     """Return F P F^T + Q.
 

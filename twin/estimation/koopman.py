@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor, time_first
-from twin.estimation.gaussian import Belief, condition
+from twin.estimation.gaussian import Belief, condition, half_width_of
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.tuning import TrainingEpisodes, draw_training_episodes, innovation_log_likelihood
@@ -107,6 +107,15 @@ class KoopmanFilter(Estimator[Belief]):
         """Return the (B,) mean of the angle [deg]."""
         bend: Array = state.mean[0]
         return bend
+
+    @property
+    def states_interval(self) -> bool:
+        """True: its covariance says how sure it is, if its model and what it is told hold."""
+        return True
+
+    def half_width_deg(self, state: Belief) -> Array:
+        """Return half of the (B,) 95 % intervals that the belief in the angle states [deg]."""
+        return half_width_of(state.covariance[0, 0])
 
     def row(self, pulls_mm: Array) -> Array:
         """Return the first row of the transition, (d + 1, ...).

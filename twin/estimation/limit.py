@@ -37,14 +37,18 @@ class Ensembles:
     knows_density: bool = True
 
     def __call__(self, case: Case) -> Array:
-        """Return (B, N) estimated angles [deg].
+        """Return (B, N) estimated angles [deg], as `with_interval` does."""
+        return self.with_interval(case)[0]
+
+    def with_interval(self, case: Case) -> tuple[Array, Array]:
+        """Return (B, N) estimated angles and half of their 95 % intervals [deg].
 
         Raises:
             ValueError: a run follows a command that there is no ensemble of.
         """
         from twin.signals.noise_density import noise_density  # SciPy: imported when used
 
-        estimate = np.empty_like(case.measurement_deg)
+        found = np.empty((2, *case.measurement_deg.shape))
         for runs, members_deg in self._alike(case):
             kind, level = case.noises[runs[0]]
             density = noise_density(kind, level) if self.knows_density else None
@@ -52,13 +56,15 @@ class Ensembles:
                 members_deg, float(np.atleast_1d(case.sensor.variance)[runs[0]]), density
             )
             samples = members_deg.shape[1]
-            estimate[runs, :samples] = filters.estimate(
+            estimate, half_width = filters.estimate_with_interval(
                 case.pull_mm[runs, :samples],
                 case.measurement_deg[runs, :samples],
                 case.initial_bend_deg[runs],
             )
-            estimate[runs, samples:] = estimate[runs, samples - 1 : samples]
-        return estimate
+            assert half_width is not None  # an ensemble states it
+            found[:, runs, :samples] = estimate, half_width
+            found[:, runs, samples:] = found[:, runs, samples - 1 : samples]
+        return found[0], found[1]
 
     def along(self, pull_mm: Array) -> Array:
         """Return the ensemble (M, n) along a command (N,) [deg].

@@ -5,11 +5,13 @@ a few products. They are written out here, on floats for one stream, where NumPy
 begin as to calculate, and on arrays for the many candidates of a search.
 """
 
+import math
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.single import SingleForm
 from twin.estimation.soundness import LARGEST, ROUNDING
 from twin.hysteresis import ColemanHodgdon
@@ -79,6 +81,8 @@ def updated(
 class TwoStatesForm(SingleForm[TwoStates]):
     """The active model on Coleman-Hodgdon, on one stream."""
 
+    states_interval = True
+
     def __init__(
         self,
         model: ColemanHodgdon,
@@ -125,6 +129,10 @@ class TwoStatesForm(SingleForm[TwoStates]):
     def bend_deg(self, state: TwoStates) -> float:
         """Return the mean of the angle [deg]."""
         return state[0]
+
+    def half_width_deg(self, state: TwoStates) -> float:
+        """Return half of the 95 % interval that the variance of the angle states [deg]."""
+        return DEVIATIONS_OF_95 * math.sqrt(max(state[2], 0.0))
 
     def is_sound(self, state: TwoStates) -> bool:
         """Return whether every number is possible, and the covariance positive."""

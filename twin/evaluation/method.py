@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.case import Case, CaseEstimator
+from twin.estimation.case import Case, CaseEstimator, IntervalEstimator
 from twin.estimation.estimator import Estimator
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec
@@ -34,7 +34,7 @@ class Method:
     def run(self, case: Case) -> Iterator[tuple[Array, Array | None]]:
         """Yield (B, N) estimated angles and half of their 95 % intervals [deg], or None, of each training."""
         for estimate in (self.estimate, *self.others):
-            if isinstance(estimate, Filtering):
+            if isinstance(estimate, IntervalEstimator):
                 yield estimate.with_interval(case)
             else:
                 yield estimate(case), None

@@ -4,7 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from twin.estimation.gaussian import DEVIATIONS_OF_95
+
 Array = NDArray[np.float64]
+NARROWEST_DEG = 1e-3
+"""Half of the narrowest interval that counts [deg]: a belief of no variance would be infinitely wrong."""
 
 
 def error_indices(error_deg: Array) -> dict[str, Array]:
@@ -41,13 +45,23 @@ def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float
         half_width_deg: half of each interval, of the same shape [deg].
 
     Returns:
-        `coverage95`, the share of samples whose interval held the truth; `nees`, the mean square error in
-        units of the variance that a normal law of that interval has (Bar-Shalom et al. 2001), 1 where it is
+        `coverage95`, the share of samples whose interval held the truth; `width95_deg`, its mean width;
+        `nees`, the mean square error in units of the variance that a normal law of that interval has
+        (Bar-Shalom et al. 2001), 1 where it is honest; `crps_deg`, the mean continuous ranked probability
+        score of that law (Gneiting and Raftery 2007, eq. 21), which is small where it is both narrow and
         honest.
     """
-    share = np.abs(error_deg) / half_width_deg
-    deviations = share * stats.norm.ppf(0.975)
-    return {"coverage95": float((share <= 1).mean()), "nees": float((deviations**2).mean())}
+    half = np.maximum(half_width_deg, NARROWEST_DEG)
+    sigma = half / DEVIATIONS_OF_95
+    deviations = np.abs(error_deg) / sigma
+    above = stats.norm.cdf(deviations)
+    score = sigma * (deviations * (2 * above - 1) + 2 * stats.norm.pdf(deviations) - 1 / np.sqrt(np.pi))
+    return {
+        "coverage95": float((np.abs(error_deg) <= half).mean()),
+        "width95_deg": float(2 * half.mean()),
+        "nees": float((deviations**2).mean()),
+        "crps_deg": float(score.mean()),
+    }
 
 
 def geometric_mean(values: Array, axis: int | None = None) -> Array:

@@ -67,7 +67,9 @@ class Score:
         paper_rmse_deg: RMSE that the paper published, if it has this row and the records are of its
             instrument [deg].
         coverage95: share of samples whose stated 95 % interval held the truth; None where none is stated.
+        width95_deg: mean width of that interval [deg].
         nees: mean square error in units of the stated variance: 1 where the interval is honest.
+        crps_deg: mean continuous ranked probability score of the normal law of that interval [deg].
     """
 
     noise: str
@@ -89,7 +91,9 @@ class Score:
     training_rmse_deg: tuple[float, ...] = ()
     paper_rmse_deg: float | None = None
     coverage95: float | None = None
+    width95_deg: float | None = None
     nees: float | None = None
+    crps_deg: float | None = None
 
     @property
     def condition(self) -> tuple[str, float]:
@@ -177,7 +181,7 @@ _LENGTHS = {
     "rmse_ci95_deg": (2,),
     "training_rmse_deg": range(MOST_TRAININGS + 1),
 }
-_MAY_BE_NONE = ("paper_rmse_deg", "md_printed_deg2", "coverage95", "nees")
+_MAY_BE_NONE = ("paper_rmse_deg", "md_printed_deg2", "coverage95", "width95_deg", "nees", "crps_deg")
 
 
 def _read(name: str, value: Any) -> Any:

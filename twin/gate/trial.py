@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.gate.cases import Condition
 
 Array = NDArray[np.float64]
 WORST_DEG2 = 1e8
 """Square error of an estimate that is no number [deg^2]."""
-DEVIATIONS_OF_95 = 1.959964
 _TOLD_EVERY = 10  # samples between two tellings of progress
 
 

@@ -9,6 +9,7 @@ from twin.evaluation.score import Group, Score, read_scores
 from twin.evaluation.track import load_tracks
 from twin.report.figures import rmse_figure
 from twin.report.findings import all_findings
+from twin.report.intervals import interval_figure, interval_scores
 from twin.report.narrow import narrow_rmse_figure
 from twin.report.paper_figures import paper_figures
 from twin.report.parts import Cell, Folded, Lines, Part, Picture, Table, Text, drawn
@@ -56,6 +57,12 @@ def group_parts(scores: Sequence[Score]) -> tuple[Part, ...]:
     if any(times_the_limit(scores, T, group) for group, T in groups):
         caption = "How many times the limit each method has: geometric means over noises, the best on top."
         parts.append(drawn(limit_figure(scores), caption))
+    if interval_scores(first):
+        caption = (
+            "How honest and how sharp stated 95 % intervals are: share of samples that hold the truth under "
+            "each noise, and the continuous ranked probability score; the best on top."
+        )
+        parts.append(drawn(interval_figure(first), caption))
     parts += [
         Folded(
             f"{group_name(group)}, T = {T:g} s",

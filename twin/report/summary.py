@@ -15,6 +15,7 @@ from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
 from twin.report.figures import INK, MUTED, clean_axes, own_style, to_png_bytes
+from twin.report.intervals import interval_figure, interval_scores, interval_table
 from twin.report.paper_figures import paper_figures
 from twin.report.tables import group_name, paper_tables
 from twin.report.trainings import training_table
@@ -45,6 +46,13 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
     for T in times if _has_limit(scores) else ():
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
+    for T in times:
+        chosen = [score for score in scores if score.sample_time_s == T and score.group == first]
+        if stated := interval_table(chosen):
+            parts.append(
+                f"### 95 % intervals: share [%] that held the truth, {group_name(first)}, T = {T:g} s"
+            )
+            parts.append(stated)
     if trainings:
         parts.append("### Trainings that differ in their seed alone: geometric mean over noises [deg]")
         parts.append(trainings)
@@ -75,6 +83,7 @@ def benchmark_figures(scores: Sequence[Score], tracks: Sequence[Track]) -> dict[
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
         **({"times_the_limit.png": limit_figure(scores)} if _has_limit(scores) else {}),
+        **({"intervals.png": interval_figure(shown)} if interval_scores(shown) else {}),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
     return {name: to_png_bytes(figure) for name, figure in figures.items()}

@@ -10,6 +10,8 @@ from twin.estimation.two_states import TwoStates, TwoStatesForm
 class RamForm(TwoStatesForm):
     """Eq. 10 behind the active model's update; see `ReinforcementActiveModel`."""
 
+    states_interval = False  # the covariance is that of the active model, not of what the policy makes of it
+
     def __init__(self, active_model: TwoStatesForm, file: TrainedFile):
         """Take the filter and the graph from phi / sqrt(R) to both numbers of K_RAM."""
         vars(self).update(vars(active_model))

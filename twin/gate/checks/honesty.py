@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.estimator import Sensor
+from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.evaluation.paper import noise_label
 from twin.gate.cases import ZERO_MEAN, draw_commands, noisy, simulate_runs
 from twin.gate.material import OTHER_STREAMS, GateMaterial
 from twin.gate.result import Check, not_shown
-from twin.gate.trial import DEVIATIONS_OF_95, PairedTrial
+from twin.gate.trial import PairedTrial
 
 Array = NDArray[np.float64]
 COVERAGE, NEES, NIS = "coverage of the interval", "NEES of the interval", "NIS of the prediction"
