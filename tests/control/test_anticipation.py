@@ -131,3 +131,14 @@ def test_it_goes_on_until_it_is_in_time_and_forgets_what_is_no_longer_coming():
 def test_an_error_that_is_there_already_is_none_to_go_ahead_for():
     play, anticipation, stands = Play(2.0, 0.0), Anticipation(LIMITS, T), np.full(50, 5.0)
     assert math.isnan(anticipation.wanted_mm(2.0, 0.0, 5.0, stands, play.along))
+
+
+def test_a_model_that_bends_against_its_pull_is_no_reason_to_go_ahead():
+    """Weighted members may, where those of negative weight move first; the reference stands still here."""
+    anticipation, stands = Anticipation(LIMITS, T), np.full(50, 5.0)
+
+    def against(pulls, samples):
+        return -np.sign(pulls - 0.5)
+
+    for _ in range(5):
+        assert math.isnan(anticipation.wanted_mm(0.5, 5.0, 5.0, stands, against))

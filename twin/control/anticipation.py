@@ -84,8 +84,9 @@ class Anticipation:
         direction = self.direction or math.copysign(1.0, coming_deg[-1] - bend_deg)
         low, high = self._limits.low_mm, self._limits.high_mm
         pulls = np.clip(pull_mm + direction * self._way_mm * looks, low, high)
-        brought = bend_deg + along(pulls, np.diff(looks, prepend=0))
-        ahead = direction * (brought - coming_deg[looks - 1])
+        # No endoscope bends against its pull; weighted members may, where some of them move first.
+        brought = np.maximum(direction * along(pulls, np.diff(looks, prepend=0)), 0.0)
+        ahead = brought - direction * (coming_deg[looks - 1] - bend_deg)
         latest = int(np.argmin(ahead))
         behind = -float(ahead[latest])
         if self.direction:
