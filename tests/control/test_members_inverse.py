@@ -148,7 +148,7 @@ def test_hold_and_fallback_are_said_and_a_hold_ends_without_a_jump(twins_policy)
     pulls, held, off = [0.0], [], []
     for k in range(330):
         bend = endoscope(pulls[-1])
-        seen = math.nan if 220 <= k < 260 else measure(k, bend) + 12.0 * (k >= 150)
+        seen = math.nan if 220 <= k < 240 else measure(k, bend) + 12.0 * (k >= 150)
         pulls.append(driven.step(Sensed(k * T, seen, WANTED[k], WANTED[k + 1])))
         held.append(driven.holds)
         off.append(WANTED[k] - driven.bend_deg)
@@ -158,7 +158,7 @@ def test_hold_and_fallback_are_said_and_a_hold_ends_without_a_jump(twins_policy)
     assert driven.runtime.fallback_samples > 20
     first, last = held.index(True), len(held) - held[::-1].index(True)
     assert 220 < first <= 232
-    assert last == 260
+    assert last == 240
     assert sum(held) == last - first
     line, integral = knowledge().line, PI_SETTINGS["integral_mm_per_deg_s"].default
     moved = line.pull_mm(WANTED[last + 1]) - line.pull_mm(WANTED[last])

@@ -118,3 +118,16 @@ def test_a_way_that_is_asked_for_is_that_which_members_would_go_and_leaves_them_
         gone = members.step(gone, np.array([pull]))
     # One long way and three short ones differ by what the tensions change within a step.
     np.testing.assert_allclose(asked[1], gone.of_filters()[0], atol=0.05)
+
+
+def test_a_common_pull_knows_where_the_sheaths_go():
+    """They move within the sample, so that members bend by themselves too."""
+    other, weights = np.array([6.0, 0.1, 5.0]), np.array([0.5, 0.2, 0.3])
+    members = Members(MemberSet(DRAWN, other, np.full(3, 4.0), np.zeros(3)), T)
+    following = members.start(np.array([0.7]))
+    for wanted in (20.0, 18.0, 12.0):
+        pull = members.common_pull_mm(following, weights, wanted, (-6.0, 6.0))
+        along = members.bends_along(following, np.array([pull]), np.array([1]))
+        following = members.step(following, np.array([pull]))
+        assert following.of_filters()[0] @ weights == pytest.approx(wanted, abs=0.0101)
+        np.testing.assert_array_equal(along[0], following.of_filters()[0])

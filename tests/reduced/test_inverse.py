@@ -224,7 +224,7 @@ def test_a_common_pull_for_a_bend_that_is_no_number_is_refused(wanted):
 def test_a_tolerance_that_is_asked_for_is_kept():
     twins, weights = ReducedTwins(drawn(3, 6), T), np.array([0.2, 0.3, 0.5])
     for tolerance in (1e-2, 1e-4, 1e-6):
-        pull, _ = twins.common_pull(weights, 0.5, STROKE, tolerance)
+        pull, _ = twins.common_pull(weights, 0.5, STROKE, tolerance=tolerance)
         assert abs(weights @ bend_after(twins, pull) - 0.5) <= tolerance
 
 

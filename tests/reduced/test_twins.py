@@ -123,7 +123,7 @@ def test_it_imports_no_mujoco():
 def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
     from scripts.compiling import compile_once
     from twin.mechanics import machine_code
-    from twin.mechanics.compiled import Block
+    from twin.mechanics.compiled import PackedArgument
     from twin.reduced import advance
 
     compile_once("endotwin generate")
@@ -139,7 +139,7 @@ def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypat
     assert not capsys.readouterr().err
 
     def instead(kernel, arguments):  # what was made before: nothing is compiled again here
-        layout = [Block(argument).layout for argument in arguments]
+        layout = [PackedArgument(argument).layout for argument in arguments]
         return machine_code._read(kept / machine_code._name(kernel, layout))
 
     monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)

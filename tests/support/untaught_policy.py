@@ -1,12 +1,13 @@
-"""A file of RAM (twins) that nothing was taught to: a filter on a few twins, whose policy does nothing."""
+"""A file of RAM (twins) that nothing was taught to: a filter on a few still twins; no policy acts."""
 
 import fcntl
 from pathlib import Path
 
 from controlled import DEPLOYMENT
-from small_twins import TINY, small_members, small_step
+from small_twins import TINY, small_step, twins
 
 from rl.twins.graph import export_twins
+from rl.twins.records import draw_members
 from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY
 
@@ -18,6 +19,7 @@ def shared(folder: Path) -> Path:
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            described = {"members": members_to_dict(small_members()), KEY: DEPLOYMENT.to_dict()}
+            still = draw_members(*twins(), TINY.members, TINY.seed)
+            described = {"members": members_to_dict(still), KEY: DEPLOYMENT.to_dict()}
             export_twins(small_step(), TINY.members, {"agent": "ram-twins"} | described, path)
     return path

@@ -70,7 +70,7 @@ class Members:
         bends: list[Array] = []
         command = np.empty_like(following.command)
         time = following.time + self.sample_time
-        sheath = self._members.sheath_bend(time) if self._moves else None
+        sheath = self._sheath_bend(time)
         for number, state in enumerate(following.twins):
             mine = np.flatnonzero(following.command == number)
             for pull in np.unique(pull_mm[mine]):
@@ -91,9 +91,16 @@ class Members:
             samples: (N,) time that each takes.
         """
         self._twins.restore_state(following.twins[0])
-        ways = zip(pull_mm, samples, strict=True)
-        bends: Array = np.degrees([self._twins.step(pull * 1e-3, samples=int(took)) for pull, took in ways])
-        return bends
+        bends, time = [], following.time
+        for pull, took in zip(pull_mm, samples, strict=True):
+            time += int(took) * self.sample_time
+            sheath = self._sheath_bend(time)
+            bends.append(self._twins.step(pull * 1e-3, sheath_bend=sheath, samples=int(took)))
+        return np.degrees(bends)
+
+    def _sheath_bend(self, time: float) -> Array | None:
+        """Return the bend of the members' sheaths at a time [rad]; None where none moves."""
+        return self._members.sheath_bend(time) if self._moves else None
 
     def common_pull_mm(
         self, following: Following, weights: Array, bend_deg: float, within_mm: tuple[float, float]
@@ -110,5 +117,8 @@ class Members:
             return math.nan
         self._twins.restore_state(following.twins[0])
         low, high = within_mm
-        pull, _ = self._twins.common_pull(weights, float(np.radians(bend_deg)), (low * 1e-3, high * 1e-3))
+        sheath = self._sheath_bend(following.time + self.sample_time)
+        pull, _ = self._twins.common_pull(
+            weights, float(np.radians(bend_deg)), (low * 1e-3, high * 1e-3), sheath_bend=sheath
+        )
         return pull * 1e3

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.shown import shown
-from twin.preset.file import preset_of
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import NEVER_DRAWN
 from twin.reduced.parameters import refuse_gravity
@@ -101,6 +100,7 @@ def members_from_dict(values: Any) -> MemberSet:
     # Here, so that a table of methods needs none of it.
     from twin.files.schema import validated
     from twin.files.trained_schema import MOST_MEMBERS, MembersFile
+    from twin.preset.file import preset_of
 
     if not isinstance(values, Mapping):
         raise InputError(f"members = {shown(values)}: must be their preset and what differs")

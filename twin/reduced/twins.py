@@ -158,7 +158,13 @@ class ReducedTwins:
         return found
 
     def common_pull(
-        self, weights: Array, bend: float, stroke: tuple[float, float], tolerance: float = TOLERANCE
+        self,
+        weights: Array,
+        bend: float,
+        stroke: tuple[float, float],
+        *,
+        sheath_bend: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
     ) -> tuple[float, float]:
         """Return the one pull of all endoscopes that brings a weighted sum of their bends; nothing moves.
 
@@ -166,6 +172,7 @@ class ReducedTwins:
             weights: (M,) of the bend of each.
             bend: wanted sum at the end of the next sample [rad].
             stroke: lowest and highest pull of wire a [m].
+            sheath_bend: of each endoscope at the end of the sample [rad]; as it is, if not given.
             tolerance: of the sum [rad].
 
         Returns:
@@ -177,7 +184,7 @@ class ReducedTwins:
         """
         if not np.isfinite(bend):
             raise InputError(f"wanted bend of {bend} rad: must be a finite number")
-        self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], None)
+        self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], sheath_bend)
         found = np.empty(4)
         shares, limits = np.asarray(weights, dtype=float), np.array(stroke, dtype=float)
         self._find_common_pull(shares, float(bend), limits, float(tolerance), found)

@@ -9,27 +9,13 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from twin.files.assets import assets_folder
-from twin.files.json_text import read_json
-from twin.files.schema import validated
 
 Array = NDArray[np.float64]
 
 STEREO = "stereo-vision"
 """Name of the noise; its level is the number of instruments that pass in a minute."""
-
-
-class _File(BaseModel):
-    """The keys of `stereo_noise.json`."""
-
-    model_config = ConfigDict(extra="allow", strict=True, frozen=True)
-
-    bends_deg: list[float] = Field(min_length=2)
-    errors_deg: list[list[list[float]]] = Field(min_length=1)
-    hides_per_pass: float = Field(ge=0, le=2)
-    hidden_s: list[float] = Field(min_length=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,8 +76,13 @@ class StereoNoise:
 @functools.cache
 def stereo_noise() -> StereoNoise:
     """Return what was measured."""
+    # Here, so that a table of methods needs none of it.
+    from twin.files.json_text import read_json
+    from twin.files.schema import validated
+    from twin.files.stereo_noise_schema import StereoNoiseFile
+
     path = assets_folder() / "stereo_noise.json"
-    file = validated(_File, read_json(path))
+    file = validated(StereoNoiseFile, read_json(path))
     return StereoNoise(
         np.array(file.bends_deg), np.array(file.errors_deg), file.hides_per_pass, np.array(file.hidden_s)
     )
