@@ -256,8 +256,8 @@ def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
     """Return how the results are made again, and the hashes of all that they are made from."""
     from twin.files.origin import origin_of
 
-    given = [*args.data, *(path for path in (args.train, model) if path is not None), *args.policy]
-    given += args.method_file
+    models = (path for path in (args.train, model) if path is not None)
+    given = [*args.data, *models, *args.policy, *args.method_file]
     return origin_of(command_of("evaluate", args, ("out",)), list(dict.fromkeys(given)))
 
 

@@ -132,7 +132,7 @@ def _members_along(
     if not members.moves:
         return list(members.presets), [None] * len(members.presets)
     begun = members.later(rng.uniform(0.0, _LONGEST))
-    course = np.array([begun.sheath_bend(k * SAMPLE_TIME) for k in range(samples)])
+    course = begun.sheath_bend(np.arange(samples, dtype=np.float64)[:, None] * SAMPLE_TIME)
     moves = np.ptp(course, axis=0) > 0
     return begun.at_start(), [course[:, place] if moves[place] else None for place in range(len(moves))]
 

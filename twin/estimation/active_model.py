@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.estimation.estimator import Estimator, Sensor
-from twin.estimation.gaussian import Belief, condition, half_width_of, propagate
+from twin.estimation.estimator import Sensor
+from twin.estimation.gaussian import Belief, condition, propagate
+from twin.estimation.gaussian_filter import GaussianFilter
 from twin.estimation.registry import MethodSpec, Style, register_method
 from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
@@ -27,7 +28,7 @@ ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
 
 
 @dataclasses.dataclass(frozen=True)
-class ActiveModel(Estimator[Belief]):
+class ActiveModel(GaussianFilter):
     """Everything that the filter is told before it runs.
 
     Attributes:
@@ -76,10 +77,6 @@ class ActiveModel(Estimator[Belief]):
         )
         return Belief(mean, covariance, belief.memory)
 
-    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
-        """Predict and update by one sample."""
-        return self.update(self.predict(state, pull_mm, previous_pull_mm), measurement_deg)
-
     def single(self) -> SingleForm[Any]:
         """Return the filter on one stream; one of another algebra, or on another model, has no plain form."""
         told = np.asarray(self.measurement_variance, dtype=float)
@@ -90,20 +87,6 @@ class ActiveModel(Estimator[Belief]):
         return TwoStatesForm(
             self.model, self.sample_time, self.process_variance, told.item(), self.initial_variance
         )
-
-    def bend_deg(self, state: Belief) -> Array:
-        """Return the (B,) mean of the angle [deg]."""
-        bend: Array = state.mean[0]
-        return bend
-
-    @property
-    def states_interval(self) -> bool:
-        """True: its covariance says how sure it is, if its model and what it is told hold."""
-        return True
-
-    def half_width_deg(self, state: Belief) -> Array:
-        """Return half of the (B,) 95 % intervals that the belief in the angle states [deg]."""
-        return half_width_of(state.covariance[0, 0])
 
     def to_dict(self) -> dict[str, Any]:
         """Return model and variances as plain values, as a trained file holds them; R must be one number."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.estimation.active_model import ANGLE, ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
-from twin.estimation.gaussian import Belief, half_width_of, innovation_of
+from twin.estimation.gaussian import Belief, innovation_of
 from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.tuning import TUNED
 
@@ -103,17 +103,16 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
 
     def bend_deg(self, state: AdaptiveBelief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
-        bend: Array = state.state.mean[0]
-        return bend
+        return self.active_model.bend_deg(state.state)
 
     @property
     def states_interval(self) -> bool:
-        """True: its covariance says how sure it is, if its model and what it is told hold."""
-        return True
+        """True where the filter states one."""
+        return self.active_model.states_interval
 
     def half_width_deg(self, state: AdaptiveBelief) -> Array:
-        """Return half of the (B,) 95 % intervals that the belief in the angle states [deg]."""
-        return half_width_of(state.state.covariance[0, 0])
+        """Return half of the (B,) 95 % intervals of the filter [deg]."""
+        return self.active_model.half_width_deg(state.state)
 
 
 register_method(

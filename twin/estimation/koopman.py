@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.estimation.estimator import Estimator, Sensor, time_first
-from twin.estimation.gaussian import Belief, condition, half_width_of
+from twin.estimation.estimator import Sensor, time_first
+from twin.estimation.gaussian import Belief, condition
+from twin.estimation.gaussian_filter import GaussianFilter
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.tuning import TrainingEpisodes, draw_training_episodes, innovation_log_likelihood
@@ -37,7 +38,7 @@ RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
 
 
 @dataclasses.dataclass(frozen=True)
-class KoopmanFilter(Estimator[Belief]):
+class KoopmanFilter(GaussianFilter):
     """The Kalman filter of a lifted model whose first state is the angle and whose others are its past.
 
     Attributes:
@@ -98,24 +99,6 @@ class KoopmanFilter(Estimator[Belief]):
             belief.mean, belief.covariance, newest, measurement_deg, self.measurement_variance
         )
         return Belief(mean, covariance, belief.memory)
-
-    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
-        """Predict and update by one sample."""
-        return self.update(self.predict(state, pull_mm, previous_pull_mm), measurement_deg)
-
-    def bend_deg(self, state: Belief) -> Array:
-        """Return the (B,) mean of the angle [deg]."""
-        bend: Array = state.mean[0]
-        return bend
-
-    @property
-    def states_interval(self) -> bool:
-        """True: its covariance says how sure it is, if its model and what it is told hold."""
-        return True
-
-    def half_width_deg(self, state: Belief) -> Array:
-        """Return half of the (B,) 95 % intervals that the belief in the angle states [deg]."""
-        return half_width_of(state.covariance[0, 0])
 
     def row(self, pulls_mm: Array) -> Array:
         """Return the first row of the transition, (d + 1, ...).

@@ -5,14 +5,15 @@ are found here, on the training records and the training noise alone.
 """
 
 import dataclasses
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor, time_first
-from twin.estimation.gaussian import Belief, innovation_of
+from twin.estimation.gaussian import innovation_of
+from twin.estimation.gaussian_filter import GaussianFilter
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, Style, register_method
 from twin.estimation.task import TrainingTask
@@ -92,23 +93,6 @@ def tune_active_model(
     simplex = np.vstack([start, start + 2 * np.eye(len(start))])
     options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 500, "initial_simplex": simplex}
     return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
-
-
-class GaussianFilter(Protocol):
-    """A filter with a Gaussian belief whose newest angle is the first state."""
-
-    @property
-    def measurement_variance(self) -> ArrayLike:
-        """R [deg^2]."""
-
-    def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
-        """Return the belief at the first sample."""
-
-    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
-        """Advance the belief by one sample."""
-
-    def update(self, belief: Belief, measurement_deg: Array) -> Belief:
-        """Condition the belief on a measurement."""
 
 
 def innovation_log_likelihood(

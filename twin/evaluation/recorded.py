@@ -35,16 +35,12 @@ def recorded_variance(episode: Episode) -> float | None:
     preset = episode.metadata.get("preset")
     if episode.is_measured or not isinstance(preset, dict):
         return None
-    if _is_stereo(episode):
+    sensor = _sensor(episode)
+    if isinstance(sensor.get("stereo"), dict):  # two cameras measured it
         return noise_variance(STEREO, 0.0)
     noise, step = (float(preset.get(name, 0.0)) for name in ("sensor_noise", "sensor_resolution"))
-    variance = np.degrees(noise) ** 2 + np.degrees(step) ** 2 / 12 + _added(episode)
+    variance = np.degrees(noise) ** 2 + np.degrees(step) ** 2 / 12 + _added(sensor)
     return float(variance) if variance > 0 else None
-
-
-def _is_stereo(episode: Episode) -> bool:
-    """Return whether two cameras measured an episode."""
-    return isinstance(_sensor(episode).get("stereo"), dict)
 
 
 def _sensor(episode: Episode) -> dict[str, Any]:
@@ -56,10 +52,10 @@ def _sensor(episode: Episode) -> dict[str, Any]:
     return sensor if isinstance(sensor, dict) else {}
 
 
-def _added(episode: Episode) -> float:
-    """Variance that the recipe of an episode adds to the measurements [deg^2]."""
+def _added(sensor: Mapping[str, Any]) -> float:
+    """Variance that a recipe adds to the measurements, by what it says of the sensor [deg^2]."""
     try:
-        added = float(_sensor(episode)["variance_deg2"])
+        added = float(sensor["variance_deg2"])
     except (KeyError, TypeError, ValueError):
         return 0.0
     return added if 0 <= added < np.inf else 0.0

@@ -134,7 +134,7 @@ def _make(kernel: FunctionType, arguments: Sequence[Any]) -> tuple[str, bytes]:
     dispatcher = _njit(call, False)
     dispatcher.compile((ADDRESSES,))
     (made,) = dispatcher.overloads.values()
-    module = llvm.parse_assembly(made.library.get_llvm_str())
+    module = llvm.parse_assembly(dispatcher.inspect_llvm((ADDRESSES,)))
     for function in module.functions:
         known = function.name.startswith("llvm.") or llvm.address_of_symbol(function.name)
         if function.is_declaration and not known:

@@ -52,8 +52,8 @@ class MemberSet(NamedTuple):
     def _own(self) -> Array:
         return np.array([preset.sheath_bend for preset in self.presets])
 
-    def sheath_bend(self, time: float) -> Array:
-        """Return the bend (M,) of the sheaths at a time [s] after the start [rad]."""
+    def sheath_bend(self, time: float | Array) -> Array:
+        """Return the bend (M,) of the sheaths at a time [s] after the start [rad]; (N, M) at times (N, 1)."""
         share = np.mod(time / self.period + self.phase, 1.0)
         own = self._own
         bend: Array = own + (self.other - own) * (1 - np.abs(1 - 2 * share))

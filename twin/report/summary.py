@@ -47,8 +47,7 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
     for T in times:
-        chosen = [score for score in scores if score.sample_time_s == T and score.group == first]
-        if stated := interval_table(chosen):
+        if stated := interval_table(_chosen(scores, T, first)):
             parts.append(
                 f"### 95 % intervals: share [%] that held the truth, {group_name(first)}, T = {T:g} s"
             )
@@ -79,7 +78,7 @@ def benchmark_figures(scores: Sequence[Score], tracks: Sequence[Track]) -> dict[
         tracks: of the first group of records at the longest sample time.
     """
     longest, first = max(score.sample_time_s for score in scores), _groups(scores)[0]
-    shown = [score for score in scores if score.group == first and score.sample_time_s == longest]
+    shown = _chosen(scores, longest, first)
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
         **({"times_the_limit.png": limit_figure(scores)} if _has_limit(scores) else {}),
@@ -97,7 +96,7 @@ def times_the_limit(scores: Sequence[Score], sample_time_s: float, group: Group)
         sample_time_s: which sample time [s].
         group: stroke [mm] and kind of twin.
     """
-    chosen = [score for score in scores if score.sample_time_s == sample_time_s and score.group == group]
+    chosen = _chosen(scores, sample_time_s, group)
     limit = {score.condition: score.rmse_deg for score in chosen if _is_limit(score.method)}
     ratios: dict[str, list[float]] = {}
     for score in chosen:
@@ -186,7 +185,7 @@ def limit_figure(scores: Sequence[Score]) -> Figure:
 
 
 def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) -> str:
-    chosen = [score for score in scores if score.sample_time_s == T and score.group == group]
+    chosen = _chosen(scores, T, group)
     noises = list(dict.fromkeys(score.condition for score in chosen))
     values = {(score.method, score.condition): score for score in chosen}
     methods = list(dict.fromkeys(score.method for score in chosen))
@@ -280,6 +279,11 @@ def _by_ratio(scores: Sequence[Score], times: Sequence[float], groups: Sequence[
             for method, ratio in times_the_limit(scores, T, group).items():
                 ratios.setdefault(method, []).append(np.log(ratio))
     return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
+
+
+def _chosen(scores: Sequence[Score], sample_time_s: float, group: Group) -> list[Score]:
+    """Return the scores of one sample time and one kind of records."""
+    return [score for score in scores if score.sample_time_s == sample_time_s and score.group == group]
 
 
 def _groups(scores: Sequence[Score]) -> list[Group]:
