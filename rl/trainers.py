@@ -41,6 +41,7 @@ class Simulated:
         noises: families of the measurement noise; all that there are, if empty.
         stroke_mm: that the commands lie within; the training's own, if None.
         gain: how the policy learns; the training's own way, if empty.
+        sample_times: T that are met, the most frequent first; the training's own, if empty [s].
     """
 
     preset: "Preset"
@@ -48,6 +49,7 @@ class Simulated:
     noises: tuple[str, ...] = ()
     stroke_mm: tuple[float, float] | None = None
     gain: tuple[str, ...] = ()
+    sample_times: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

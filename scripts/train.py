@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
-_OF_TWINS = ("noises", "stroke", "gain")
+_OF_TWINS = ("noises", "stroke", "gain", "sample_times")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 
 
@@ -57,6 +57,9 @@ class Train:
     gain: tuple[str, ...] = ()
     """Protocol twins: how the policy of RAM (twins) learns: analytic, by back-propagation through the filter;
     ppo; or `analytic ppo`, one after the other. analytic, if not given."""
+    sample_times: tuple[float, ...] = ()
+    """Protocol twins: sample times that are met [s], of 0.1, 0.04 and 0.02, the first of several in 0.7 of
+    the sequences; all three in this order, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
     episodes: int = TrainingOptions.episodes
@@ -223,7 +226,9 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
             flag = f"--{field.name.replace('_', '-')}"
             raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     preset = load_preset(args.preset)
-    simulated = Simulated(preset, load_ranges(args.preset), args.noises, args.stroke, args.gain)
+    simulated = Simulated(
+        preset, load_ranges(args.preset), args.noises, args.stroke, args.gain, args.sample_times
+    )
     return Material(simulated=simulated), f"simulated twins of {preset.name}"
 
 
@@ -235,7 +240,9 @@ def _on_records(args: Train) -> "tuple[Material, str]":
 
     for name in _OF_TWINS:
         if getattr(args, name):
-            raise ValueError(f"--{name} is for --protocol twins: a training on records has none")
+            raise ValueError(
+                f"--{name.replace('_', '-')} is for --protocol twins: a training on records has none"
+            )
     if not args.data or args.model is None:
         missing = "--model" if args.data else "folders of MCAP files"
         raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")

@@ -14,7 +14,7 @@ from rl.twins.features import SCALARS
 from rl.twins.filter_step import ALL
 from rl.twins.learning import EXPLORING, filter_sequences
 from rl.twins.recogniser import LAWS
-from rl.twins.sequences import STRIDES, SequenceSource
+from rl.twins.sequences import SequenceSource
 from rl.twins.settings import SimulatedTraining
 from rl.twins.step import ACTIONS, TwinsStep
 
@@ -49,7 +49,7 @@ class TwinsEnvironment(SharedEnvironment):
         self.length = settings.windows * settings.window
         self.seed(settings.seed)
         self.typical = TypicalErrors(settings)
-        for stride in STRIDES:
+        for stride in source.strides:
             met = source.draw(settings.sequences, self.length, self.rng, stride)
             with torch.no_grad():
                 bends = [output.bend_deg for output, _ in filter_sequences(step, met, ALL)]

@@ -210,7 +210,7 @@ def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTrai
     """Return how a step does on held-out sequences; the same ones each time."""
     rng = np.random.default_rng([settings.seed, _VALIDATION])
     losses, actions = [], []
-    for stride in (STRIDES[0], STRIDES[-1]):
+    for stride in (max(source.strides), min(source.strides)):
         drawn = source.draw(160, settings.episode, rng, stride)
         squares = []
         with torch.no_grad():

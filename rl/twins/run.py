@@ -144,7 +144,9 @@ def _train(
     )
     learned, held_out = split_records(records, max(settings.commands // 12, 1))
     step, predict = learner.begin(learned)
-    source, unseen = (SequenceSource(part, settings.noises, predict) for part in (learned, held_out))
+    source, unseen = (
+        SequenceSource(part, settings.noises, predict, settings.strides) for part in (learned, held_out)
+    )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
     key = state_key(__version__, torch.__version__, configuration)
@@ -209,6 +211,7 @@ def scaled_to_options(
             noises=simulated.noises or settings.noises,
             stroke_mm=simulated.stroke_mm or settings.stroke_mm,
             gain=simulated.gain or settings.gain,
+            sample_times=simulated.sample_times or settings.sample_times,
         )
         return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 

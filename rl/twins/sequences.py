@@ -17,7 +17,8 @@ from twin.hysteresis import ColemanHodgdon
 Places = NDArray[np.intp]
 
 STRIDES = (5, 2, 1)  # T of 0.1, 0.04 and 0.02 s
-SHARES = (0.7, 0.15, 0.15)
+SHARE_OF_FIRST = 0.7
+"""Share of the sequences that have the first of several sample times; the others have the rest alike."""
 FROM_THE_START = 0.5  # share of sequences that begin where the record begins
 
 
@@ -85,18 +86,22 @@ class SequenceSource:
         records: that stretches are taken from.
         noises: families of the noise.
         predict: gives the inputs of the step.
+        strides: sample times in units of that of the records, the most frequent first.
     """
 
     records: TwinRecords
     noises: tuple[str, ...]
     predict: Prediction = by_members
+    strides: tuple[int, ...] = STRIDES
 
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
     ) -> Sequences:
         """Return sequences; their sample time is drawn, or `stride` times that of the records."""
         if stride is None:
-            stride = int(rng.choice(STRIDES, p=SHARES))
+            others = len(self.strides) - 1
+            shares = [SHARE_OF_FIRST, *[(1 - SHARE_OF_FIRST) / others] * others] if others else [1.0]
+            stride = int(rng.choice(self.strides, p=shares))
         last = self.records.pull_mm.shape[1] - 1 - samples * stride
         command = rng.integers(len(self.records.pull_mm), size=count)
         twin = rng.integers(self.records.truth_deg.shape[1], size=count)

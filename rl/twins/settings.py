@@ -11,6 +11,8 @@ from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
+SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)
+"""T that can be met [s]."""
 PPO_HORIZON = 25_600
 """Samples between two updates of PPO."""
 
@@ -38,6 +40,7 @@ class SimulatedTraining:
         bias_weight: weight of the loss of the mean of the noise beside the error of the estimate.
         noises: families of `rl.twins.noises` that are met.
         gain: how the policy learns, one of `gains`.
+        sample_times: T that are met, the most frequent first, of `SAMPLE_TIMES` [s].
         seed: of everything that is drawn.
     """
 
@@ -65,6 +68,7 @@ class SimulatedTraining:
     bias_weight: float = 0.05
     noises: tuple[str, ...] = tuple(FAMILIES)
     gain: tuple[str, ...] = ("analytic",)
+    sample_times: tuple[float, ...] = SAMPLE_TIMES
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -77,6 +81,10 @@ class SimulatedTraining:
         if self.gain not in self.gains:
             valid = "; ".join(" ".join(words) for words in self.gains)
             raise InputError(f"gain {' '.join(self.gain) or 'of no kind'}: valid are {valid}")
+        times = self.sample_times
+        if not times or len(set(times)) < len(times) or not set(times) <= set(SAMPLE_TIMES):
+            asked, valid = (", ".join(f"{time:g}" for time in of) for of in (times, SAMPLE_TIMES))
+            raise InputError(f"sample times {asked or '(none)'} s: valid are {valid}, each once")
         low, high = self.stroke_mm
         if not low < high:
             raise InputError(f"stroke [{low:g}, {high:g}] mm: must rise")
@@ -85,6 +93,11 @@ class SimulatedTraining:
                 f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "
                 f"a record of {self.seconds:g} s"
             )
+
+    @property
+    def strides(self) -> tuple[int, ...]:
+        """Sample times that are met, in units of that of the records."""
+        return tuple(STRIDES[SAMPLE_TIMES.index(time)] for time in self.sample_times)
 
     @property
     def windows(self) -> int:

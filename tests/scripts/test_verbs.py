@@ -324,6 +324,7 @@ def mistakes(workspace):
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
         ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
         ("train --protocol twins --stroke 4 -4 --out x", "stroke [4, -4] mm: must rise"),
+        ("train --protocol twins --sample-times 0.05 --out x", "sample times 0.05 s: valid are 0.1, 0.04"),
         ("train --protocol twins --gain sac --out x", "gain sac: valid are analytic; ppo; analytic ppo"),
         (
             "train data/train --model coleman_hodgdon.json --gain ppo --out x",
