@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
-_RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy"}
+_RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy", "runs.npz": "heads.npy"}
 _FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
 PAPER_FILES = _RESULTS | dict.fromkeys(["tables.md", "rmse.png", *_FIGURES], MADE_BY)
 FULL_FILES = _RESULTS | dict.fromkeys(
-    ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", "intervals.png", *_FIGURES], MADE_BY
+    ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", "ranks.png", "intervals.png", *_FIGURES],
+    MADE_BY,
 )
 """Files that a suite may write, and the sign of each."""
 PAPER_SAMPLE_TIME = 0.1

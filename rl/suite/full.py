@@ -22,8 +22,10 @@ from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
+from twin.evaluation.ranking import Ranking
 from twin.evaluation.reading import evaluation_records, true_records
 from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.runs import save_runs
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
 from twin.files.atomic import write_whole
@@ -90,6 +92,8 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         train_all(suite, known, executor, progress)
         ensembles = ensembles_along(suite, data, preset, ranges, progress)
         scores: list[Score] = []
+        rankings: list[Ranking] = []
+        squares: list[Array] = []
         limits: list[dict[str, Any]] = []
         sets: list[dict[str, Any]] = []
         tracks: list[list[Track]] = []
@@ -100,13 +104,16 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
             knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
             methods = [build_method(spec, knowledge) for spec in suite.specs]
             shown = progress(f"evaluate T = {T:g} s", "group")
-            found, seen = evaluate(records, methods, suite.protocol(T), shown, executor)
-            scores += found
+            found = evaluate(records, methods, suite.protocol(T), shown, executor)
+            scores += found.scores
+            rankings += found.rankings
+            squares += found.squares
             if ensembles:
                 limits += bounds(records, list(ensembles), T, suite.protocol(T).conditions)
             sets += containment(records, _bounded(suite, knowledge), suite.protocol(T))
-            tracks.append(seen)
-    return _write(suite, scores, limits, sets, tracks[0], records)
+            tracks.append(found.tracks)
+    save_runs(suite.folder / "runs.npz", scores, squares)
+    return _write(suite, scores, limits, sets, rankings, tracks[0], records)
 
 
 def _claim(suite: FullSuite, preset: Preset, ranges: Ranges) -> None:
@@ -142,6 +149,7 @@ def _write(
     scores: list[Score],
     limits: list[dict[str, Any]],
     sets: list[dict[str, Any]],
+    rankings: Sequence[Ranking],
     tracks: Sequence[Track],
     records: Sequence[EvaluationRecord],
 ) -> FullResult:
@@ -166,14 +174,16 @@ def _write(
     contents = {
         "protocol": protocol,
         "rows": to_rows(scores),
+        "ranks": [ranking.to_dict() for ranking in rankings],
         "bounds": limits,
         "intervals": sets,
         "origin": dict(suite.origin),
     }
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    write_whole(folder / "benchmark.md", f"{benchmark_tables(scores, limits, sets)}\n<!-- {MADE_BY} -->\n")
-    for name, picture in benchmark_figures(scores, tracks).items():
+    tables = benchmark_tables(scores, limits, sets, rankings)
+    write_whole(folder / "benchmark.md", f"{tables}\n<!-- {MADE_BY} -->\n")
+    for name, picture in benchmark_figures(scores, tracks, rankings).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)
     return FullResult(scores, len(records), out)

@@ -14,8 +14,10 @@ from twin.estimation.registry import MethodSpec, find_training, method_specs, ne
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, build_method
 from twin.evaluation.protocol import Protocol
+from twin.evaluation.ranking import Ranking
 from twin.evaluation.reading import evaluation_records, true_records
 from twin.evaluation.recorded import write_estimates
+from twin.evaluation.runs import save_runs
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
 from twin.export.names import named_files
@@ -116,8 +118,9 @@ def run_paper_suite(
     fits = {fit.key: fit.find(knowledge) for fit in needed_fits(ready)}
     knowledge = dataclasses.replace(knowledge, fits=fits)
     methods = [build_method(spec, knowledge) for spec in ready]
-    scores, tracks = evaluate(test, methods, suite.protocol, progress)
-    write_whole(suite.folder / "evaluation.json", _contents(suite, scores, len(test)))
+    scores, tracks, rankings, squares = evaluate(test, methods, suite.protocol, progress)
+    write_whole(suite.folder / "evaluation.json", _contents(suite, scores, rankings, len(test)))
+    save_runs(suite.folder / "runs.npz", scores, squares)
     save_tracks(suite.folder / "tracks.npz", tracks)
     return PaperResult(
         scores, tracks, [spec.name for spec in ready], len(test), _estimates(suite, methods, estimate_files)
@@ -179,7 +182,7 @@ def _estimates(suite: PaperSuite, methods: Sequence[Method], files: Mapping[str,
     )
 
 
-def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
+def _contents(suite: PaperSuite, scores: Sequence[Score], rankings: Sequence[Ranking], records: int) -> str:
     protocol = {
         **dataclasses.asdict(suite.protocol),
         "records": records,
@@ -190,5 +193,10 @@ def _contents(suite: PaperSuite, scores: Sequence[Score], records: int) -> str:
         "model": suite.source,
         "policies": [str(path) for paths in suite.trained.values() for path in paths],
     }
-    contents = {"protocol": protocol, "rows": to_rows(scores), "origin": dict(suite.origin)}
+    contents = {
+        "protocol": protocol,
+        "rows": to_rows(scores),
+        "ranks": [ranking.to_dict() for ranking in rankings],
+        "origin": dict(suite.origin),
+    }
     return json.dumps(contents, indent=2, allow_nan=False) + "\n"

@@ -59,9 +59,9 @@ def test_worker_processes_have_it_too(records, model):
     record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "0")
     methods = [build_method(spec, Knowledge(0.1, {ColemanHodgdon.name: model}))]
     protocol = Protocol("paper-only", seeds=2)
-    here, _ = evaluate([record], methods, protocol)
+    here, *_ = evaluate([record], methods, protocol)
     with local_workers(1, functools.partial(load_method_files, [EXAMPLE])) as executor:
-        there, _ = evaluate([record], methods, protocol, executor=executor)
+        there, *_ = evaluate([record], methods, protocol, executor=executor)
     assert here == there
 
 

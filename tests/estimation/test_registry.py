@@ -76,7 +76,7 @@ def test_a_toy_estimator_is_found_in_help_tables_figures_and_suites(own_table, c
     pull, bend = records[0]
     record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "0")
     methods = [build_method(spec, known) for spec in (toy, find_method("AM"))]
-    scores, _ = evaluate([record], methods, Protocol("paper-only", seeds=2))
+    scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=2))
     header = paper_table(scores, "gaussian").splitlines()[0]
     assert re.split(r"\s{2,}", header.strip()) == ["noise", "index", "AM", "Toy filter"]
     assert style_of("Toy filter") == TOY.style

@@ -37,7 +37,7 @@ def pick(rows, method, noise, level):
 
 
 def test_trusting_the_measurement_scores_the_moments_of_the_noise(two_records):
-    rows, _ = evaluate(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
+    rows, *_ = evaluate(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
     for noise, level in PAPER_CONDITIONS:
         row = pick(rows, "y", noise, level)
         mean = level if noise == "poisson" else 0.0
@@ -59,7 +59,7 @@ def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
         estimate[:, 0] = case.initial_bend_deg
         return estimate
 
-    rows, _ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
+    rows, *_ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
     assert all(row.rmse_deg == 0 for row in rows)
     np.testing.assert_allclose(seen[0], np.repeat([record.bend_deg[0] + 20 for record in two_records], 5 * 6))
 
@@ -74,7 +74,7 @@ def test_only_an_oracle_is_shown_the_truth(two_records):
 
         return estimate
 
-    rows, _ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
+    rows, *_ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
     assert shown["a"] is None
     assert shown["b"] is not None
     assert {row.method: row.oracle for row in rows} == {"a": False, "b": True}
@@ -82,11 +82,11 @@ def test_only_an_oracle_is_shown_the_truth(two_records):
 
 def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
     methods = [Method("one", measurement_itself), Method("two", measurement_itself)]
-    rows, _ = evaluate(two_records, methods, PROTOCOL)
-    again, _ = evaluate(two_records, methods, PROTOCOL)
+    rows, *_ = evaluate(two_records, methods, PROTOCOL)
+    again, *_ = evaluate(two_records, methods, PROTOCOL)
     assert rows == again
     assert pick(rows, "one", "gaussian", 1.0).mae_deg == pick(rows, "two", "gaussian", 1.0).mae_deg
-    other, _ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
+    other, *_ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
     assert other[0].mae_deg != rows[0].mae_deg
 
 
@@ -100,7 +100,7 @@ def test_several_trainings_are_one_row_with_their_mean_and_spread(two_records):
         return estimate
 
     method = Method("m", off(1.0), oracle=True, others=(off(2.0), off(4.0)))
-    rows, tracks = evaluate(two_records, [method, Method("one", off(1.0), oracle=True)], PROTOCOL)
+    rows, tracks, *_ = evaluate(two_records, [method, Method("one", off(1.0), oracle=True)], PROTOCOL)
     for row in rows:
         if row.method == "one":
             assert row.training_rmse_deg == ()
@@ -133,13 +133,13 @@ def test_steady_index_leaves_the_first_five_seconds_out(two_records):
         estimate[:, 50:] += 1
         return estimate
 
-    rows, _ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
+    rows, *_ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
     assert rows[0].rmse_steady_deg == pytest.approx(1.0)
     assert rows[0].rmse_deg > 4
 
 
 def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
-    _, tracks = evaluate(two_records, [Method("y", measurement_itself)], PROTOCOL)
+    _, tracks, *_ = evaluate(two_records, [Method("y", measurement_itself)], PROTOCOL)
     assert [(track.noise, track.level) for track in tracks] == list(PAPER_CONDITIONS)
     for track in tracks:
         np.testing.assert_array_equal(track.truth_deg, two_records[0].bend_deg)
@@ -150,7 +150,7 @@ def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
 def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
     methods = [Method("RAM", measurement_itself), Method("y", measurement_itself)]
     of_paper = [dataclasses.replace(record, preset="ureteroscope") for record in two_records]
-    rows, _ = evaluate(of_paper, methods, PROTOCOL)
+    rows, *_ = evaluate(of_paper, methods, PROTOCOL)
     assert pick(rows, "RAM", "gaussian", 1.0).paper_rmse_deg == 0.6354
     assert pick(rows, "y", "gaussian", 1.0).paper_rmse_deg is None
     assert "(paper 0.635)" in paper_tables(rows)
@@ -158,7 +158,7 @@ def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
         two_records,
         [of_paper[0], two_records[1]],
     ):  # of another instrument, in one group or whole
-        rows, _ = evaluate(records, methods, PROTOCOL)
+        rows, *_ = evaluate(records, methods, PROTOCOL)
         assert {row.paper_rmse_deg for row in rows} == {None}
         assert "RAM" in paper_tables(rows)
         assert "paper" not in paper_tables(rows)
@@ -175,9 +175,9 @@ def test_protocol_that_cannot_run_is_refused(change, message):
 
 def test_strokes_and_twins_are_scored_apart(two_records):
     records = [two_records[0], dataclasses.replace(two_records[1], twin="randomized")]
-    rows, _ = evaluate(records, [Method("y", measurement_itself)], PROTOCOL)
+    rows, *_ = evaluate(records, [Method("y", measurement_itself)], PROTOCOL)
     assert len(rows) == 2 * len(PAPER_CONDITIONS)
-    alone, _ = evaluate(records[:1], [Method("y", measurement_itself)], PROTOCOL)
+    alone, *_ = evaluate(records[:1], [Method("y", measurement_itself)], PROTOCOL)
     assert [row for row in rows if row.twin == "nominal"] == alone
 
 
@@ -193,7 +193,7 @@ def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two
         estimate[:, 80:120] += 100
         return estimate
 
-    rows, _ = evaluate([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
+    rows, *_ = evaluate([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
     assert all(row.rmse_deg == 0 for row in rows)
     np.testing.assert_array_equal(np.isnan(cases[0].measurement_deg), np.tile(~seen, (30, 1)))
 
@@ -211,7 +211,7 @@ def test_a_shorter_record_is_padded_without_measurements_and_scored_to_its_end(t
         estimate[30:, 150:] = 1e6  # the second record's runs
         return estimate
 
-    rows, _ = evaluate([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
+    rows, *_ = evaluate([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
     assert rows[0].rmse_deg == pytest.approx(1.0)
     case = make_case([(0, two_records[0]), (1, short)], PROTOCOL)
     assert np.isnan(case.measurement_deg[30:, 150:]).all()

@@ -53,7 +53,7 @@ def test_methods_get_what_the_sensor_saw_with_its_rate_latency_and_resolution(fo
         seen.append(case)
         return case.measurement_deg
 
-    scores, _ = evaluate(records, [Method("y", look)], RECORDED)
+    scores, *_ = evaluate(records, [Method("y", look)], RECORDED)
     (case,) = seen
     for row, episode in zip(case.measurement_deg, episodes, strict=True):
         np.testing.assert_array_equal(row, episode.measured_bend_deg)

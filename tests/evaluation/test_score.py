@@ -19,6 +19,7 @@ WHOLE = dataclasses.replace(
     width95_deg=1.3,
     nees=1.1,
     crps_deg=0.2,
+    to_best_ci95=(1.1, 1.4),
 )
 OPTIONAL = {
     "stroke_mm",
@@ -30,6 +31,7 @@ OPTIONAL = {
     "nees",
     "crps_deg",
     "training_rmse_deg",
+    "to_best_ci95",
 }
 
 

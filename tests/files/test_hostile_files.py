@@ -17,6 +17,7 @@ from twin.dataset.recipe_file import load_recipe
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.load import load_estimator, model_of
+from twin.evaluation.runs import load_runs
 from twin.evaluation.score import read_scores, to_rows
 from twin.evaluation.track import Track, load_tracks, save_tracks
 from twin.files.dataset_json import read_contents
@@ -117,7 +118,7 @@ def test_a_mutated_file_is_taken_or_refused_in_one_line(name, folder, data):
     assert time.process_time() - begin < 5
 
 
-@pytest.mark.parametrize("name", [*READERS, "tracks.npz", "policy.onnx", "a.mcap"])
+@pytest.mark.parametrize("name", [*READERS, "tracks.npz", "runs.npz", "policy.onnx", "a.mcap"])
 @pytest.mark.parametrize(
     "content",
     [
@@ -135,7 +136,8 @@ def test_a_mutated_file_is_taken_or_refused_in_one_line(name, folder, data):
 def test_what_is_no_such_file_at_all_is_refused_in_one_line(name, content, folder):
     from twin.recording import read_episode
 
-    others = {"tracks.npz": load_tracks, "policy.onnx": load_estimator, "a.mcap": read_episode}
+    arrays = {"tracks.npz": load_tracks, "runs.npz": load_runs}
+    others = arrays | {"policy.onnx": load_estimator, "a.mcap": read_episode}
     read = others[name] if name in others else READERS[name][0]
     (folder / name).write_bytes(content)
     taken = {"recipe.yaml": (b"",)}  # a recipe may leave every key out

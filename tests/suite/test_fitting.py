@@ -71,7 +71,7 @@ def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     pull, bend = records[0]
     record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
-    scores, _ = evaluate([record], methods, Protocol("paper-only", seeds=4))
+    scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=4))
     rmse = {score.method: score.rmse_deg for score in scores if score.condition == ("gaussian", 1.0)}
     assert len(rmse) == 19
     for name in ("AM-tuned", "AM-tuned (Q, R)", "Constant gain", "ESMF", "Koopman"):

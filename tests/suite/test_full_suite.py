@@ -8,6 +8,8 @@ import pytest
 
 from scripts.evaluate import main
 from twin.estimation.registry import method_specs, needed_fits
+from twin.evaluation.ranking import rankings_of
+from twin.evaluation.runs import load_runs
 from twin.hysteresis import load_model
 from twin.signals.excitation import SIGNALS
 from twin.suite.fitting import load_fits
@@ -149,6 +151,7 @@ def test_tables_figures_and_fits_are_kept(folder):
         "benchmark.md",
         "rmse_by_noise.png",
         "times_the_limit.png",
+        "ranks.png",
         "figure_05.png",
         "figure_10.png",
     ):
@@ -158,6 +161,19 @@ def test_tables_figures_and_fits_are_kept(folder):
     fits = load_fits(folder / "T_0.1/tuned.json")
     assert set(fits) == {fit.key for fit in needed_fits(method_specs())}
     assert 0 <= fits["constant gain"]["gain"][0] <= 1
+
+
+def test_ranks_and_runs_are_those_of_the_rows(folder, evaluation):
+    """The first under each noise has the least RMSE, and runs give the figures of the rows again."""
+    first = rankings_of(evaluation)[0]
+    assert len(first.ranked) == len({row["method"] for row in evaluation["rows"]})
+    racing = [of for of in first.ranked if of.rank is not None]
+    assert [of.rank for of in racing] == [*range(1, len(racing) + 1)]
+    runs = load_runs(folder / "runs.npz")
+    assert len(runs) == len(evaluation["rows"])
+    for (head, squares), row in zip(runs, evaluation["rows"], strict=True):
+        assert (head.method, head.noise, head.level) == (row["method"], row["noise"], row["level"])
+        assert np.sqrt(squares.mean(axis=1)).mean() == pytest.approx(row["rmse_deg"], rel=1e-5)
 
 
 def test_named_methods_alone_are_compared_at_every_sample_time(few):

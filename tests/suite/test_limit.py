@@ -72,7 +72,7 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
     known = Knowledge(0.1, {}, ensembles=tuple(ensembles))
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
     assert [method.name for method in methods] == ["Ensemble", "Ensemble (limit)"]
-    rows, _ = evaluate(test_set, methods, protocol)
+    rows, *_ = evaluate(test_set, methods, protocol)
     rmse = {(r.method, r.noise, r.level, r.stroke_mm[0]): r.rmse_deg for r in rows}
     for low in (-1.0, 2.0):
         told_r, knows = (rmse[name, "gaussian", 1.0, low] for name in ("Ensemble", "Ensemble (limit)"))

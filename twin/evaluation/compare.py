@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,30 @@ from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 from twin.evaluation.paper import INSTRUMENT, paper_value
 from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
+from twin.evaluation.ranking import Ranking, rank_methods
 from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 
 Array = NDArray[np.float64]
+_RANKS = 300  # what a seed is used for beside the noise
+
+
+class Compared(NamedTuple):
+    """Result of a comparison.
+
+    Attributes:
+        scores: of every method under every noise, group by group.
+        tracks: for each noise those of all methods on the first record and seed.
+        rankings: of every group.
+        squares: mean square errors that each score rests on: (K, R, S) of K trainings on R records under S
+            draws of the noise; a record counts as much as it has samples [deg^2].
+    """
+
+    scores: list[Score]
+    tracks: list[Track]
+    rankings: list[Ranking]
+    squares: list[Array]
 
 
 def evaluate(
@@ -28,7 +47,7 @@ def evaluate(
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
-) -> tuple[list[Score], list[Track]]:
+) -> Compared:
     """Run every method under every noise of the suite.
 
     Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
@@ -41,9 +60,6 @@ def evaluate(
         protocol: noises, seeds and initial error.
         on_progress: told how many of how many groups are done.
         executor: where groups are worked on side by side; without it, here, one after the other.
-
-    Returns:
-        Scores, and for each noise the tracks of all methods on the first record and seed.
     """
     groups = list(group_records(records))
     results: list[Any] = [None] * len(groups)
@@ -62,19 +78,25 @@ def evaluate(
             results[futures[future]] = future.result()
             if on_progress:
                 on_progress(done, len(groups))
-    return [row for rows, _ in results for row in rows], results[0][1]
+    return Compared(
+        [row for result in results for row in result.scores],
+        results[0].tracks,
+        [ranking for result in results for ranking in result.rankings],
+        [squares for result in results for squares in result.squares],
+    )
 
 
 def _evaluate_group(
     records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
-) -> tuple[list[Score], list[Track]]:
+) -> Compared:
     conditions = protocol.conditions
     shown = make_case(records, protocol)
     case = dataclasses.replace(shown, truth_deg=None)
     truth = shown.truth_deg
     assert truth is not None
     tracked = np.arange(len(conditions)) * protocol.seeds  # first record, first seed of each noise
-    rows: dict[Condition, list[Score]] = {condition: [] for condition in conditions}
+    scores: dict[tuple[Condition, str], Score] = {}
+    squares: dict[str, Array] = {}
     tracks: dict[str, Array] = {}
     for method in methods:
         estimates, half_widths = zip(*method.run(shown if method.oracle else case), strict=True)
@@ -86,10 +108,19 @@ def _evaluate_group(
             of_condition = [errors[:, r, place] for r in range(len(records))]
             intervals = None if stated is None else [stated[:, r, place] for r in range(len(records))]
             row = _row(condition, method, of_condition, intervals, records, protocol)
-            rows[condition].append(row)
+            scores[condition, method.name] = row
+        squares[method.name] = _squares(errors, [record.seen for _, record in records])
+    oracles = [method.name for method in methods if method.oracle]
+    rng = np.random.default_rng([protocol.seed, _RANKS, records[0][0]])
+    ranked = rank_methods(squares, oracles, rng)
     first = records[0][1]
     time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s
-    return list(itertools.chain.from_iterable(rows.values())), [
+    order = list(itertools.product(range(len(conditions)), ranked))
+    told = [
+        dataclasses.replace(scores[conditions[place], of.method], to_best_ci95=of.noise_to_best_ci95[place])
+        for place, of in order
+    ]
+    shown_tracks = [
         Track(
             *condition,
             time,
@@ -99,6 +130,21 @@ def _evaluate_group(
         )
         for place, (condition, run) in enumerate(zip(conditions, tracked, strict=True))
     ]
+    ranking = Ranking(protocol.sample_time_s, first.stroke_mm, first.twin, tuple(ranked))
+    return Compared(told, shown_tracks, [ranking], [squares[of.method][:, place] for place, of in order])
+
+
+def _squares(errors: Array, seen: Sequence[NDArray[np.bool_]]) -> Array:
+    """Return (K, C, R, S) mean square errors of (K, R, C, S, N) errors, but for the initial estimate."""
+    found, counts = [], []
+    for place, mask in enumerate(seen):
+        scored = mask.copy()
+        scored[: min(1, int(np.flatnonzero(mask)[-1]))] = False
+        found.append((errors[:, place, :, :, : len(mask)][..., scored] ** 2).mean(axis=-1))
+        counts.append(scored.sum())
+    weights = np.array(counts) * len(counts) / sum(counts)
+    squares: Array = np.stack(found, axis=2) * weights[:, None]
+    return squares
 
 
 def _row(
@@ -121,9 +167,12 @@ def _row(
 
     indices = error_indices(pooled(errors, 1))
     late = error_indices(pooled(errors, round(STEADY_SECONDS / protocol.sample_time_s)))
-    honesty = {} if half_widths is None else interval_indices(pooled(errors, 1), pooled(half_widths, 1))
+    honesty: dict[str, Any] = (
+        {} if half_widths is None else interval_indices(pooled(errors, 1), pooled(half_widths, 1))
+    )
     if not np.isfinite(indices["rmse_deg"]).all():
         raise DivergedError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
+    means: dict[str, Any] = {name: float(values.mean()) for name, values in indices.items()}
     low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
     published = None
@@ -137,7 +186,7 @@ def _row(
         twin=first.twin,
         method=method.name,
         oracle=method.oracle,
-        **{name: float(values.mean()) for name, values in indices.items()},
+        **means,
         rmse_steady_deg=float(late["rmse_deg"].mean()),
         rmse_ci95_deg=(low, high),
         seeds=protocol.seeds,

@@ -60,5 +60,5 @@ def evaluate(
         suite, 1 if recorded else seeds, sample_time, initial_error_deg, seed, variance if recorded else None
     )
     methods = [as_method(name, estimator) for name, estimator in estimators.items()]
-    scores, _ = compare(evaluation_records(paths, sample_time), methods, protocol)
+    scores, *_ = compare(evaluation_records(paths, sample_time), methods, protocol)
     return scores

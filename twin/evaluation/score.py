@@ -70,6 +70,8 @@ class Score:
         width95_deg: mean width of that interval [deg].
         nees: mean square error in units of the stated variance: 1 where the interval is honest.
         crps_deg: mean continuous ranked probability score of the normal law of that interval [deg].
+        to_best_ci95: 95 % interval of its RMSE in units of that of the best method that competes, on the same
+            records and draws; None where there was but one run.
     """
 
     noise: str
@@ -94,6 +96,7 @@ class Score:
     width95_deg: float | None = None
     nees: float | None = None
     crps_deg: float | None = None
+    to_best_ci95: tuple[float, float] | None = None
 
     @property
     def condition(self) -> tuple[str, float]:
@@ -117,6 +120,7 @@ class Score:
             "stroke_mm": list(self.stroke_mm),
             "rmse_ci95_deg": list(self.rmse_ci95_deg),
             "training_rmse_deg": list(self.training_rmse_deg),
+            "to_best_ci95": self.to_best_ci95 and list(self.to_best_ci95),
         }
 
     @classmethod
@@ -180,8 +184,17 @@ _LENGTHS = {
     "stroke_mm": (0, 2),  # a row need not tell its stroke
     "rmse_ci95_deg": (2,),
     "training_rmse_deg": range(MOST_TRAININGS + 1),
+    "to_best_ci95": (2,),
 }
-_MAY_BE_NONE = ("paper_rmse_deg", "md_printed_deg2", "coverage95", "width95_deg", "nees", "crps_deg")
+_MAY_BE_NONE = (
+    "paper_rmse_deg",
+    "md_printed_deg2",
+    "coverage95",
+    "width95_deg",
+    "nees",
+    "crps_deg",
+    "to_best_ci95",
+)
 
 
 def _read(name: str, value: Any) -> Any:

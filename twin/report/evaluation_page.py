@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from twin.errors import InputError
+from twin.evaluation.ranking import rankings_of
 from twin.evaluation.score import read_evaluation
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
@@ -21,7 +22,7 @@ def evaluation_page(path: Path) -> Page:
     scores, contents = read_evaluation(path)
     origin = stated_origin(contents)
     sections = [Section("Results", result_parts(scores))]
-    groups = group_parts(scores)
+    groups = group_parts(scores, rankings_of(contents))
     if groups:
         sections.append(Section("Every kind of record", groups))
     sections.append(Section("Tracking", _tracking(path.with_name("tracks.npz"))))

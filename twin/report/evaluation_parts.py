@@ -5,14 +5,17 @@ from pathlib import Path
 
 from twin.errors import InputError
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
+from twin.evaluation.ranking import Ranking
 from twin.evaluation.score import Group, Score, read_scores
 from twin.evaluation.track import load_tracks
+from twin.report.best import clear_best
 from twin.report.figures import rmse_figure
 from twin.report.findings import all_findings
 from twin.report.intervals import interval_figure, interval_scores
 from twin.report.narrow import narrow_rmse_figure
 from twin.report.paper_figures import paper_figures
 from twin.report.parts import Cell, Folded, Lines, Part, Picture, Table, Text, drawn
+from twin.report.ranks import rank_figure
 from twin.report.summary import limit_figure, noise_figure, times_the_limit
 from twin.report.tables import INDEX_LABELS, group_name, ordered, protocol_scores, table_title
 
@@ -45,12 +48,19 @@ def result_parts(scores: Sequence[Score]) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def group_parts(scores: Sequence[Score]) -> tuple[Part, ...]:
+def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> tuple[Part, ...]:
     """Return what the full suite adds: every kind of record and sample time, and how far the limit is."""
     parts: list[Part] = []
+    ranked = [of for of in rankings if of.sample_time_s == max(row.sample_time_s for row in rankings)]
+    if ranked and len(ranked[0].ranked) > 1:
+        caption = (
+            "Who is better than whom, and how surely: errors in units of the first method's, with paired "
+            "95 % intervals over records, draws of the noise and trainings."
+        )
+        parts.append(drawn(rank_figure(ranked), caption))
     groups = list(dict.fromkeys((score.group, score.sample_time_s) for score in scores))
     if len(groups) < 2 and not any(times_the_limit(scores, T, group) for group, T in groups):
-        return ()
+        return tuple(parts)
     first = protocol_scores(scores)
     caption = f"RMSE of every method under every noise, {group_name(first[0].group)}; the best on top."
     parts.append(drawn(noise_figure(first), caption))
@@ -107,11 +117,11 @@ def _paper_parts(scores: Sequence[Score], table: PaperTable) -> list[Table]:
     parts = []
     for level in sorted({score.level for score in chosen} & set(table.values)):
         rows = {score.label: score for score in chosen if score.level == level}
-        best = {index: _best(list(rows.values()), index) for index in COLUMNS}
+        best = {"rmse_deg": clear_best(rows.values())}
         title = f"{table_title(table)}, {table.symbol} = {level:g}"
         cells: list[tuple[str | Cell, ...]] = []
         for name in ordered(rows):
-            cells.append((name, *(_paper_cell(rows[name], index, best[index]) for index in COLUMNS)))
+            cells.append((name, *(_paper_cell(rows[name], index, best.get(index)) for index in COLUMNS)))
         parts.append(Table(("method", *COLUMNS.values()), tuple(cells), title, style="numbers"))
     return parts
 
@@ -124,17 +134,11 @@ def _paper_cell(score: Score, index: str, best: str | None) -> Cell:
     return Cell(ours, small, "best" if score.label == best else "")
 
 
-def _best(scores: Sequence[Score], index: str) -> str | None:
-    """Return the method with the smallest figure; an oracle, which nobody can deploy, does not compete."""
-    usable = [score for score in scores if not score.oracle]
-    return min(usable, key=lambda score: abs(getattr(score, index))).label if usable else None
-
-
 def _error_table(scores: Sequence[Score]) -> Table:
     """Return the RMSE of every method under every noise."""
     noises = list(dict.fromkeys(score.condition for score in scores))
     cells = {(score.label, score.condition): score for score in scores}
-    best = {noise: _best([s for s in scores if s.condition == noise], "rmse_deg") for noise in noises}
+    best = {noise: clear_best(s for s in scores if s.condition == noise) for noise in noises}
     rows = tuple(
         (
             name,

@@ -12,11 +12,14 @@ from tabulate import tabulate
 from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import noise_label
+from twin.evaluation.ranking import Ranking
 from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
+from twin.report.best import clear_best
 from twin.report.figures import INK, MUTED, clean_axes, own_style, to_png_bytes
 from twin.report.intervals import interval_figure, interval_scores, interval_table
 from twin.report.paper_figures import paper_figures
+from twin.report.ranks import rank_figure, rank_table
 from twin.report.tables import group_name, paper_tables
 from twin.report.trainings import training_table
 
@@ -25,13 +28,19 @@ Row = dict[str, Any]
 """A bound or an interval, as `evaluation.json` holds it."""
 
 
-def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: Sequence[Row] = ()) -> str:
+def benchmark_tables(
+    scores: Sequence[Score],
+    bounds: Sequence[Row],
+    intervals: Sequence[Row] = (),
+    rankings: Sequence[Ranking] = (),
+) -> str:
     """Return the benchmark in Markdown.
 
     Args:
         scores: of all sample times, strokes and twins.
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
         intervals: how often the set-membership filters held the truth.
+        rankings: of every sample time and group.
     """
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     first = _groups(scores)[0]
@@ -43,6 +52,10 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
         parts.append(_noise_table(scores, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {group_name(first)}, T = {times[0]:g} s")
     parts.append(_noise_table(scores, times[0], first, "rmse_steady_deg"))
+    for ranking in rankings:
+        place = group_name((ranking.stroke_mm, ranking.twin))
+        parts.append(f"### Ranks by the geometric mean over noises, {place}, T = {ranking.sample_time_s:g} s")
+        parts.append(rank_table(ranking))
     for T in times if _has_limit(scores) else ():
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
@@ -70,18 +83,23 @@ def benchmark_tables(scores: Sequence[Score], bounds: Sequence[Row], intervals: 
     return "\n\n".join(parts) + "\n"
 
 
-def benchmark_figures(scores: Sequence[Score], tracks: Sequence[Track]) -> dict[str, bytes]:
+def benchmark_figures(
+    scores: Sequence[Score], tracks: Sequence[Track], rankings: Sequence[Ranking] = ()
+) -> dict[str, bytes]:
     """Return PNG files by name: RMSE by noise, distance to the limit by records, and the paper's figures.
 
     Args:
         scores: of an evaluation.
         tracks: of the first group of records at the longest sample time.
+        rankings: of every sample time and group.
     """
     longest, first = max(score.sample_time_s for score in scores), _groups(scores)[0]
     shown = _chosen(scores, longest, first)
+    ranked = [ranking for ranking in rankings if ranking.sample_time_s == longest]
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
         **({"times_the_limit.png": limit_figure(scores)} if _has_limit(scores) else {}),
+        **({"ranks.png": rank_figure(ranked)} if ranked and len(ranked[0].ranked) > 1 else {}),
         **({"intervals.png": interval_figure(shown)} if interval_scores(shown) else {}),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
@@ -189,13 +207,9 @@ def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) ->
     noises = list(dict.fromkeys(score.condition for score in chosen))
     values = {(score.method, score.condition): score for score in chosen}
     methods = list(dict.fromkeys(score.method for score in chosen))
-    deployable = {method for (method, _), score in values.items() if _deployable(score)}
+    of_rmse = index == "rmse_deg"
     best = {
-        noise: min(
-            (method for method in methods if method in deployable),
-            key=lambda method: getattr(values[method, noise], index),
-            default=None,
-        )
+        noise: clear_best(score for score in chosen if score.condition == noise) if of_rmse else None
         for noise in noises
     }
     lines = []
@@ -204,10 +218,10 @@ def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) ->
         for noise in noises:
             score = values[method, noise]
             text = f"{getattr(score, index):.3f}"
-            if index == "rmse_deg":
+            if of_rmse:
                 low, high = score.rmse_ci95_deg
                 text += f" ± {(high - low) / 2:.3f}"
-            cells.append(f"**{text}**" if best[noise] == method else text)
+            cells.append(f"**{text}**" if best[noise] == score.label else text)
         lines.append([score.label, *cells])
     headers = ["method", *(noise_label(*noise) for noise in noises)]
     align = ("left", *["right"] * len(noises))
@@ -305,9 +319,3 @@ def _is_limit(method: str) -> bool:
 
 def _has_limit(scores: Sequence[Score]) -> bool:
     return any(_is_limit(score.method) for score in scores)
-
-
-def _deployable(score: Score) -> bool:
-    """True for a method that competes: no oracle, and no ensemble, which others are measured against."""
-    spec = method_spec(score.method)
-    return not score.oracle and (spec is None or spec.family != "ensemble")

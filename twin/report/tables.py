@@ -9,6 +9,7 @@ from twin.errors import InputError
 from twin.estimation.registry import method_specs
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.score import Group, Score
+from twin.report.best import clear_best
 
 FORMATS = {"plain": "simple", "markdown": "pipe", "html": "unsafehtml"}
 INDEX_LABELS = {
@@ -51,8 +52,8 @@ def paper_table(
         sample_time_s: which sample time to report [s]; else the longest.
 
     Returns:
-        The table, with cells such as `0.700 (paper 0.635)` and the best of each line in bold where the format
-        can; empty when no row belongs to it.
+        The table, with cells such as `0.700 (paper 0.635)` and the clear best of each line of RMSE in
+        bold where the format can; empty when no row belongs to it.
 
     Raises:
         ValueError: there is no table of this noise, or no such format.
@@ -68,7 +69,8 @@ def paper_table(
         name = f"{table.symbol} = {level:g}"
         for index, label in INDEX_LABELS.items():
             group = {method: cells.get((level, method)) for method in methods}
-            best = _best(group, index)
+            rows = [score for score in group.values() if score is not None]
+            best = clear_best(rows) if index == "rmse_deg" else None
             values = [_cell(score, index, fmt, method == best) for method, score in group.items()]
             lines.append([name, label, *values])
             name = ""
@@ -130,16 +132,6 @@ def _table_of(noise: str) -> PaperTable:
         if table.noise == noise:
             return table
     raise InputError(f"no table of {noise!r} noise; valid: {', '.join(table.noise for table in TABLES)}")
-
-
-def _best(group: dict[str, Score | None], index: str) -> str | None:
-    """The method with the smallest figure; an oracle, which nobody can deploy, does not compete."""
-    figures = {
-        name: abs(getattr(score, index))
-        for name, score in group.items()
-        if score is not None and not score.oracle
-    }
-    return min(figures, key=lambda name: figures[name]) if figures else None
 
 
 def _cell(score: Score | None, index: str, fmt: str, best: bool) -> str:

@@ -1,0 +1,176 @@
+"""Ranks of methods that share records and noise, with intervals by a paired, hierarchical bootstrap.
+
+Records are drawn with replacement, draws of the noise within each, and trainings of each method (Davison and
+Hinkley 1997, section 3.8). All methods meet the same draws, so that a difference is free of what records and
+noise have in common; what their trainings differ by is in it. The figure of a method is the geometric mean
+over noises of its mean RMSE, as everywhere in this project.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError
+
+from twin.errors import InputError
+from twin.estimation.registry import method_spec
+from twin.evaluation.metrics import geometric_mean
+from twin.files.schema import key_name, rule_of
+
+Array = NDArray[np.float64]
+RESAMPLES = 1000
+INTERVAL = (2.5, 97.5)
+"""Percentiles of a 95 % interval."""
+Positive = Annotated[float, Field(gt=0, le=1e12, allow_inf_nan=False)]
+Place = Annotated[int, Field(ge=1, le=10_000)]
+Name = Annotated[str, Field(max_length=200)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranked:
+    """Place of a method among all on one group of records; intervals are of 95 %.
+
+    Attributes:
+        method: name in the tables.
+        rmse_deg: geometric mean over noises of its RMSE [deg].
+        rmse_ci95_deg: interval of that [deg]; None where nothing can be drawn anew.
+        rank: 1 for the least error; None for what others are measured against: oracles and ensembles.
+        rank_ci95: interval of the rank.
+        to_best_ci95: interval of its error in units of that of the first: above 1, the first is better.
+        noise_to_best_ci95: the same under each noise alone, in units of the first under that noise.
+    """
+
+    method: Name
+    rmse_deg: Positive
+    rmse_ci95_deg: tuple[Positive, Positive] | None
+    rank: Place | None
+    rank_ci95: tuple[Place, Place] | None
+    to_best_ci95: tuple[Positive, Positive] | None
+    noise_to_best_ci95: tuple[tuple[Positive, Positive] | None, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranking:
+    """Ranks of all methods on one group of records.
+
+    Attributes:
+        sample_time_s: T [s].
+        stroke_mm: lowest and highest pulling distance [mm].
+        twin: kind of twin, `measured`, or the name of a preset.
+        ranked: methods, in the order of the comparison.
+    """
+
+    sample_time_s: Positive
+    stroke_mm: Annotated[tuple[Annotated[float, Field(ge=-1e12, le=1e12)], ...], Field(max_length=2)]
+    twin: Name
+    ranked: Annotated[tuple[Ranked, ...], Field(min_length=1, max_length=1000)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the ranking as `evaluation.json` holds it, the first method first."""
+        first = sorted(self.ranked, key=lambda of: of.rmse_deg)
+        rows = [dataclasses.asdict(of) for of in first]
+        for row in rows:
+            del row["noise_to_best_ci95"]  # in the rows of the noises
+        place = {"sample_time_s": self.sample_time_s, "stroke_mm": list(self.stroke_mm), "twin": self.twin}
+        return place | {"ranked": rows}
+
+
+_RANKINGS = TypeAdapter(Annotated[list[Ranking], Field(max_length=1000)])
+
+
+def rankings_of(contents: Mapping[str, Any]) -> list[Ranking]:
+    """Return the rankings that the contents of an `evaluation.json` hold; older ones hold none.
+
+    Raises:
+        ValueError: they are damaged.
+    """
+    try:
+        return _RANKINGS.validate_python(contents.get("ranks", []))
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_context=False)[0]
+        raise InputError(f"{key_name(('ranks', *fault['loc']))}: {rule_of(fault['msg'])}") from None
+
+
+def competes(method: str, oracle: bool = False) -> bool:
+    """Return whether a method competes: no oracle, and no ensemble, which others are measured against."""
+    spec = method_spec(method)
+    return not oracle and (spec is None or spec.family != "ensemble")
+
+
+def rank_methods(
+    squares: Mapping[str, Array], oracles: Sequence[str], rng: np.random.Generator
+) -> list[Ranked]:
+    """Return the ranks of methods, in the order that they are given in.
+
+    Args:
+        squares: by method, (K, C, R, S) mean square error under C noises on R records and S draws of each
+            noise, of K trainings [deg^2].
+        oracles: names of methods that are shown the truth.
+        rng: of the resampling.
+
+    Raises:
+        ValueError: methods were not on the same runs.
+    """
+    shapes = {of.shape[1:] for of in squares.values()}
+    if len(shapes) != 1:
+        raise ValueError(f"runs of shapes {sorted(shapes)}: methods must be compared on the same ones")
+    conditions, records, draws = shapes.pop()
+    names = list(squares)
+    found = np.stack([_rmse(of) for of in squares.values()])  # (methods, noises)
+    racing = [place for place, name in enumerate(names) if competes(name, name in oracles)]
+    resampled = np.empty((RESAMPLES, len(names), conditions))
+    everything = np.arange(conditions)[:, None, None]
+    for again in resampled:
+        record = rng.integers(records, size=(records, 1))
+        draw = rng.integers(draws, size=(records, draws))
+        for place, of in enumerate(squares.values()):
+            training = rng.integers(len(of), size=(len(of), 1, 1, 1))
+            again[place] = _rmse(of[training, everything, record, draw])
+    varies = records * draws > 1
+    whole, wholes = geometric_mean(found, axis=1), geometric_mean(resampled, axis=2)
+    ranks = _ranks(whole[racing]), _ranks(wholes[:, racing])
+    best = racing[int(np.argmin(whole[racing]))] if racing else None
+    of_noise = found[racing].argmin(axis=0) if racing else None
+    ranked = []
+    for place, name in enumerate(names):
+        mine = racing.index(place) if place in racing else None
+        by_noise: tuple[tuple[float, float] | None, ...] = (None,) * conditions
+        if varies and of_noise is not None:
+            first = resampled[:, np.array(racing)[of_noise], np.arange(conditions)]
+            by_noise = tuple(_interval(ratio) for ratio in (resampled[:, place] / first).T)
+        ranked.append(
+            Ranked(
+                name,
+                float(whole[place]),
+                _interval(wholes[:, place]) if varies else None,
+                None if mine is None else int(ranks[0][mine]),
+                None if mine is None or not varies else _whole_interval(ranks[1][:, mine]),
+                _interval(wholes[:, place] / wholes[:, best]) if varies and best is not None else None,
+                by_noise,
+            )
+        )
+    return ranked
+
+
+def _rmse(squares: Array) -> Array:
+    """Return (C,) the RMSE over records, averaged over trainings and draws, of (K, C, R, S) square errors."""
+    rmse: Array = np.sqrt(np.maximum(squares.mean(axis=2), 1e-18)).mean(axis=(0, 2))
+    return rmse
+
+
+def _ranks(figures: Array) -> NDArray[np.int64]:
+    """Return the ranks, from 1, along the last axis."""
+    order: NDArray[np.int64] = figures.argsort(axis=-1, kind="stable").argsort(axis=-1, kind="stable") + 1
+    return order
+
+
+def _interval(values: Array) -> tuple[float, float]:
+    low, high = np.percentile(values, INTERVAL)
+    return float(low), float(high)
+
+
+def _whole_interval(ranks: NDArray[np.int64]) -> tuple[int, int]:
+    low, high = np.percentile(ranks, INTERVAL, method="nearest")
+    return int(low), int(high)

@@ -1,0 +1,102 @@
+"""Errors of every single run of a comparison: what others need to compare theirs in pairs."""
+
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from twin.errors import InputError
+from twin.evaluation.score import Score
+from twin.files.arrays import MOST_ARRAYS, read_arrays
+from twin.files.atomic import write_whole
+from twin.files.bounded import MEBIBYTE
+from twin.files.json_text import parse_json
+from twin.files.schema import rule_of
+from twin.files.shown import cut
+
+Array = NDArray[np.float64]
+Name = Annotated[str, Field(max_length=200)]
+MOST_BYTES = 512 * MEBIBYTE
+"""Size of a file of runs, packed and unpacked [bytes]."""
+
+
+class RunsHead(BaseModel):
+    """Whose runs follow: one line of `evaluation.json`.
+
+    Attributes:
+        method: name in the tables.
+        noise: kind of the noise.
+        level: its level [deg^2 or deg].
+        sample_time_s: T [s].
+        stroke_mm: lowest and highest pulling distance [mm].
+        twin: kind of twin, `measured`, or the name of a preset.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    method: Name
+    noise: Name
+    level: float
+    sample_time_s: float
+    stroke_mm: Annotated[list[float], Field(max_length=2)]
+    twin: Name
+
+
+_HEADS = TypeAdapter(Annotated[list[RunsHead], Field(max_length=MOST_ARRAYS - 1)])
+
+
+def save_runs(path: Path, scores: Sequence[Score], squares: Sequence[Array]) -> None:
+    """Write the mean square errors (K, R, S) [deg^2] behind each score into one `.npz`, whole or not at all.
+
+    Raises:
+        FileNotFoundError: the folder does not exist.
+    """
+    heads = [
+        RunsHead(
+            method=score.method,
+            noise=score.noise,
+            level=score.level,
+            sample_time_s=score.sample_time_s,
+            stroke_mm=list(score.stroke_mm),
+            twin=score.twin,
+        ).model_dump()
+        for score in scores
+    ]
+    arrays = {"heads": np.array(json.dumps(heads))}
+    for number, of in enumerate(squares):
+        arrays[f"square_deg2_{number}"] = of.astype(np.float32)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_whole(path, buffer.getvalue())
+
+
+def load_runs(path: Path) -> list[tuple[RunsHead, Array]]:
+    """Read what `save_runs` wrote: heads, each with its (K, R, S) mean square errors [deg^2].
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file holds no runs.
+    """
+    arrays = read_arrays(path, MOST_BYTES, "runs")
+    try:
+        heads = _HEADS.validate_python(parse_json(str(arrays["heads"])))
+        return [(head, _errors(arrays[f"square_deg2_{number}"])) for number, head in enumerate(heads)]
+    except KeyError as error:
+        raise InputError(f"{path} holds no runs: {cut(error)} is missing") from error
+    except ValidationError as error:
+        raise InputError(f"{path} holds no runs: heads: {rule_of(error.errors()[0]['msg'])}") from None
+    except ValueError as error:
+        raise InputError(f"{path} holds no runs: {cut(error)}") from error
+
+
+def _errors(squares: Array) -> Array:
+    if squares.dtype.kind != "f" or squares.ndim != 3 or not squares.size:
+        raise InputError(f"runs of shape {squares.shape}: must be numbers by training, record and draw")
+    if not np.isfinite(squares).all() or (squares < 0).any():
+        raise InputError("a mean square error is no positive number")
+    return squares.astype(float)
