@@ -1,11 +1,11 @@
 """Ranks as a table and a figure."""
 
-from twin.evaluation.ranking import Ranked, Ranking
+from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.ranks import is_level, rank_figure, rank_table
 
 
 def ranked(method, rmse, rank, to_best):
-    return Ranked(method, rmse, (0.9 * rmse, 1.1 * rmse), rank, rank and (rank, rank + 1), to_best, ())
+    return MethodRank(method, rmse, (0.9 * rmse, 1.1 * rmse), rank, rank and (rank, rank + 1), to_best, ())
 
 
 FIRST = ranked("RAM (twins)", 0.32, 1, (1.0, 1.0))
@@ -20,7 +20,7 @@ def test_the_table_has_the_least_error_first_and_says_how_sure_it_is():
     assert [line[0] for line in lines[2:]] == ["Ensemble", "RAM (twins)", "KalmanNet", "AM"]
     assert lines[3] == ["RAM (twins)", "0.320 (0.288 to 0.352)", "1 (1 to 2)", "1.00 to 1.00"]
     assert lines[2][2:] == ["-", "0.50 to 0.70"]
-    alone = Ranking(0.1, (), "measured", (Ranked("AM", 0.5, None, 1, None, None, ()),))
+    alone = Ranking(0.1, (), "measured", (MethodRank("AM", 0.5, None, 1, None, None, ()),))
     assert rank_table(alone).splitlines()[2].replace(" ", "") == "|AM|0.500|1|-|"
 
 

@@ -6,11 +6,8 @@ import pytest
 
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
-from twin.report.summary import (
-    benchmark_figures,
-    benchmark_tables,
-    times_the_limit,
-)
+from twin.report.limit import times_the_limit
+from twin.report.summary import benchmark_figures, benchmark_tables
 
 NOISES = [("gaussian", 1.0), ("poisson", 2.0)]
 FIRST = ((-1.0, 1.0), "nominal")

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _RANKS = 300  # what a seed is used for beside the noise
 
 
-class Compared(NamedTuple):
+class ScoredRuns(NamedTuple):
     """Result of a comparison.
 
     Attributes:
@@ -47,7 +47,7 @@ def evaluate(
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
-) -> Compared:
+) -> ScoredRuns:
     """Run every method under every noise of the suite.
 
     Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
@@ -78,7 +78,7 @@ def evaluate(
             results[futures[future]] = future.result()
             if on_progress:
                 on_progress(done, len(groups))
-    return Compared(
+    return ScoredRuns(
         [row for result in results for row in result.scores],
         results[0].tracks,
         [ranking for result in results for ranking in result.rankings],
@@ -88,7 +88,7 @@ def evaluate(
 
 def _evaluate_group(
     records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
-) -> Compared:
+) -> ScoredRuns:
     conditions = protocol.conditions
     shown = make_case(records, protocol)
     case = dataclasses.replace(shown, truth_deg=None)
@@ -131,7 +131,7 @@ def _evaluate_group(
         for place, (condition, run) in enumerate(zip(conditions, tracked, strict=True))
     ]
     ranking = Ranking(protocol.sample_time_s, first.stroke_mm, first.twin, tuple(ranked))
-    return Compared(told, shown_tracks, [ranking], [squares[of.method][:, place] for place, of in order])
+    return ScoredRuns(told, shown_tracks, [ranking], [squares[of.method][:, place] for place, of in order])
 
 
 def _squares(errors: Array, seen: Sequence[NDArray[np.bool_]]) -> Array:

@@ -29,7 +29,7 @@ Name = Annotated[str, Field(max_length=200)]
 
 
 @dataclasses.dataclass(frozen=True)
-class Ranked:
+class MethodRank:
     """Place of a method among all on one group of records; intervals are of 95 %.
 
     Attributes:
@@ -65,7 +65,7 @@ class Ranking:
     sample_time_s: Positive
     stroke_mm: Annotated[tuple[Annotated[float, Field(ge=-1e12, le=1e12)], ...], Field(max_length=2)]
     twin: Name
-    ranked: Annotated[tuple[Ranked, ...], Field(min_length=1, max_length=1000)]
+    ranked: Annotated[tuple[MethodRank, ...], Field(min_length=1, max_length=1000)]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the ranking as `evaluation.json` holds it, the first method first."""
@@ -101,7 +101,7 @@ def competes(method: str, oracle: bool = False) -> bool:
 
 def rank_methods(
     squares: Mapping[str, Array], oracles: Sequence[str], rng: np.random.Generator
-) -> list[Ranked]:
+) -> list[MethodRank]:
     """Return the ranks of methods, in the order that they are given in.
 
     Args:
@@ -141,7 +141,7 @@ def rank_methods(
             first = resampled[:, np.array(racing)[of_noise], np.arange(conditions)]
             by_noise = tuple(_interval(ratio) for ratio in (resampled[:, place] / first).T)
         ranked.append(
-            Ranked(
+            MethodRank(
                 name,
                 float(whole[place]),
                 _interval(wholes[:, place]) if varies else None,

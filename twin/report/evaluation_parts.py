@@ -12,11 +12,11 @@ from twin.report.best import clear_best
 from twin.report.figures import rmse_figure
 from twin.report.findings import all_findings
 from twin.report.intervals import interval_figure, interval_scores
+from twin.report.limit import limit_figure, noise_figure, times_the_limit
 from twin.report.narrow import narrow_rmse_figure
 from twin.report.paper_figures import paper_figures
 from twin.report.parts import Cell, Folded, Lines, Part, Picture, Table, Text, drawn
 from twin.report.ranks import rank_figure
-from twin.report.summary import limit_figure, noise_figure, times_the_limit
 from twin.report.tables import INDEX_LABELS, group_name, ordered, protocol_scores, table_title
 
 COLUMNS = {"rmse_deg": INDEX_LABELS["rmse_deg"]} | INDEX_LABELS

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from tabulate import tabulate
 
-from twin.evaluation.ranking import Ranked, Ranking
+from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.figures import INK, MUTED, clean_axes, own_style
 from twin.report.tables import group_name
 
@@ -77,12 +77,12 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
     return figure
 
 
-def is_level(of: Ranked) -> bool:
+def is_level(of: MethodRank) -> bool:
     """Return whether a method competes, and is the first or level with it."""
     return of.rank is not None and (of.rank == 1 or of.to_best_ci95 is None or of.to_best_ci95[0] <= 1)
 
 
-def _by_error(ranking: Ranking) -> list[Ranked]:
+def _by_error(ranking: Ranking) -> list[MethodRank]:
     return sorted(ranking.ranked, key=lambda of: of.rmse_deg)
 
 

@@ -4,20 +4,27 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 from tabulate import tabulate
 
-from twin.estimation.registry import method_spec, method_specs
-from twin.evaluation.metrics import geometric_mean
+from twin.estimation.registry import method_specs
 from twin.evaluation.paper import noise_label
 from twin.evaluation.ranking import Ranking
 from twin.evaluation.score import Group, Score
 from twin.evaluation.track import Track
 from twin.report.best import clear_best
-from twin.report.figures import INK, MUTED, clean_axes, own_style, to_png_bytes
+from twin.report.figures import to_png_bytes
 from twin.report.intervals import interval_figure, interval_scores, interval_table
+from twin.report.limit import (
+    by_ratio,
+    chosen_scores,
+    groups_of,
+    has_limit,
+    is_limit,
+    limit_figure,
+    noise_figure,
+    times_the_limit,
+)
 from twin.report.paper_figures import paper_figures
 from twin.report.ranks import rank_figure, rank_table
 from twin.report.tables import group_name, paper_tables
@@ -43,7 +50,7 @@ def benchmark_tables(
         rankings: of every sample time and group.
     """
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
-    first = _groups(scores)[0]
+    first = groups_of(scores)[0]
     trainings = training_table(scores, "markdown")
     over = f"95 % interval over noise seeds{' and trainings' if trainings else ''}"
     parts = []
@@ -56,11 +63,11 @@ def benchmark_tables(
         place = group_name((ranking.stroke_mm, ranking.twin))
         parts.append(f"### Ranks by the geometric mean over noises, {place}, T = {ranking.sample_time_s:g} s")
         parts.append(rank_table(ranking))
-    for T in times if _has_limit(scores) else ():
+    for T in times if has_limit(scores) else ():
         parts.append(f"### Times the limit: geometric mean over noises, T = {T:g} s")
         parts.append(_ratio_table(scores, T))
     for T in times:
-        if stated := interval_table(_chosen(scores, T, first)):
+        if stated := interval_table(chosen_scores(scores, T, first)):
             parts.append(
                 f"### 95 % intervals: share [%] that held the truth, {group_name(first)}, T = {T:g} s"
             )
@@ -93,12 +100,12 @@ def benchmark_figures(
         tracks: of the first group of records at the longest sample time.
         rankings: of every sample time and group.
     """
-    longest, first = max(score.sample_time_s for score in scores), _groups(scores)[0]
-    shown = _chosen(scores, longest, first)
+    longest, first = max(score.sample_time_s for score in scores), groups_of(scores)[0]
+    shown = chosen_scores(scores, longest, first)
     ranked = [ranking for ranking in rankings if ranking.sample_time_s == longest]
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
-        **({"times_the_limit.png": limit_figure(scores)} if _has_limit(scores) else {}),
+        **({"times_the_limit.png": limit_figure(scores)} if has_limit(scores) else {}),
         **({"ranks.png": rank_figure(ranked)} if ranked and len(ranked[0].ranked) > 1 else {}),
         **({"intervals.png": interval_figure(shown)} if interval_scores(shown) else {}),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
@@ -106,104 +113,8 @@ def benchmark_figures(
     return {name: to_png_bytes(figure) for name, figure in figures.items()}
 
 
-def times_the_limit(scores: Sequence[Score], sample_time_s: float, group: Group) -> dict[str, float]:
-    """Return how many times the limit's RMSE each method has: the geometric mean over noises.
-
-    Args:
-        scores: of an evaluation.
-        sample_time_s: which sample time [s].
-        group: stroke [mm] and kind of twin.
-    """
-    chosen = _chosen(scores, sample_time_s, group)
-    limit = {score.condition: score.rmse_deg for score in chosen if _is_limit(score.method)}
-    ratios: dict[str, list[float]] = {}
-    for score in chosen:
-        if score.condition in limit:
-            ratios.setdefault(score.method, []).append(score.rmse_deg / limit[score.condition])
-    return {method: float(geometric_mean(np.array(r))) for method, r in ratios.items()}
-
-
-def noise_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the RMSE of every method, a panel for each noise, the best on top, beside the limit."""
-    noises = list(dict.fromkeys(score.condition for score in scores))
-    ratios = times_the_limit(scores, scores[0].sample_time_s, scores[0].group)
-    methods = sorted(ratios, key=lambda method: -ratios[method])
-    methods = methods or list(dict.fromkeys(score.method for score in reversed(scores)))  # without a limit
-    columns = 5
-    lines = -(-len(noises) // columns)
-    figure = Figure(figsize=(11, 0.22 * len(methods) * lines + 1.4), layout="constrained")
-    grid = np.atleast_1d(figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False)).ravel()
-    values = {(score.condition, score.method): score for score in scores}
-    limits = {score.condition: score.rmse_deg for score in scores if _is_limit(score.method)}
-    for axes, noise in zip(grid, noises, strict=False):
-        clean_axes(axes)
-        if noise in limits:
-            axes.axvline(limits[noise], color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
-        for line, method in enumerate(methods):
-            score = values[noise, method]
-            low, high = score.rmse_ci95_deg
-            own = own_style(method)
-            colour = INK if _is_limit(method) else MUTED if own is None else own.colour
-            axes.plot([max(low, 1e-3), high], [line, line], color=colour, linewidth=1.4)
-            face = "white" if score.oracle else colour
-            axes.plot(score.rmse_deg, line, "o", markersize=4.2, color=colour, markerfacecolor=face)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(FixedLocator([0.1, 0.3, 1, 3, 10]))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.set_title(noise_label(*noise), fontsize=8.5, color=INK, loc="left")
-        axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
-        axes.tick_params(labelsize=7.5, labelbottom=True)
-        axes.set_xlim(0.05, 30)
-        axes.set_ylim(-0.6, len(methods) - 0.4)
-    for axes in grid[len(noises) :]:
-        axes.set_visible(False)
-    figure.supxlabel(
-        "RMSE [deg], 95 % interval over seeds; dashed: the limit; hollow: oracle",
-        fontsize=8.5,
-        color=INK,
-    )
-    return figure
-
-
-def limit_figure(scores: Sequence[Score]) -> Figure:
-    """Draw, for every kind of record and both sample times, how many times the limit each method has."""
-    times = sorted({score.sample_time_s for score in scores}, reverse=True)
-    groups = _groups(scores)
-    table = {(T, group): times_the_limit(scores, T, group) for T in times for group in groups}
-    methods = _by_ratio(scores, times, groups)
-    figure = Figure(
-        figsize=(3.2 + 0.62 * len(groups) * len(times), 0.27 * len(methods) + 1.9), layout="constrained"
-    )
-    panels = figure.subplots(1, len(times), sharey=True, squeeze=False)[0]
-    for axes, T in zip(panels, times, strict=True):
-        cells = np.array([[table[T, group].get(method, np.nan) for group in groups] for method in methods])
-        axes.imshow(np.log(cells), cmap="Greys", vmin=0, vmax=np.log(40), aspect="auto")
-        for (line, column), value in np.ndenumerate(cells):
-            dark = np.log(value) > 0.55 * np.log(40)
-            axes.text(
-                column,
-                line,
-                f"{value:.1f}" if value < 9.95 else f"{value:.0f}",
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if dark else INK,
-            )
-        labels = [f"{twin} [{low:g}, {high:g}]" for (low, high), twin in groups]
-        axes.set_xticks(range(len(groups)), labels, rotation=60, ha="right", fontsize=7.5)
-        axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
-        axes.set_title(f"T = {T:g} s", fontsize=9, color=INK, loc="left")
-        axes.tick_params(length=0, colors=INK)
-        axes.spines[:].set_visible(False)
-    figure.suptitle(
-        "RMSE over the limit's, geometric mean over noises", fontsize=9.5, color=INK, x=0.01, ha="left"
-    )
-    return figure
-
-
 def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) -> str:
-    chosen = _chosen(scores, T, group)
+    chosen = chosen_scores(scores, T, group)
     noises = list(dict.fromkeys(score.condition for score in chosen))
     values = {(score.method, score.condition): score for score in chosen}
     methods = list(dict.fromkeys(score.method for score in chosen))
@@ -229,11 +140,11 @@ def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) ->
 
 
 def _ratio_table(scores: Sequence[Score], T: float) -> str:
-    groups = _groups(scores)
+    groups = groups_of(scores)
     table = {group: times_the_limit(scores, T, group) for group in groups}
     lines = [
         [method, *(f"{table[group][method]:.2f}" if method in table[group] else "-" for group in groups)]
-        for method in _by_ratio(scores, [T], groups)
+        for method in by_ratio(scores, [T], groups)
     ]
     headers = ["method", *(group_name(group) for group in groups)]
     align = ("left", *["right"] * len(groups))
@@ -245,7 +156,7 @@ def _bound_table(scores: Sequence[Score], bounds: Sequence[Row]) -> str:
     drawn = {
         (score.stroke_mm, score.sample_time_s, score.condition): score.rmse_deg
         for score in scores
-        if _is_limit(score.method) and score.twin in ("randomized", "measured")
+        if is_limit(score.method) and score.twin in ("randomized", "measured")
     }
     noises = list(dict.fromkeys(map(_noise, bounds)))
     lines: dict[Any, list[str]] = {}
@@ -285,37 +196,9 @@ def _interval_table(intervals: Sequence[Row]) -> str:
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
 
 
-def _by_ratio(scores: Sequence[Score], times: Sequence[float], groups: Sequence[Group]) -> list[str]:
-    """Methods, the nearest to the limit first, by their mean over groups and sample times."""
-    ratios: dict[str, list[float]] = {}
-    for T in times:
-        for group in groups:
-            for method, ratio in times_the_limit(scores, T, group).items():
-                ratios.setdefault(method, []).append(np.log(ratio))
-    return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
-
-
-def _chosen(scores: Sequence[Score], sample_time_s: float, group: Group) -> list[Score]:
-    """Return the scores of one sample time and one kind of records."""
-    return [score for score in scores if score.sample_time_s == sample_time_s and score.group == group]
-
-
-def _groups(scores: Sequence[Score]) -> list[Group]:
-    return list(dict.fromkeys(score.group for score in scores))
-
-
 def _place(row: Row) -> Group:
     return tuple(map(float, row["stroke_mm"])), str(row["twin"])
 
 
 def _noise(row: Row) -> tuple[str, float]:
     return str(row["noise"]), float(row["level"])
-
-
-def _is_limit(method: str) -> bool:
-    spec = method_spec(method)
-    return spec is not None and spec.is_limit
-
-
-def _has_limit(scores: Sequence[Score]) -> bool:
-    return any(_is_limit(score.method) for score in scores)
