@@ -9,8 +9,8 @@ from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.figures import INK, MUTED, clean_axes, own_style
 from twin.report.tables import group_name
 
-_PANELS = 4
-"""Most groups that one line of the figure has."""
+_PANELS = 3
+"""Panels beside each other, as there are strokes; one more fits where there is one line of them."""
 
 
 def rank_table(ranking: Ranking) -> str:
@@ -37,7 +37,7 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
     Args:
         rankings: of one sample time.
     """
-    columns = min(len(rankings), _PANELS)
+    columns = len(rankings) if len(rankings) <= _PANELS + 1 else _PANELS
     rows = -(-len(rankings) // columns)
     methods = [of.method for of in _by_error(rankings[0])][::-1]
     figure = Figure(
@@ -65,7 +65,7 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
         axes.xaxis.set_minor_formatter("")
         axes.set_title(group_name((ranking.stroke_mm, ranking.twin)), fontsize=8.5, color=INK, loc="left")
         axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
-        axes.tick_params(labelsize=7.5)
+        axes.tick_params(labelsize=7.5, labelbottom=True)
     for axes in grid[len(rankings) :]:
         axes.set_visible(False)
     figure.supxlabel(
