@@ -12,11 +12,12 @@ from rl.supervised import tensor32
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.features import SCALARS
 from rl.twins.filter_step import ALL
-from rl.twins.learning import EXPLORING, filter_sequences
+from rl.twins.learning import filter_sequences
 from rl.twins.recogniser import LAWS
 from rl.twins.sequences import SequenceSource
 from rl.twins.settings import SimulatedTraining
 from rl.twins.step import ACTIONS, TwinsStep
+from twin.signals.streams import Stream, random_stream
 
 LARGEST_ACTION = 3.0  # tanh(3) = 0.995 of what an action reaches
 
@@ -59,7 +60,7 @@ class TwinsEnvironment(SharedEnvironment):
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Restart the random numbers of all sequences."""
-        self.rng = np.random.default_rng(None if seed is None else [seed, EXPLORING])
+        self.rng = np.random.default_rng() if seed is None else random_stream(seed, Stream.LESSON_EXPLORING)
         return [seed] * self.num_envs
 
     def reset(self) -> Array32:

@@ -23,13 +23,11 @@ from rl.twins.sequences import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
+from twin.signals.streams import Stream, random_stream
 
 OnUpdate = Callable[[int, float], None]
 """Told how many updates of a lesson are done, and its latest loss."""
 COVERAGE = 0.95
-
-# What one seed is used for beside the records: the streams of these never meet.
-_RECOGNISER, _GAIN, _INTERVAL, _VALIDATION, _FAMILIARITY, EXPLORING = range(200, 206)
 
 
 def filter_sequences(
@@ -47,7 +45,7 @@ def learn_noise(
     step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Train the recogniser on residuals of the filter without a policy."""
-    rng = np.random.default_rng([settings.seed, _RECOGNISER])
+    rng = random_stream(settings.seed, Stream.LESSON_RECOGNISER)
     samples = (source.records.pull_mm.shape[1] - 1) // STRIDES[0]
     chosen = np.unique(np.geomspace(3, samples, 40).astype(int)) - 1
     histograms, levels, biases = [], [], []
@@ -77,7 +75,7 @@ def learn_noise(
 
 def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
-    rng = np.random.default_rng([settings.seed, _FAMILIARITY])
+    rng = random_stream(settings.seed, Stream.LESSON_FAMILIARITY)
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     with torch.no_grad():
@@ -113,7 +111,7 @@ def learn_gain(
     def loss(update: int) -> torch.Tensor:
         place = update % windows
         if place == 0:
-            rng = np.random.default_rng([settings.seed, _GAIN, update])
+            rng = random_stream(settings.seed, Stream.LESSON_GAIN, update)
             whole = source.draw(settings.sequences, episode, rng)
             held[:] = [(whole, step.start(whole.variance))]
         whole, state = held[0]
@@ -160,7 +158,7 @@ def learn_interval(
     step: FilterStep, source: SequenceSource, settings: SimulatedTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Train the width of the interval on errors of the finished filter; nothing else changes."""
-    rng = np.random.default_rng([settings.seed, _INTERVAL])
+    rng = random_stream(settings.seed, Stream.LESSON_INTERVAL)
     seen, errors = [], []
     with torch.no_grad():
         for place, drawn, (output, _) in _finished(
@@ -208,7 +206,7 @@ class Validation(NamedTuple):
 
 def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> Validation:
     """Return how a step does on held-out sequences; the same ones each time."""
-    rng = np.random.default_rng([settings.seed, _VALIDATION])
+    rng = random_stream(settings.seed, Stream.LESSON_VALIDATION)
     losses, actions = [], []
     for stride in (max(source.strides), min(source.strides)):
         drawn = source.draw(160, settings.episode, rng, stride)

@@ -20,13 +20,11 @@ from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.runtime.deployment import Deployment, prepare_deployment
 from twin.signals.noise import draw_noise
+from twin.signals.streams import Stream, random_stream
 
 PREVIEW_S = 1.0
 """Time for which a reference is known ahead, where nothing else is asked for [s]."""
 MODEL_SAMPLE_TIME, MODEL_STRIDE = 0.02, 5  # of the records that a model is identified on
-# What one seed is used for: streams of random numbers that never meet.
-_CONTROL = 500
-_TWINS, _REFERENCES, _NOISE, _TUNING_TWINS, _TUNING_REFERENCES, _TUNING_NOISE = range(_CONTROL, _CONTROL + 6)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,10 +114,10 @@ class ControlSettings:
 
     def held_out(self, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
         """Return an endoscope that is scored under a condition, with the servo of the limits."""
-        return self._drawn(_TWINS, number, condition)
+        return self._drawn(Stream.CONTROL_TWINS, number, condition)
 
-    def _drawn(self, stream: int, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
-        rng = np.random.default_rng([self.seed, stream, number])
+    def _drawn(self, stream: Stream, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
+        rng = random_stream(self.seed, stream, number)
         drawn = condition.draw(self.preset, self.ranges, rng)
         speed = self.speed_mm_s * 1e-3
         if drawn.servo_speed:
@@ -135,12 +133,11 @@ class ControlSettings:
         for number in range(self.twins):
             preset = self.held_out(number, condition)
             for kind in condition.signals:
-                which = [self.seed, _REFERENCES, place, number, SIGNALS.index(kind)]
-                wanted = self._reference(kind, knowledge, self.seconds, which)
-                which = [self.seed, _NOISE, place, number, SIGNALS.index(kind)]
-                noise = draw_noise(
-                    condition.noise, condition.level, (len(wanted),), np.random.default_rng(which)
-                )
+                which = place, number, SIGNALS.index(kind)
+                rng = random_stream(self.seed, Stream.CONTROL_REFERENCES, *which)
+                wanted = self._reference(kind, knowledge, self.seconds, rng)
+                rng = random_stream(self.seed, Stream.CONTROL_NOISE, *which)
+                noise = draw_noise(condition.noise, condition.level, (len(wanted),), rng)
                 bend, force = condition.sheath_bend(preset, len(wanted)), condition.tip_forces(len(wanted))
                 cases.append(ControlCase(preset, wanted, noise, bend, force, self.physics))
         return cases
@@ -150,19 +147,19 @@ class ControlSettings:
         place = self.strokes_mm.index(knowledge.stroke_mm)
         cases = []
         for number, kind in enumerate(SLOW):
-            which = [self.seed, _TUNING_REFERENCES, place, number]
-            wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), which)
-            rng = np.random.default_rng([self.seed, _TUNING_NOISE, place, number])
+            rng = random_stream(self.seed, Stream.CONTROL_TUNING_REFERENCES, place, number)
+            wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), rng)
+            rng = random_stream(self.seed, Stream.CONTROL_TUNING_NOISE, place, number)
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
-            preset = self._drawn(_TUNING_TWINS, place * len(SLOW) + number)
+            preset = self._drawn(Stream.CONTROL_TUNING_TWINS, place * len(SLOW) + number)
             cases.append(ControlCase(preset, wanted, noise, physics="reduced"))
         return cases
 
     def _reference(
-        self, kind: str, knowledge: ControlKnowledge, seconds: float, which: list[int]
+        self, kind: str, knowledge: ControlKnowledge, seconds: float, rng: np.random.Generator
     ) -> np.ndarray:
         reached = knowledge.line.reached_deg
-        return reference(kind, reached, seconds, knowledge.sample_time, np.random.default_rng(which))
+        return reference(kind, reached, seconds, knowledge.sample_time, rng)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all that results depend on, as plain values."""

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from twin.preset.preset import Preset
 from twin.signals.excitation import SIGNALS, command
+from twin.signals.streams import Stream, random_stream
 from twin.simulation import simulate
 
 Array = NDArray[np.float64]
 _SECONDS = 60.0
-_MODEL = 210  # what the seed is used for
 
 
 def nominal_records(
@@ -30,7 +30,7 @@ def nominal_records(
     low, high = stroke_mm
     records = []
     for number, kind in enumerate(SIGNALS):
-        rng = np.random.default_rng([seed, _MODEL, number])
+        rng = random_stream(seed, Stream.NOMINAL_RECORDS, number)
         pull = command(kind, (low * 1e-3, high * 1e-3), _SECONDS, sample_time, rng)
         bend_deg = simulate(preset, pull, sample_time, physics="reduced").bend_deg
         records.append((pull[::stride] * 1e3, bend_deg[::stride]))

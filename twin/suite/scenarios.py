@@ -21,6 +21,7 @@ from twin.preset.randomization import Ranges
 from twin.recording import write_episode
 from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
+from twin.signals.streams import Stream, random_stream
 from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
@@ -31,7 +32,6 @@ RANDOMIZED = 20
 BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
 
 # What one seed is used for: the streams of these never meet.
-_COMMANDS, _TWINS, _MEMBERS = range(3)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +64,7 @@ def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list
         seconds: length of a record.
         seed: of commands and twins.
     """
-    twins = [ranges.draw(preset, np.random.default_rng([seed, _TWINS, k])) for k in range(RANDOMIZED)]
+    twins = [ranges.draw(preset, random_stream(seed, Stream.BENCHMARK_TWINS, k)) for k in range(RANDOMIZED)]
     drives = []
     for stroke in STROKES_MM:
         for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
@@ -84,7 +84,11 @@ def commands(stroke_mm: tuple[float, float], seconds: float, seed: int) -> dict[
     place = STROKES_MM.index(stroke_mm)
     return {
         signal: command(
-            signal, metres, seconds, SAMPLE_TIME, np.random.default_rng([seed, _COMMANDS, place, number])
+            signal,
+            metres,
+            seconds,
+            SAMPLE_TIME,
+            random_stream(seed, Stream.BENCHMARK_COMMANDS, place, number),
         )
         for number, signal in enumerate(SIGNALS)
     }
@@ -112,7 +116,7 @@ def members(
     """
     drives = []
     for number in range(count):
-        rng = np.random.default_rng([seed, _MEMBERS, number])
+        rng = random_stream(seed, Stream.BENCHMARK_MEMBERS, number)
         drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
         bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
         drives.append(Scenario("member", drawn, "given", stroke_mm, pull, bend))

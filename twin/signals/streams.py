@@ -1,0 +1,50 @@
+"""Streams of random numbers: all that one seed is used for, each use with numbers of its own."""
+
+import enum
+
+import numpy as np
+
+
+class Stream(enum.IntEnum):
+    """Use of a seed; its number stands behind the seed in what a generator begins from.
+
+    NumPy fills what a generator begins from with zeros (O'Neill's mixing, four words at least): `[1, 1]` and
+    `[1, 1, 0]` begin the same stream. Two uses must therefore differ here, not in how many numbers follow.
+    """
+
+    BENCHMARK_COMMANDS = 0
+    BENCHMARK_TWINS = 1
+    BENCHMARK_MEMBERS = 2
+    TWINS_MEMBERS = 100
+    TWINS_COMMANDS = 101
+    TWINS_TRUTHS = 102
+    TWINS_SHEATHS = 103
+    TWINS_BEGINS = 104
+    LESSON_RECOGNISER = 200
+    LESSON_GAIN = 201
+    LESSON_INTERVAL = 202
+    LESSON_VALIDATION = 203
+    LESSON_FAMILIARITY = 204
+    LESSON_EXPLORING = 205
+    NOMINAL_RECORDS = 210
+    RANKS = 300
+    FILTER_TUNING = 310
+    LIKELIHOOD_SEARCH = 311
+    NETWORK = 320
+    CONTROL_TWINS = 500
+    CONTROL_REFERENCES = 501
+    CONTROL_NOISE = 502
+    CONTROL_TUNING_TWINS = 503
+    CONTROL_TUNING_REFERENCES = 504
+    CONTROL_TUNING_NOISE = 505
+
+
+def random_stream(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:
+    """Return the random numbers of one use of a seed.
+
+    Args:
+        seed: of everything.
+        stream: the use.
+        numbers: which of several of that use, as many in each call.
+    """
+    return np.random.default_rng([seed, stream, *numbers])
