@@ -18,7 +18,7 @@ from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import surprises
 from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import HysteresisModel
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def train_gru(
     path = folder / TRAINING.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
-        rng = random_stream(training.seed, Stream.NETWORK)
+        rng = random_stream(training.seed, SeedUse.NETWORK)
         pull, bend = stack_records(records)
         task = TrainingTask(pull, bend, training.noise, training.noise_level)
         model, scale = active_model.model, float(deviation(active_model.measurement_variance))

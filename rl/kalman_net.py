@@ -30,7 +30,7 @@ from twin.estimation.learned.kalman_net import (
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import affine_steps
 from twin.estimation.task import TrainingTask, stack_records
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 ERROR_GAIN_LIMIT = 2.0  # largest gain of f [1 / s]
@@ -150,7 +150,7 @@ def _windows(
     network: GainNetwork, task: TrainingTask, active_model: ActiveModel, training: KalmanNetTraining
 ) -> Iterator[torch.Tensor]:
     """Yield the mean square error, in units of R, of one window after another, with its gradient."""
-    rng = random_stream(training.seed, Stream.NETWORK)
+    rng = random_stream(training.seed, SeedUse.NETWORK)
     keep_all, drive_all = affine_steps(active_model.model, task.pull_mm)
     episode, window = training.episode, training.window
     scale = tensor32(deviation(active_model.measurement_variance))

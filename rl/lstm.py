@@ -16,7 +16,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.lstm import LSTM, STATES, TRAINING, increments
 from twin.estimation.task import TrainingTask, stack_records
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 WARM_UP = 10  # samples at the start of a sequence that are not scored: the network has seen nothing yet
@@ -81,7 +81,7 @@ def train_lstm(
     path = folder / TRAINING.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
-        rng = random_stream(training.seed, Stream.NETWORK)
+        rng = random_stream(training.seed, SeedUse.NETWORK)
         task = TrainingTask(*stack_records(records), training.noise, training.noise_level)
         network = LstmNetwork(training.hidden)
         _normalise(network, task, rng)

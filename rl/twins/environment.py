@@ -17,7 +17,7 @@ from rl.twins.recogniser import LAWS
 from rl.twins.sequences import SequenceSource
 from rl.twins.settings import SimulatedTraining
 from rl.twins.step import ACTIONS, TwinsStep
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 LARGEST_ACTION = 3.0  # tanh(3) = 0.995 of what an action reaches
 
@@ -60,7 +60,7 @@ class TwinsEnvironment(SharedEnvironment):
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Restart the random numbers of all sequences."""
-        self.rng = np.random.default_rng() if seed is None else random_stream(seed, Stream.LESSON_EXPLORING)
+        self.rng = np.random.default_rng() if seed is None else random_stream(seed, SeedUse.LESSON_EXPLORING)
         return [seed] * self.num_envs
 
     def reset(self) -> Array32:

@@ -23,7 +23,7 @@ from rl.twins.sequences import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 OnUpdate = Callable[[int, float], None]
 """Told how many updates of a lesson are done, and its latest loss."""
@@ -45,7 +45,7 @@ def learn_noise(
     step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Train the recogniser on residuals of the filter without a policy."""
-    rng = random_stream(settings.seed, Stream.LESSON_RECOGNISER)
+    rng = random_stream(settings.seed, SeedUse.LESSON_RECOGNISER)
     samples = (source.records.pull_mm.shape[1] - 1) // STRIDES[0]
     chosen = np.unique(np.geomspace(3, samples, 40).astype(int)) - 1
     histograms, levels, biases = [], [], []
@@ -75,7 +75,7 @@ def learn_noise(
 
 def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
-    rng = random_stream(settings.seed, Stream.LESSON_FAMILIARITY)
+    rng = random_stream(settings.seed, SeedUse.LESSON_FAMILIARITY)
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     with torch.no_grad():
@@ -111,7 +111,7 @@ def learn_gain(
     def loss(update: int) -> torch.Tensor:
         place = update % windows
         if place == 0:
-            rng = random_stream(settings.seed, Stream.LESSON_GAIN, update)
+            rng = random_stream(settings.seed, SeedUse.LESSON_GAIN, update)
             whole = source.draw(settings.sequences, episode, rng)
             held[:] = [(whole, step.start(whole.variance))]
         whole, state = held[0]
@@ -158,7 +158,7 @@ def learn_interval(
     step: FilterStep, source: SequenceSource, settings: SimulatedTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Train the width of the interval on errors of the finished filter; nothing else changes."""
-    rng = random_stream(settings.seed, Stream.LESSON_INTERVAL)
+    rng = random_stream(settings.seed, SeedUse.LESSON_INTERVAL)
     seen, errors = [], []
     with torch.no_grad():
         for place, drawn, (output, _) in _finished(
@@ -206,7 +206,7 @@ class Validation(NamedTuple):
 
 def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> Validation:
     """Return how a step does on held-out sequences; the same ones each time."""
-    rng = random_stream(settings.seed, Stream.LESSON_VALIDATION)
+    rng = random_stream(settings.seed, SeedUse.LESSON_VALIDATION)
     losses, actions = [], []
     for stride in (max(source.strides), min(source.strides)):
         drawn = source.draw(160, settings.episode, rng, stride)

@@ -12,7 +12,7 @@ from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
 from twin.reduced.member_set import MemberSet
 from twin.signals.excitation import SIGNALS, command
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array32 = NDArray[np.float32]
 
@@ -53,14 +53,14 @@ def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int, moving: 
         moving: how many of them are in a sheath that moves between two bends from the ranges.
     """
     drawn = [
-        ranges.draw(preset, random_stream(seed, Stream.TWINS_MEMBERS, number)) for number in range(count)
+        ranges.draw(preset, random_stream(seed, SeedUse.TWINS_MEMBERS, number)) for number in range(count)
     ]
     still = MemberSet.still(drawn)
     if not moving:
         return still
     other, period, phase = (of.copy() for of in still[1:])
     for number in range(count - moving, count):
-        rng = random_stream(seed, Stream.TWINS_SHEATHS, number)
+        rng = random_stream(seed, SeedUse.TWINS_SHEATHS, number)
         other[number] = ranges.draw(preset, rng).sheath_bend
         period[number] = np.exp(rng.uniform(*np.log(_PERIODS)))
         phase[number] = rng.uniform()
@@ -98,14 +98,14 @@ def simulate_records(
     kinds, wide = list(SIGNALS), ranges.wider(_WIDER)
     pulls, bends, count = [], [], len(members.presets)
     for number in range(commands):
-        rng = random_stream(seed, Stream.TWINS_COMMANDS, number)
+        rng = random_stream(seed, SeedUse.TWINS_COMMANDS, number)
         pull = command(kinds[number % len(kinds)], _stroke(stroke_mm, rng), seconds, SAMPLE_TIME, rng)
         presets, sheath_bends = _members_along(
-            members, len(pull), random_stream(seed, Stream.TWINS_BEGINS, number)
+            members, len(pull), random_stream(seed, SeedUse.TWINS_BEGINS, number)
         )
         # Drawn from wider ranges, a twin may find no equilibrium: the first that do are taken.
         for place in range(twins + _SPARE):
-            rng = random_stream(seed, Stream.TWINS_TRUTHS, number, place)
+            rng = random_stream(seed, SeedUse.TWINS_TRUTHS, number, place)
             drawn, other = ((wide if place % 4 == 0 else ranges).draw(preset, rng) for _ in range(2))
             moves = rng.uniform() < _MOVING
             presets.append(drawn)

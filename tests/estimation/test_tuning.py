@@ -15,7 +15,7 @@ from twin.estimation.tuning import (
     tune_active_model,
 )
 from twin.hysteresis import ColemanHodgdon
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 AT_REST = ColemanHodgdon(1.0, 1.0, 1.0)  # without motion theta is a random walk plus the integral of f
 
@@ -127,7 +127,7 @@ def test_training_episodes_are_noisy_records_from_a_wrong_start(records):
 
 def test_training_episodes_are_those_that_the_published_rows_were_tuned_on(records):
     task = TrainingTask(*stack_records(records))
-    record, measurement, initial = task.draw(16, random_stream(7, Stream.FILTER_TUNING))
+    record, measurement, initial = task.draw(16, random_stream(7, SeedUse.FILTER_TUNING))
     episodes = draw_training_episodes(task, 7)
     np.testing.assert_array_equal(episodes.pull_mm, task.pull_mm[record])
     np.testing.assert_array_equal(episodes.measurement_deg, measurement)

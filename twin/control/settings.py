@@ -20,7 +20,7 @@ from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.runtime.deployment import Deployment, prepare_deployment
 from twin.signals.noise import draw_noise
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 PREVIEW_S = 1.0
 """Time for which a reference is known ahead, where nothing else is asked for [s]."""
@@ -114,9 +114,9 @@ class ControlSettings:
 
     def held_out(self, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
         """Return an endoscope that is scored under a condition, with the servo of the limits."""
-        return self._drawn(Stream.CONTROL_TWINS, number, condition)
+        return self._drawn(SeedUse.CONTROL_TWINS, number, condition)
 
-    def _drawn(self, stream: Stream, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
+    def _drawn(self, stream: SeedUse, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
         rng = random_stream(self.seed, stream, number)
         drawn = condition.draw(self.preset, self.ranges, rng)
         speed = self.speed_mm_s * 1e-3
@@ -134,9 +134,9 @@ class ControlSettings:
             preset = self.held_out(number, condition)
             for kind in condition.signals:
                 which = place, number, SIGNALS.index(kind)
-                rng = random_stream(self.seed, Stream.CONTROL_REFERENCES, *which)
+                rng = random_stream(self.seed, SeedUse.CONTROL_REFERENCES, *which)
                 wanted = self._reference(kind, knowledge, self.seconds, rng)
-                rng = random_stream(self.seed, Stream.CONTROL_NOISE, *which)
+                rng = random_stream(self.seed, SeedUse.CONTROL_NOISE, *which)
                 noise = draw_noise(condition.noise, condition.level, (len(wanted),), rng)
                 bend, force = condition.sheath_bend(preset, len(wanted)), condition.tip_forces(len(wanted))
                 cases.append(ControlCase(preset, wanted, noise, bend, force, self.physics))
@@ -147,11 +147,11 @@ class ControlSettings:
         place = self.strokes_mm.index(knowledge.stroke_mm)
         cases = []
         for number, kind in enumerate(SLOW):
-            rng = random_stream(self.seed, Stream.CONTROL_TUNING_REFERENCES, place, number)
+            rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_REFERENCES, place, number)
             wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), rng)
-            rng = random_stream(self.seed, Stream.CONTROL_TUNING_NOISE, place, number)
+            rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_NOISE, place, number)
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
-            preset = self._drawn(Stream.CONTROL_TUNING_TWINS, place * len(SLOW) + number)
+            preset = self._drawn(SeedUse.CONTROL_TUNING_TWINS, place * len(SLOW) + number)
             cases.append(ControlCase(preset, wanted, noise, physics="reduced"))
         return cases
 

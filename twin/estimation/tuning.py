@@ -19,7 +19,7 @@ from twin.estimation.registry import MethodSpec, Style, register_method
 from twin.estimation.task import TrainingTask
 from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is tuned on
@@ -52,7 +52,7 @@ class UntoldActiveModel(ActiveModel):
 
 def draw_training_episodes(task: TrainingTask, seed: int, count: int = TUNING_DRAWS) -> TrainingEpisodes:
     """Draw the episodes that all filters of one seed are tuned on."""
-    record, measurement, initial = task.draw(count, random_stream(seed, Stream.FILTER_TUNING))
+    record, measurement, initial = task.draw(count, random_stream(seed, SeedUse.FILTER_TUNING))
     return TrainingEpisodes(task.pull_mm[record], measurement, initial, task.bend_deg[record])
 
 

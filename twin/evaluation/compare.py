@@ -19,7 +19,7 @@ from twin.evaluation.ranking import Ranking, rank_methods
 from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def _evaluate_group(
             scores[condition, method.name] = row
         squares[method.name] = _squares(errors, [record.seen for _, record in records])
     oracles = [method.name for method in methods if method.oracle]
-    rng = random_stream(protocol.seed, Stream.RANKS, records[0][0])
+    rng = random_stream(protocol.seed, SeedUse.RANKS, records[0][0])
     ranked = rank_methods(squares, oracles, rng)
     first = records[0][1]
     time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s

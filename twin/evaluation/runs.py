@@ -1,23 +1,18 @@
 """Errors of every single run of a comparison: what others need to compare theirs in pairs."""
 
-import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from twin.errors import InputError
 from twin.evaluation.score import Score
-from twin.files.arrays import MOST_ARRAYS, read_arrays
-from twin.files.atomic import write_whole
+from twin.files.arrays import MOST_ARRAYS
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import parse_json
-from twin.files.schema import rule_of
-from twin.files.shown import cut
+from twin.files.headed_arrays import read_headed, write_headed
 
 Array = NDArray[np.float64]
 Name = Annotated[str, Field(max_length=200)]
@@ -47,6 +42,7 @@ class RunsHead(BaseModel):
     twin: Name
 
 
+_PREFIX = "square_deg2"
 _HEADS = TypeAdapter(Annotated[list[RunsHead], Field(max_length=MOST_ARRAYS - 1)])
 
 
@@ -64,15 +60,10 @@ def save_runs(path: Path, scores: Sequence[Score], squares: Sequence[Array]) -> 
             sample_time_s=score.sample_time_s,
             stroke_mm=list(score.stroke_mm),
             twin=score.twin,
-        ).model_dump()
+        )
         for score in scores
     ]
-    arrays = {"heads": np.array(json.dumps(heads))}
-    for number, of in enumerate(squares):
-        arrays[f"square_deg2_{number}"] = of.astype(np.float32)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_whole(path, buffer.getvalue())
+    write_headed(path, _PREFIX, heads, [of.astype(np.float32) for of in squares])
 
 
 def load_runs(path: Path) -> list[tuple[RunsHead, Array]]:
@@ -82,16 +73,7 @@ def load_runs(path: Path) -> list[tuple[RunsHead, Array]]:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no runs.
     """
-    arrays = read_arrays(path, MOST_BYTES, "runs")
-    try:
-        heads = _HEADS.validate_python(parse_json(str(arrays["heads"])))
-        return [(head, _errors(arrays[f"square_deg2_{number}"])) for number, head in enumerate(heads)]
-    except KeyError as error:
-        raise InputError(f"{path} holds no runs: {cut(error)} is missing") from error
-    except ValidationError as error:
-        raise InputError(f"{path} holds no runs: heads: {rule_of(error.errors()[0]['msg'])}") from None
-    except ValueError as error:
-        raise InputError(f"{path} holds no runs: {cut(error)}") from error
+    return read_headed(path, _PREFIX, _HEADS, lambda head, of: (head, _errors(of)), "runs", MOST_BYTES)
 
 
 def _errors(squares: Array) -> Array:

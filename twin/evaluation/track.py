@@ -1,23 +1,17 @@
 """Track: the estimates of every method along one record under one noise, behind a tracking figure."""
 
 import dataclasses
-import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from twin.errors import InputError
-from twin.files.arrays import read_arrays
-from twin.files.atomic import write_whole
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import parse_json
-from twin.files.schema import rule_of
-from twin.files.shown import cut
+from twin.files.headed_arrays import read_headed, write_headed
 
 Array = NDArray[np.float64]
 Name = Annotated[str, Field(max_length=100)]
@@ -43,6 +37,7 @@ class TrackHead(BaseModel):
     methods: Annotated[list[Name], Field(max_length=200)]
 
 
+_PREFIX = "track"
 _HEADS = TypeAdapter(Annotated[list[TrackHead], Field(max_length=1000)])
 
 
@@ -83,14 +78,9 @@ def save_tracks(path: Path, tracks: Sequence[Track]) -> None:
     Raises:
         FileNotFoundError: the folder does not exist.
     """
-    heads = [{"noise": t.noise, "level": t.level, "methods": list(t.estimates)} for t in tracks]
-    arrays = {"heads": np.array(json.dumps(heads))}
-    for number, track in enumerate(tracks):
-        rows = [track.time, track.truth_deg, track.measurement_deg, *track.estimates.values()]
-        arrays[f"track_{number}"] = np.stack(rows)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
-    write_whole(path, buffer.getvalue())
+    heads = [TrackHead(noise=of.noise, level=of.level, methods=list(of.estimates)) for of in tracks]
+    rows = [np.stack([of.time, of.truth_deg, of.measurement_deg, *of.estimates.values()]) for of in tracks]
+    write_headed(path, _PREFIX, heads, rows)
 
 
 def load_tracks(path: Path) -> list[Track]:
@@ -100,16 +90,7 @@ def load_tracks(path: Path) -> list[Track]:
         FileNotFoundError: there is no such file.
         ValueError: the file holds no tracks.
     """
-    arrays = read_arrays(path, MOST_BYTES, "tracks")
-    try:
-        heads = _HEADS.validate_python(parse_json(str(arrays["heads"])))
-        return [_track(head, arrays[f"track_{number}"]) for number, head in enumerate(heads)]
-    except KeyError as error:
-        raise InputError(f"{path} holds no tracks: {cut(error)} is missing") from error
-    except ValidationError as error:
-        raise InputError(f"{path} holds no tracks: heads: {rule_of(error.errors()[0]['msg'])}") from None
-    except ValueError as error:
-        raise InputError(f"{path} holds no tracks: {cut(error)}") from error
+    return read_headed(path, _PREFIX, _HEADS, _track, "tracks", MOST_BYTES)
 
 
 def _track(head: TrackHead, rows: NDArray[Any]) -> Track:

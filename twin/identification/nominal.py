@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from twin.preset.preset import Preset
 from twin.signals.excitation import SIGNALS, command
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 from twin.simulation import simulate
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def nominal_records(
     low, high = stroke_mm
     records = []
     for number, kind in enumerate(SIGNALS):
-        rng = random_stream(seed, Stream.NOMINAL_RECORDS, number)
+        rng = random_stream(seed, SeedUse.NOMINAL_RECORDS, number)
         pull = command(kind, (low * 1e-3, high * 1e-3), _SECONDS, sample_time, rng)
         bend_deg = simulate(preset, pull, sample_time, physics="reduced").bend_deg
         records.append((pull[::stride] * 1e3, bend_deg[::stride]))

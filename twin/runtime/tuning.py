@@ -15,7 +15,7 @@ from twin.estimation.task import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes
 from twin.estimation.two_states import predicted, updated
 from twin.hysteresis import ColemanHodgdon
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 CANDIDATES, BEST, ROUNDS = 64, 8, 12
@@ -39,7 +39,7 @@ def tune_fallback(
         *stack_records(records), noise_level=float(np.asarray(active_model.measurement_variance))
     )
     episodes = draw_training_episodes(task, seed, EPISODES)
-    rng = random_stream(seed, Stream.LIKELIHOOD_SEARCH)
+    rng = random_stream(seed, SeedUse.LIKELIHOOD_SEARCH)
     middle, spread = MIDDLE, SPREAD
     for _ in range(ROUNDS):
         candidates = middle + spread * rng.standard_normal((CANDIDATES, len(MIDDLE)))

@@ -5,7 +5,7 @@ import enum
 import numpy as np
 
 
-class Stream(enum.IntEnum):
+class SeedUse(enum.IntEnum):
     """Use of a seed; its number stands behind the seed in what a generator begins from.
 
     NumPy fills what a generator begins from with zeros (O'Neill's mixing, four words at least): `[1, 1]` and
@@ -39,7 +39,7 @@ class Stream(enum.IntEnum):
     CONTROL_TUNING_NOISE = 505
 
 
-def random_stream(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:
+def random_stream(seed: int, stream: SeedUse, *numbers: int) -> np.random.Generator:
     """Return the random numbers of one use of a seed.
 
     Args:

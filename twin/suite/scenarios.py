@@ -21,7 +21,7 @@ from twin.preset.randomization import Ranges
 from twin.recording import write_episode
 from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
-from twin.signals.streams import Stream, random_stream
+from twin.signals.streams import SeedUse, random_stream
 from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list
         seconds: length of a record.
         seed: of commands and twins.
     """
-    twins = [ranges.draw(preset, random_stream(seed, Stream.BENCHMARK_TWINS, k)) for k in range(RANDOMIZED)]
+    twins = [ranges.draw(preset, random_stream(seed, SeedUse.BENCHMARK_TWINS, k)) for k in range(RANDOMIZED)]
     drives = []
     for stroke in STROKES_MM:
         for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
@@ -88,7 +88,7 @@ def commands(stroke_mm: tuple[float, float], seconds: float, seed: int) -> dict[
             metres,
             seconds,
             SAMPLE_TIME,
-            random_stream(seed, Stream.BENCHMARK_COMMANDS, place, number),
+            random_stream(seed, SeedUse.BENCHMARK_COMMANDS, place, number),
         )
         for number, signal in enumerate(SIGNALS)
     }
@@ -116,7 +116,7 @@ def members(
     """
     drives = []
     for number in range(count):
-        rng = random_stream(seed, Stream.BENCHMARK_MEMBERS, number)
+        rng = random_stream(seed, SeedUse.BENCHMARK_MEMBERS, number)
         drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
         bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
         drives.append(Scenario("member", drawn, "given", stroke_mm, pull, bend))
