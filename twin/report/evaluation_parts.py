@@ -22,10 +22,10 @@ from twin.report.tables import INDEX_LABELS, group_name, ordered, protocol_score
 COLUMNS = {"rmse_deg": INDEX_LABELS["rmse_deg"]} | INDEX_LABELS
 """Indices of a table, RMSE first: a narrow screen shows the first columns first."""
 EXPLAINED = (
-    "The best of each column is bold; figures in brackets are the paper's, of another endoscope. Every "
-    "method is scored against the clean truth, from the sample after the wrong initial estimate on. MD is "
-    "the mean of |e - mean e|: the paper prints squares, but its figures are in degrees. An oracle saw the "
-    "clean truth and cannot be deployed."
+    "An RMSE is bold where it is the best beyond doubt: the paired 95 % intervals of all others are above "
+    "it. Figures in brackets are the paper's, of another endoscope. Every method is scored against the clean "
+    "truth, from the sample after the wrong initial estimate on. MD is the mean of |e - mean e|: the paper "
+    "prints squares, but its figures are in degrees. An oracle saw the clean truth and cannot be deployed."
 )
 
 

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 from tabulate import tabulate
 
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.figures import INK, MUTED, clean_axes, own_style
 from twin.report.tables import group_name
 
+_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 _PANELS = 3
 """Panels beside each other, as there are strokes; one more fits where there is one line of them."""
 
@@ -62,7 +64,9 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
             axes.plot(of.rmse_deg / first, line, shape, markersize=4.2, color=colour, markerfacecolor=face)
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
+        axes.xaxis.set_major_locator(FixedLocator(_TICKS))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_ylim(-0.6, len(methods) - 0.4)
         axes.set_title(group_name((ranking.stroke_mm, ranking.twin)), fontsize=8.5, color=INK, loc="left")
         axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
         axes.tick_params(labelsize=7.5, labelbottom=True)
