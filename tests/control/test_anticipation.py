@@ -142,18 +142,3 @@ def test_a_model_that_bends_against_its_pull_is_no_reason_to_go_ahead():
 
     for _ in range(5):
         assert math.isnan(anticipation.wanted_mm(0.5, 5.0, 5.0, stands, against))
-
-
-@pytest.mark.parametrize(("ahead_deg", "brings_deg"), [(0.0, LATE_DEG), (0.1, LATE_DEG - 0.1), (2.0, 0.0)])
-def test_where_friction_lets_go_it_goes_no_further_ahead_than_it_needs_to(ahead_deg, brings_deg):
-    """It crosses a dead band that takes longer than there is time for: nothing is to be ahead meanwhile. Then
-    the endoscope breaks loose, and each millimetre brings 200 deg."""
-    play, anticipation = Play(3.0, 0.0), Anticipation(LIMITS, T)
-    falls = np.where(np.arange(50) < 25, 0.0, -10.0)
-    assert anticipation.wanted_mm(3.0, 0.0, 0.0, falls, play.along) == pytest.approx(3.0 - WAY)
-
-    def lets_go(pulls, samples):
-        return 200.0 * (pulls - 3.0)
-
-    wanted = anticipation.wanted_mm(3.0, -ahead_deg, 0.0, falls, lets_go)
-    assert 200.0 * (3.0 - wanted) == pytest.approx(brings_deg, abs=1e-9)

@@ -48,7 +48,7 @@ class Anticipation:
     def forget(self) -> None:
         """Begin anew."""
         self.direction = 0.0
-        self._goes, self._waits, self._lead_deg = False, 0, 0.0
+        self._goes, self._waits = False, 0
 
     def wanted_mm(
         self, pull_mm: float, bend_deg: float, reference_deg: float, coming_deg: Array, along: Along
@@ -76,15 +76,7 @@ class Anticipation:
             self.direction = 0.0
         if not self.direction:
             return math.nan
-        if not self._goes:
-            return pull_mm
-        low, high = self._limits.low_mm, self._limits.high_mm
-        pull = min(max(pull_mm + self.direction * self._way_mm, low), high)
-        # Where friction lets go, one sample may bring more than is wanted in all.
-        room = max(self._lead_deg - self.direction * ahead, 0.0)
-        brought = self.direction * float(along(np.array([pull]), np.ones(1, dtype=np.int64))[0])
-        share = 1.0 if brought < room else (room / brought if brought > 0 else 0.0)
-        return pull_mm + share * (pull - pull_mm)
+        return pull_mm + self.direction * self._way_mm * self._goes
 
     def _look(self, pull_mm: float, bend_deg: float, coming_deg: Array, along: Along) -> None:
         """Compare the reference with what the limit of speed brings, and begin, go on or wait."""
@@ -101,6 +93,5 @@ class Anticipation:
             self._goes = behind > IN_TIME_DEG
         elif behind > LATE_DEG:
             first = direction * (bend_deg - coming_deg[0])
-            lead = max(first, float(ahead[:latest].max(initial=0.0)))
-            if behind >= lead:
-                self.direction, self._goes, self._lead_deg = direction, True, lead + LATE_DEG
+            if behind >= max(first, float(ahead[:latest].max(initial=0.0))):
+                self.direction, self._goes = direction, True
