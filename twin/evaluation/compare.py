@@ -138,13 +138,19 @@ def _squares(errors: Array, seen: Sequence[NDArray[np.bool_]]) -> Array:
     """Return (K, C, R, S) mean square errors of (K, R, C, S, N) errors, but for the initial estimate."""
     found, counts = [], []
     for place, mask in enumerate(seen):
-        scored = mask.copy()
-        scored[: min(1, int(np.flatnonzero(mask)[-1]))] = False
-        found.append((errors[:, place, :, :, : len(mask)][..., scored] ** 2).mean(axis=-1))
-        counts.append(scored.sum())
+        scored = _scored(errors[:, place], mask, 1)
+        found.append((scored**2).mean(axis=-1))
+        counts.append(scored.shape[-1])
     weights = np.array(counts) * len(counts) / sum(counts)
     squares: Array = np.stack(found, axis=2) * weights[:, None]
     return squares
+
+
+def _scored(values: Array, seen: NDArray[np.bool_], first: int) -> Array:
+    """Return (..., n) the values (..., N) of a record from a sample on at which its truth is known."""
+    begin = min(first, int(np.flatnonzero(seen)[-1]))  # a short record: its last sample
+    scored: Array = values[..., begin : len(seen)][..., seen[begin:]]
+    return scored
 
 
 def _row(
@@ -159,11 +165,8 @@ def _row(
     noise, level = condition
 
     def pooled(values: list[Array], first: int) -> Array:
-        scored = []
-        for value, (_, record) in zip(values, records, strict=True):
-            begin = min(first, int(np.flatnonzero(record.seen)[-1]))  # a short record: its last sample
-            scored.append(value[..., begin : len(record.seen)][..., record.seen[begin:]])
-        return np.concatenate(scored, axis=-1)
+        of_records = zip(values, records, strict=True)
+        return np.concatenate([_scored(of, record.seen, first) for of, (_, record) in of_records], axis=-1)
 
     indices = error_indices(pooled(errors, 1))
     late = error_indices(pooled(errors, round(STEADY_SECONDS / protocol.sample_time_s)))

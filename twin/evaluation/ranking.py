@@ -17,15 +17,16 @@ from pydantic import Field, TypeAdapter, ValidationError
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
 from twin.evaluation.metrics import geometric_mean
+from twin.evaluation.score import LARGEST, LONGEST_TEXT
 from twin.files.schema import key_name, rule_of
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000
 INTERVAL = (2.5, 97.5)
 """Percentiles of a 95 % interval."""
-Positive = Annotated[float, Field(gt=0, le=1e12, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Place = Annotated[int, Field(ge=1, le=10_000)]
-Name = Annotated[str, Field(max_length=200)]
+Name = Annotated[str, Field(max_length=LONGEST_TEXT)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Ranking:
     """
 
     sample_time_s: Positive
-    stroke_mm: Annotated[tuple[Annotated[float, Field(ge=-1e12, le=1e12)], ...], Field(max_length=2)]
+    stroke_mm: Annotated[tuple[Annotated[float, Field(ge=-LARGEST, le=LARGEST)], ...], Field(max_length=2)]
     twin: Name
     ranked: Annotated[tuple[MethodRank, ...], Field(min_length=1, max_length=1000)]
 
@@ -117,10 +118,42 @@ def rank_methods(
     if len(shapes) != 1:
         raise ValueError(f"runs of shapes {sorted(shapes)}: methods must be compared on the same ones")
     conditions, records, draws = shapes.pop()
-    names = list(squares)
     found = np.stack([_rmse(of) for of in squares.values()])  # (methods, noises)
-    racing = [place for place, name in enumerate(names) if competes(name, name in oracles)]
-    resampled = np.empty((RESAMPLES, len(names), conditions))
+    whole = geometric_mean(found, axis=1)
+    racing = [place for place, name in enumerate(squares) if competes(name, name in oracles)]
+    ranks = dict(zip(racing, _ranks(whole[racing]).tolist(), strict=True))
+    ranked = [
+        MethodRank(name, float(whole[place]), None, ranks.get(place), None, None, (None,) * conditions)
+        for place, name in enumerate(squares)
+    ]
+    if records * draws == 1:  # nothing can be drawn anew
+        return ranked
+    resampled = _resampled(squares, rng)
+    wholes = geometric_mean(resampled, axis=2)
+    ranked = [
+        dataclasses.replace(of, rmse_ci95_deg=_interval(wholes[:, place])) for place, of in enumerate(ranked)
+    ]
+    if not racing:
+        return ranked
+    rank_intervals = dict(zip(racing, map(_whole_interval, _ranks(wholes[:, racing]).T), strict=True))
+    best = racing[int(np.argmin(whole[racing]))]
+    best_of_noise = np.array(racing)[found[racing].argmin(axis=0)]
+    first = resampled[:, best_of_noise, np.arange(conditions)]
+    return [
+        dataclasses.replace(
+            of,
+            rank_ci95=rank_intervals.get(place),
+            to_best_ci95=_interval(wholes[:, place] / wholes[:, best]),
+            noise_to_best_ci95=tuple(map(_interval, (resampled[:, place] / first).T)),
+        )
+        for place, of in enumerate(ranked)
+    ]
+
+
+def _resampled(squares: Mapping[str, Array], rng: np.random.Generator) -> Array:
+    """Return (RESAMPLES, methods, C) the RMSE of methods on the same records and draws, drawn anew."""
+    _, conditions, records, draws = next(iter(squares.values())).shape
+    resampled = np.empty((RESAMPLES, len(squares), conditions))
     everything = np.arange(conditions)[:, None, None]
     for again in resampled:
         record = rng.integers(records, size=(records, 1))
@@ -128,30 +161,7 @@ def rank_methods(
         for place, of in enumerate(squares.values()):
             training = rng.integers(len(of), size=(len(of), 1, 1, 1))
             again[place] = _rmse(of[training, everything, record, draw])
-    varies = records * draws > 1
-    whole, wholes = geometric_mean(found, axis=1), geometric_mean(resampled, axis=2)
-    ranks = _ranks(whole[racing]), _ranks(wholes[:, racing])
-    best = racing[int(np.argmin(whole[racing]))] if racing else None
-    of_noise = found[racing].argmin(axis=0) if racing else None
-    ranked = []
-    for place, name in enumerate(names):
-        mine = racing.index(place) if place in racing else None
-        by_noise: tuple[tuple[float, float] | None, ...] = (None,) * conditions
-        if varies and of_noise is not None:
-            first = resampled[:, np.array(racing)[of_noise], np.arange(conditions)]
-            by_noise = tuple(_interval(ratio) for ratio in (resampled[:, place] / first).T)
-        ranked.append(
-            MethodRank(
-                name,
-                float(whole[place]),
-                _interval(wholes[:, place]) if varies else None,
-                None if mine is None else int(ranks[0][mine]),
-                None if mine is None or not varies else _whole_interval(ranks[1][:, mine]),
-                _interval(wholes[:, place] / wholes[:, best]) if varies and best is not None else None,
-                by_noise,
-            )
-        )
-    return ranked
+    return resampled
 
 
 def _rmse(squares: Array) -> Array:

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from twin.errors import InputError
-from twin.evaluation.score import Score
+from twin.evaluation.score import LONGEST_TEXT, Score
 from twin.files.arrays import MOST_ARRAYS
 from twin.files.bounded import MEBIBYTE
 from twin.files.headed_arrays import read_headed, write_headed
 
 Array = NDArray[np.float64]
-Name = Annotated[str, Field(max_length=200)]
+Name = Annotated[str, Field(max_length=LONGEST_TEXT)]
 MOST_BYTES = 512 * MEBIBYTE
 """Size of a file of runs, packed and unpacked [bytes]."""
 

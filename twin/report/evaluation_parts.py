@@ -16,7 +16,7 @@ from twin.report.limit import limit_figure, noise_figure, times_the_limit
 from twin.report.narrow import narrow_rmse_figure
 from twin.report.paper_figures import paper_figures
 from twin.report.parts import Cell, Folded, Lines, Part, Picture, Table, Text, drawn
-from twin.report.ranks import rank_figure
+from twin.report.ranks import rank_figure, rankings_to_draw
 from twin.report.tables import INDEX_LABELS, group_name, ordered, protocol_scores, table_title
 
 COLUMNS = {"rmse_deg": INDEX_LABELS["rmse_deg"]} | INDEX_LABELS
@@ -51,8 +51,7 @@ def result_parts(scores: Sequence[Score]) -> tuple[Part, ...]:
 def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> tuple[Part, ...]:
     """Return what the full suite adds: every kind of record and sample time, and how far the limit is."""
     parts: list[Part] = []
-    ranked = [of for of in rankings if of.sample_time_s == max(row.sample_time_s for row in rankings)]
-    if ranked and len(ranked[0].ranked) > 1:
+    if ranked := rankings_to_draw(rankings):
         caption = (
             "Who is better than whom, and how surely: errors in units of the first method's, with paired "
             "95 % intervals over records, draws of the noise and trainings."

@@ -31,6 +31,12 @@ def rank_table(ranking: Ranking) -> str:
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
+def rankings_to_draw(rankings: Sequence[Ranking]) -> list[Ranking]:
+    """Return the rankings of the longest sample time; none where there is but one method."""
+    longest = max((of.sample_time_s for of in rankings), default=0.0)
+    return [of for of in rankings if of.sample_time_s == longest and len(of.ranked) > 1]
+
+
 def rank_figure(rankings: Sequence[Ranking]) -> Figure:
     """Draw every method's error in units of that of the first, with its paired 95 % interval.
 

@@ -26,7 +26,7 @@ from twin.report.limit import (
     times_the_limit,
 )
 from twin.report.paper_figures import paper_figures
-from twin.report.ranks import rank_figure, rank_table
+from twin.report.ranks import rank_figure, rank_table, rankings_to_draw
 from twin.report.tables import group_name, paper_tables
 from twin.report.trainings import training_table
 
@@ -102,11 +102,11 @@ def benchmark_figures(
     """
     longest, first = max(score.sample_time_s for score in scores), groups_of(scores)[0]
     shown = chosen_scores(scores, longest, first)
-    ranked = [ranking for ranking in rankings if ranking.sample_time_s == longest]
+    ranked = rankings_to_draw(rankings)
     figures = {
         "rmse_by_noise.png": noise_figure(shown),
         **({"times_the_limit.png": limit_figure(scores)} if has_limit(scores) else {}),
-        **({"ranks.png": rank_figure(ranked)} if ranked and len(ranked[0].ranked) > 1 else {}),
+        **({"ranks.png": rank_figure(ranked)} if ranked else {}),
         **({"intervals.png": interval_figure(shown)} if interval_scores(shown) else {}),
         **{f"figure_{number:02d}.png": drawn for number, (drawn, _) in paper_figures(tracks, shown).items()},
     }
