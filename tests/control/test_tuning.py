@@ -53,10 +53,10 @@ def test_as_many_are_tried_as_is_said_on_all_cases_and_within_the_range(tried):
     assert GAIN.low * (1 - 1e-9) <= gains.min() < gains.max() <= GAIN.high * (1 + 1e-9)
 
 
-def test_the_error_is_the_root_mean_square_over_cases(tried):
+def test_the_error_is_the_geometric_mean_over_cases(tried):
     found = tune(spec(rate=RATE), [(KNOWLEDGE, 3.0), (KNOWLEDGE, 4.0)], 1, 0)
     alone = 0.1 + math.log(2) ** 2
-    assert found.rmse_deg == pytest.approx(alone * math.sqrt((9 + 16) / 2))
+    assert found.rmse_deg == pytest.approx(alone * math.sqrt(3 * 4))
 
 
 def test_of_those_that_are_about_as_good_the_least_travel_is_taken(monkeypatch):

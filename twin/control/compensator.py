@@ -33,7 +33,7 @@ from twin.estimation.learned.ram_twins import RamTwins, TwinsState
 from twin.runtime.assured import AssuredEstimator
 from twin.runtime.reading import Alarm, Source
 
-COMPENSATOR_SETTINGS = {"rate_per_s": Setting(10.0, 1.0, 50.0), "turning_share": Setting(0.7, 0.1, 2.0)}
+COMPENSATOR_SETTINGS = {"rate_per_s": Setting(20.0, 2.0, 100.0), "turning_share": Setting(1.5, 0.3, 3.0)}
 """Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in
 halves of the estimate's 95 % interval [-]."""
 _SILENT = Alarm.TIMEOUT | Alarm.STUCK

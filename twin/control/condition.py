@@ -80,9 +80,14 @@ class ControlCondition:
         """Return the bend of the sheath at each sample [rad]; empty where it stays."""
         if not self.bends:
             return np.empty(0)
-        begun = np.arange(samples) * self.sample_time - HOLD_S - BENDING_AT_S
-        bend: Array = preset.sheath_bend + BENT_BY * np.clip(begun / BENDING_S, 0.0, 1.0)
-        return bend
+        return bending_sheath(preset, samples, self.sample_time, BENDING_AT_S)
+
+
+def bending_sheath(preset: Preset, samples: int, sample_time: float, begins_s: float) -> Array:
+    """Return the bend of a sheath that bends by a quarter turn, from so long behind the hold on [rad]."""
+    begun = np.arange(samples) * sample_time - HOLD_S - begins_s
+    bend: Array = preset.sheath_bend + BENT_BY * np.clip(begun / BENDING_S, 0.0, 1.0)
+    return bend
 
 
 CONDITIONS = (

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.condition import CONDITIONS, SLOW, ControlCondition
+from twin.control.condition import CONDITIONS, SLOW, ControlCondition, bending_sheath
 from twin.control.knowledge import ControlKnowledge
 from twin.control.limits import MARGIN, CommandLimits
 from twin.control.reference import SIGNALS, reference
@@ -25,6 +25,9 @@ from twin.signals.streams import SeedUse, random_stream
 PREVIEW_S = 1.0
 """Time for which a reference is known ahead, where nothing else is asked for [s]."""
 MODEL_SAMPLE_TIME, MODEL_STRIDE = 0.02, 5  # of the records that a model is identified on
+TUNING = (*((kind, False) for kind in SLOW), ("fast-sine", False), ("multi-sine", True))
+"""References of the tuning, and whether the sheath bends meanwhile: settings are to serve quick work and a
+change of the endoscope, too."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,16 +146,18 @@ class ControlSettings:
         return cases
 
     def tuning_cases(self, knowledge: ControlKnowledge) -> list[ControlCase]:
-        """Return the cases that settings are tried on: other twins, reduced, one for each signal."""
-        place = self.strokes_mm.index(knowledge.stroke_mm)
+        """Return the cases that settings are tried on: other twins, reduced, one for each of `TUNING`."""
+        place, sample_time = self.strokes_mm.index(knowledge.stroke_mm), knowledge.sample_time
+        seconds = min(self.tuning_seconds, self.seconds)
         cases = []
-        for number, kind in enumerate(SLOW):
+        for number, (kind, bends) in enumerate(TUNING):
             rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_REFERENCES, place, number)
-            wanted = self._reference(kind, knowledge, min(self.tuning_seconds, self.seconds), rng)
+            wanted = self._reference(kind, knowledge, seconds, rng)
             rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_NOISE, place, number)
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
-            preset = self._drawn(SeedUse.CONTROL_TUNING_TWINS, place * len(SLOW) + number)
-            cases.append(ControlCase(preset, wanted, noise, physics="reduced"))
+            preset = self._drawn(SeedUse.CONTROL_TUNING_TWINS, place * len(TUNING) + number)
+            bend = bending_sheath(preset, len(wanted), sample_time, seconds / 3) if bends else np.empty(0)
+            cases.append(ControlCase(preset, wanted, noise, bend, physics="reduced"))
         return cases
 
     def _reference(

@@ -1,9 +1,9 @@
 """Tuning of controllers: the same number of settings is tried for each, on other twins than are scored.
 
 Settings are points of a Sobol sequence (Sobol 1967) over all that a controller has, on logarithmic scales;
-the last quarter of them are drawn about the best. The error is the root mean square over all cases; of the
-settings within 5 % of the least the one is taken that moves the command least. One search serves a sensor, on
-all strokes together.
+the last quarter of them are drawn about the best. The error is the geometric mean of those of all cases, so that
+none outweighs the others, as the quickest reference would; of the settings within 5 % of the least the one is
+taken that moves the command least. One search serves a sensor, on all strokes together.
 """
 
 import dataclasses
@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
+from scipy.stats import gmean, qmc
 
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec
@@ -34,7 +34,7 @@ class Tuned:
 
     Attributes:
         settings: the best, by name.
-        rmse_deg: its error on the cases of the tuning [deg].
+        rmse_deg: its error, geometric mean of the cases of the tuning [deg].
         tried: how many settings were.
     """
 
@@ -95,14 +95,14 @@ def _named(names: Sequence[str], logarithms: Array) -> dict[str, float]:
 def _trials(
     spec: ControllerSpec, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, ControlCase]]
 ) -> tuple[float, float]:
-    """Return root mean square error [deg] and travel [mm] of all trials of a setting."""
-    squares, travel = [], 0.0
+    """Return the geometric mean of the errors [deg] and the travel [mm] of all trials of a setting."""
+    errors, travel = [], 0.0
     for knowledge, case in cases:
         told = dataclasses.replace(knowledge, settings={**knowledge.settings, spec.name: settings})
         try:
             trial = run_trial(spec.name, told, case)
         except DivergedError:
             return math.inf, math.inf
-        squares.append(trial.rmse_deg**2)
+        errors.append(trial.rmse_deg)
         travel += trial.travel_mm
-    return float(np.sqrt(np.mean(squares))), travel
+    return float(gmean(errors)), travel
