@@ -97,7 +97,10 @@ class FullSuite:
     @property
     def specs(self) -> list[MethodSpec]:
         """Methods that are compared, in the order of tables; nobody knows the density of a recorded noise."""
-        specs = [spec for spec in method_specs() if not self.methods or spec.name in self.methods]
+        if self.methods:
+            specs = [spec for spec in method_specs() if spec.name in self.methods]
+        else:
+            specs = [spec for spec in method_specs() if not spec.on_request or spec.agent in self.trained]
         return [spec for spec in specs if self.recorded_variance is None or not spec.is_limit]
 
     def protocol(self, sample_time: float) -> Protocol:

@@ -41,10 +41,13 @@ class FilterStep(torch.nn.Module):
 
     Attributes:
         slow: names of parameters that learn in smaller steps than the others.
+        by_likelihood: whether it learns by the likelihood of its errors under its own variance, instead of by
+            the balanced square errors (`rl/twins/balance.py`).
         actions: of the policy.
     """
 
     slow: ClassVar[tuple[str, ...]] = ()
+    by_likelihood: ClassVar[bool] = False
     actions: ClassVar[int]
 
     def __init__(self, seen: int):

@@ -11,8 +11,10 @@ from rl.export import export_module
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import FilterStep
 from rl.twins.memory_step import MemoryState, MemoryStep
+from rl.twins.recurrent_step import RecurrentState, RecurrentStep
 from rl.twins.step import TwinsStep
-from twin.estimation.learned import ram_memory, ram_twins
+from twin.estimation.learned import networks_on_twins, ram_memory, ram_twins
+from twin.estimation.learned.model_step import PREDICTED_BY
 from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
 
 _REFERENCE_STEPS = 8  # that the trained step itself computes, and the file tells
@@ -95,6 +97,32 @@ class MemoryGraph(torch.nn.Module):
         return (output.bend_deg, output.half_width_deg, *after)
 
 
+class RecurrentStepGraph(torch.nn.Module):
+    """`RecurrentStep` with plain arrays in and out; zeros are its first state."""
+
+    def __init__(self, step: RecurrentStep):
+        super().__init__()
+        self.step = step
+
+    def forward(
+        self,
+        keep: Tensor,
+        drive_deg: Tensor,
+        increment_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        parts: Tensor,
+        values: Tensor,
+        hidden: Tensor,
+        samples: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Return estimate, half of its interval, and the arrays of the state after the sample."""
+        given = keep, drive_deg, increment_mm, measurement_deg, variance, sample_time
+        output, after = self.step(*given, parts, RecurrentState(values, hidden, samples))
+        return (output.bend_deg, output.half_width_deg, *after)
+
+
 def export_twins(step: TwinsStep, members: int, description: Mapping[str, Any], path: Path) -> None:
     """Write a trained step of RAM (twins) on M members as ONNX, whole or not at all."""
     predicted_by = {"members_deg": torch.zeros(_BATCH, members), "way_mm": torch.ones(_BATCH)}
@@ -103,8 +131,14 @@ def export_twins(step: TwinsStep, members: int, description: Mapping[str, Any], 
 
 def export_memory(step: MemoryStep, description: Mapping[str, Any], path: Path) -> None:
     """Write a trained step of RAM (memory) as ONNX, whole or not at all."""
-    predicted_by = {name: torch.ones(_BATCH) for name in ram_memory.PREDICTED_BY}
+    predicted_by = {name: torch.ones(_BATCH) for name in PREDICTED_BY}
     _export(MemoryGraph(step), step, predicted_by, list(ram_memory.STATE), description, path)
+
+
+def export_recurrent_step(step: RecurrentStep, description: Mapping[str, Any], path: Path) -> None:
+    """Write a trained network or gain as ONNX, whole or not at all."""
+    predicted_by = {name: torch.ones(_BATCH) for name in PREDICTED_BY}
+    _export(RecurrentStepGraph(step), step, predicted_by, list(networks_on_twins.STATE), description, path)
 
 
 def _export(

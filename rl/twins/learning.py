@@ -139,16 +139,22 @@ def _window_loss(
     place: int,
 ) -> tuple[torch.Tensor, Any]:
     """Return the loss of one window, and the state behind it."""
-    squares, likelihoods, departures = [], [], []
+    squares, variances, likelihoods, departures = [], [], [], []
     of_bias = window.bias_deg / torch.sqrt(window.variance)
     for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
         squares.append((output.bend_deg - window.truth_deg[sample]) ** 2)
+        variances.append(output.deviation_deg**2)
         departures.append(departure(output.action, window.linear))
         if sample % 5 == 4:  # what is known of the noise hardly changes from sample to sample
             off = of_bias - output.bias
             likelihoods.append(off**2 / output.bias_variance + torch.log(output.bias_variance))
         state = after
-    error = typical.loss(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2, window, place)
+    square = torch.stack(squares)
+    if step.by_likelihood:
+        variance = torch.stack(variances) + SMALLEST_ERROR_DEG2
+        error = 0.5 * (square / variance + torch.log(variance)).mean()
+    else:
+        error = typical.loss(square.mean(dim=0) + SMALLEST_ERROR_DEG2, window, place)
     recognised = 0.5 * torch.stack(likelihoods).mean() if likelihoods else error.new_zeros(())
     departed = torch.stack(departures).mean()
     return error + settings.bias_weight * recognised + settings.linear_penalty * departed, state
@@ -216,9 +222,11 @@ def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTrai
                 squares.append((output.bend_deg - truth) ** 2)
                 actions.append(torch.tanh(output.action))
         losses.append(float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()))
-    every = torch.cat(actions)
+    loss, every = float(np.mean(losses)), torch.cat(actions)
+    if not step.actions:
+        return Validation(loss, [])
     told = torch.stack([every.mean(dim=0), every.std(dim=0)], dim=1)
-    return Validation(float(np.mean(losses)), told.flatten().tolist())
+    return Validation(loss, told.flatten().tolist())
 
 
 def _descend(

@@ -1,4 +1,4 @@
-"""Cases of a comparison: what is tuned is tuned on other endoscopes than are scored, at every speed of work."""
+"""Cases of a comparison: controllers are tuned on other endoscopes than are scored, at any speed of work."""
 
 import numpy as np
 import pytest
@@ -14,28 +14,32 @@ STROKES = ((-1.0, 1.0), (2.0, 4.0))
 SETTINGS = ControlSettings(PRESET, load_ranges("ureteroscope"), STROKES, twins=3, seconds=10.0, seed=4)
 
 
+def known_of_strokes():
+    return [knowledge(stroke_mm=stroke, sample_time=T, noise_variance=1.0) for stroke in STROKES]
+
+
 def tuning_cases():
-    known = [knowledge(stroke_mm=stroke, sample_time=T, noise_variance=1.0) for stroke in STROKES]
-    return [SETTINGS.tuning_cases(one) for one in known]
+    return [case for known in known_of_strokes() for case in SETTINGS.tuning_cases(known)]
 
 
 def test_no_endoscope_noise_or_reference_of_the_tuning_is_scored():
-    known = [knowledge(stroke_mm=stroke, sample_time=T, noise_variance=1.0) for stroke in STROKES]
-    scored = [case for one in known for case in SETTINGS.cases(CONDITIONS[0], one.stroke_mm, one)]
-    tuned = sum(tuning_cases(), [])
+    scored = [
+        case for known in known_of_strokes() for case in SETTINGS.cases(CONDITIONS[0], known.stroke_mm, known)
+    ]
+    tuned = tuning_cases()
     assert {case.preset for case in tuned}.isdisjoint(case.preset for case in scored)
     for case in tuned:
         assert not any(np.isin(case.noise_deg, other.noise_deg).any() for other in scored)
 
 
 def test_every_case_of_the_tuning_has_an_endoscope_of_its_own_without_mujoco():
-    cases = sum(tuning_cases(), [])
+    cases = tuning_cases()
     assert len({case.preset for case in cases}) == len(cases) == 2 * len(TUNING)
     assert {case.physics for case in cases} == {"reduced"}
 
 
 def test_the_tuning_has_quick_work_and_a_sheath_that_bends_within_it():
-    for cases in tuning_cases():
+    for cases in (SETTINGS.tuning_cases(known) for known in known_of_strokes()):
         quick = cases[[kind for kind, _ in TUNING].index("fast-sine")].reference_deg[round(HOLD_S / T) :]
         period = round(FAST_PERIOD_S / T)
         np.testing.assert_allclose(quick[period:], quick[:-period], atol=1e-9)

@@ -31,6 +31,7 @@ from twin.estimation.learned.direct import ANGLE_LIMIT_DEG, DIRECT
 from twin.estimation.learned.gru import Gru
 from twin.estimation.learned.kalman_net import FEATURES, KalmanNet
 from twin.estimation.learned.lstm import LstmEstimator
+from twin.estimation.learned.model_step import PREDICTED_BY
 from twin.estimation.learned.policy import PolicyEstimator, load_policy
 from twin.estimation.learned.recurrent import OnnxNetwork
 from twin.estimation.learned.trained_file import read_trained_file
@@ -140,7 +141,7 @@ def test_filter_step(precision, method, samples, tmp_path):
         export_twins(step, TINY.members, {"agent": method}, path)
     else:
         step, source = small_memory_step(loud=0.3), small_memory_source()
-        graph, names = MemoryGraph(step), (*ram_memory.PREDICTED_BY, *ram_memory.STATE)
+        graph, names = MemoryGraph(step), (*PREDICTED_BY, *ram_memory.STATE)
         export_memory(step, {"agent": method}, path)
     drawn = source.draw(1, 150, generator(3), stride=5)
     worst = max(

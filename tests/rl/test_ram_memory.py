@@ -7,9 +7,10 @@ import pytest
 import torch
 from small_twins import MODEL, TINY, TINY_MEMORY, generator, small_memory_source, small_memory_step, twins
 
-from rl.ram_memory import nominal_model, train_ram_memory
+from rl.ram_memory import train_ram_memory
 from rl.ram_twins import train_ram_twins
 from rl.supervised import tensor32
+from rl.twins.beside_model import nominal_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_memory
 from twin.estimation.estimator import Sensor

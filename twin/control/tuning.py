@@ -1,9 +1,9 @@
 """Tuning of controllers: the same number of settings is tried for each, on other twins than are scored.
 
 Settings are points of a Sobol sequence (Sobol 1967) over all that a controller has, on logarithmic scales;
-the last quarter of them are drawn about the best. The error is the geometric mean of those of all cases, so that
-none outweighs the others, as the quickest reference would; of the settings within 5 % of the least the one is
-taken that moves the command least. One search serves a sensor, on all strokes together.
+the last quarter of them are drawn about the best. The error is the geometric mean of those of all cases, so
+that none outweighs the others, as the quickest reference would; of the settings within 5 % of the least the
+one is taken that moves the command least. One search serves a sensor, on all strokes together.
 """
 
 import dataclasses

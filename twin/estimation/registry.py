@@ -77,7 +77,9 @@ class MethodSpec:
         ensembles: whether it needs ensembles of twins along the test's commands.
         training: how it is trained; None for what is not learned.
         trained_as: agent whose trained file it runs on; that of `training`, if not given.
-        in_paper_suite: whether the suite `paper` has it; the suite `full` has every method.
+        in_paper_suite: whether the suite `paper` has it.
+        on_request: whether the suite `full` has it only where it is named or its trained file is given; it
+            has every other method.
         proposed: whether it is the method that the paper proposes.
         leading: whether it is this project's own: a report is about it where it was compared.
         oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
@@ -101,6 +103,7 @@ class MethodSpec:
     training: Training | None = None
     trained_as: str | None = None
     in_paper_suite: bool = False
+    on_request: bool = False
     proposed: bool = False
     leading: bool = False
     oracle: bool = False

@@ -213,5 +213,12 @@ def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Table:
         )
         for of in tuned
     )
-    head = ("controller", "R [deg²]", "T [s]", "tried", "RMSE on the tuning's own, geometric mean [deg]", "settings")
+    head = (
+        "controller",
+        "R [deg²]",
+        "T [s]",
+        "tried",
+        "RMSE on the tuning's own, geometric mean [deg]",
+        "settings",
+    )
     return Table(head, rows, "What was tuned", cards=True)
