@@ -148,7 +148,8 @@ def _full(args: Evaluate) -> Summary:
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
-    line = f"{result.path}: {len(methods)} methods, {result.records} records, {draws}"
+    test_set = f" (the frozen test set {result.test_set})" if result.test_set else ""
+    line = f"{result.path}: {len(methods)} methods, {result.records} records{test_set}, {draws}"
     return Summary(line, {"out": str(result.path), "methods": methods, "rows": len(result.scores)})
 
 

@@ -35,6 +35,7 @@ from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.summary import benchmark_figures, benchmark_tables
+from twin.suite.frozen import frozen_name
 from twin.suite.intervals import containment
 from twin.suite.limit import bounds
 from twin.suite.scenarios import SAMPLE_TIME, write_scenarios
@@ -50,11 +51,13 @@ class FullResult:
     Attributes:
         scores: of every method.
         records: number of test records.
+        test_set: name of the frozen test set, where the records are that; else None.
         path: of `evaluation.json`.
     """
 
     scores: list[Score]
     records: int
+    test_set: str | None
     path: Path
 
 
@@ -154,6 +157,7 @@ def _write(
     records: Sequence[EvaluationRecord],
 ) -> FullResult:
     folder = suite.folder
+    test_set = frozen_name(records, suite.sample_times[-1])
     protocol = {
         "suite": "full",
         "seeds": suite.seeds,
@@ -162,6 +166,7 @@ def _write(
         "sample_times_s": list(suite.sample_times),
         "preset": suite.preset,
         "records": len(records),
+        "test_set": test_set,
         "members": suite.members,
         "member_physics": suite.member_physics,
         "episodes": suite.episodes,
@@ -186,4 +191,4 @@ def _write(
     for name, picture in benchmark_figures(scores, tracks, rankings).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)
-    return FullResult(scores, len(records), out)
+    return FullResult(scores, len(records), test_set, out)
