@@ -69,6 +69,8 @@ class RecurrentStep(FilterStep):
     actions = 0
     said: int
     """Numbers that the network says."""
+    unsure = 1.0
+    """Variance that is stated of the mean of the noise, in units of R, beside what is said of it."""
 
     def __init__(self, cell: type[MemoryCell]):
         """Start untrained, and almost silent."""
@@ -149,7 +151,7 @@ class RecurrentStep(FilterStep):
             bend - hears * update.bias * root,
             half_width,
             update.bias,
-            update.bias_variance + 1e-4,
+            update.bias_variance + self.unsure,
             bend.new_zeros(len(bend), 0),
             deviation,
             known,
@@ -200,16 +202,16 @@ class LearnedGain(RecurrentStep):
 class LearnedGainAndBias(RecurrentStep):
     """Gains, and the mean of the noise with how sure it is."""
 
-    said = 4
+    said, unsure = 4, 1e-4
 
     def _update(
         self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
     ) -> Update:
         of_theta, of_error = _gains(said)
         bias = LARGEST_BIAS * torch.tanh(said[:, 2] / LARGEST_BIAS)
-        unsure = torch.exp(4 * torch.tanh(said[:, 3] / 2))
+        doubt = torch.exp(4 * torch.tanh(said[:, 3] / 2))
         here = 0 * innovation + FIRST_SPREAD**2
-        return Update(of_theta * innovation, of_error * innovation, here, bias, unsure)
+        return Update(of_theta * innovation, of_error * innovation, here, bias, doubt)
 
 
 class RecursiveGain(RecurrentStep):
