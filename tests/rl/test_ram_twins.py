@@ -181,7 +181,7 @@ def test_what_it_cannot_learn_from_is_refused(tmp_path):
     ("words", "message"),
     [
         (["data", "--protocol", "twins"], "give no data"),
-        (["--agent", "lstm", "--protocol", "twins"], "valid with --protocol twins: ram"),
+        (["--agent", "direct", "--protocol", "twins"], "valid with --protocol twins: lstm"),
         (["--agent", "ram-twins"], "is trained with --protocol twins"),
         (["--agent", "ram"], "needs folders of MCAP files"),
         (["data"], "needs --model"),
