@@ -143,7 +143,8 @@ def _window_loss(
     of_bias = window.bias_deg / torch.sqrt(window.variance)
     for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
         squares.append((output.bend_deg - window.truth_deg[sample]) ** 2)
-        variances.append(output.deviation_deg**2)
+        if step.by_likelihood:
+            variances.append(output.deviation_deg**2)
         departures.append(departure(output.action, window.linear))
         if sample % 5 == 4:  # what is known of the noise hardly changes from sample to sample
             off = of_bias - output.bias

@@ -45,6 +45,24 @@ class RecurrentState(NamedTuple):
     samples: Tensor
 
 
+class Sample(NamedTuple):
+    """Sample as it is before the network is heard.
+
+    Attributes:
+        innovation: (B,) [deg].
+        spread: (B,) variance of theta before it, in units of R.
+        keep: (B,) what a step of the model keeps of the angle.
+        root: (B,) sqrt(R) [deg].
+        seen: (B,) 1 where something was measured.
+    """
+
+    innovation: Tensor
+    spread: Tensor
+    keep: Tensor
+    root: Tensor
+    seen: Tensor
+
+
 class Update(NamedTuple):
     """Changes of a state by one sample.
 
@@ -139,7 +157,8 @@ class RecurrentStep(FilterStep):
         hidden = state.hidden + seen[:, None] * (hidden - state.hidden)
         known = torch.cat([told, features], dim=1)
         heard = self.output(known) * acts
-        update = self._update(heard, innovation, begun * spread + (1 - begun), keep, root, seen)
+        at = Sample(innovation, begun * spread + (1 - begun), keep, root, seen)
+        update = self._update(heard, at)
 
         bend = predicted + seen * update.bend_deg
         changed = error + seen * update.error
@@ -158,19 +177,8 @@ class RecurrentStep(FilterStep):
         )
         return output, RecurrentState(after, hidden, state.samples + seen)
 
-    def _update(
-        self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
-    ) -> Update:
-        """Return what (B, said) numbers mean for innovations [deg].
-
-        Args:
-            said: by the network.
-            innovation: (B,) [deg].
-            spread: (B,) variance of theta before it, in units of R.
-            keep: (B,) what a step of the model keeps of the angle.
-            root: (B,) sqrt(R) [deg].
-            seen: (B,) 1 where something was measured.
-        """
+    def _update(self, said: Tensor, at: Sample) -> Update:
+        """Return what (B, said) numbers of the network mean at a sample."""
         raise NotImplementedError
 
 
@@ -179,58 +187,46 @@ class Correction(RecurrentStep):
 
     said = 1
 
-    def _update(
-        self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
-    ) -> Update:
-        none = 0 * innovation
-        return Update(root * said[:, 0], none, none + FIRST_SPREAD**2, none, none)
+    def _update(self, said: Tensor, at: Sample) -> Update:
+        none = 0 * at.innovation
+        return Update(at.root * said[:, 0], none, none + FIRST_SPREAD**2, none, none)
 
 
 class LearnedGain(RecurrentStep):
-    """Gains of theta, in [0, 1], and of f, in [0, 2] per second."""
+    """Gains of theta, in [0, 1], and of f, in [0, 2] per second; small ones where nothing is said."""
 
     said = 2
 
-    def _update(
-        self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
-    ) -> Update:
-        none = 0 * innovation
-        of_theta, of_error = _gains(said)
-        return Update(of_theta * innovation, of_error * innovation, none + FIRST_SPREAD**2, none, none)
+    def _update(self, said: Tensor, at: Sample) -> Update:
+        none = 0 * at.innovation
+        of_theta, of_error = _gain_of_theta(said), 2 * torch.sigmoid(said[:, 1] - 4)
+        return Update(of_theta * at.innovation, of_error * at.innovation, none + FIRST_SPREAD**2, none, none)
 
 
-class LearnedGainAndBias(RecurrentStep):
+class LearnedGainAndBias(LearnedGain):
     """Gains, and the mean of the noise with how sure it is."""
 
     said, unsure = 4, 1e-4
 
-    def _update(
-        self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
-    ) -> Update:
-        of_theta, of_error = _gains(said)
+    def _update(self, said: Tensor, at: Sample) -> Update:
         bias = LARGEST_BIAS * torch.tanh(said[:, 2] / LARGEST_BIAS)
         doubt = torch.exp(4 * torch.tanh(said[:, 3] / 2))
-        here = 0 * innovation + FIRST_SPREAD**2
-        return Update(of_theta * innovation, of_error * innovation, here, bias, doubt)
+        return super()._update(said, at)._replace(bias=bias, bias_variance=doubt)
 
 
-class RecursiveGain(RecurrentStep):
+class RecursiveGain(LearnedGain):
     """Gains, and a variance that goes on from sample to sample."""
 
     by_likelihood = True
     said = 3
 
-    def _update(
-        self, said: Tensor, innovation: Tensor, spread: Tensor, keep: Tensor, root: Tensor, seen: Tensor
-    ) -> Update:
-        of_theta, of_error = _gains(said)
-        grown = keep * keep * spread + torch.exp(6 * torch.tanh((said[:, 2] - 4) / 6))
-        updated = (1 - of_theta) ** 2 * grown + of_theta**2
-        none = 0 * innovation
-        after = grown + seen * (updated - grown)
-        return Update(of_theta * innovation, of_error * innovation, after, none, none)
+    def _update(self, said: Tensor, at: Sample) -> Update:
+        gain = _gain_of_theta(said)
+        grown = at.keep * at.keep * at.spread + torch.exp(6 * torch.tanh((said[:, 2] - 4) / 6))
+        updated = (1 - gain) ** 2 * grown + gain**2
+        return super()._update(said, at)._replace(spread=grown + at.seen * (updated - grown))
 
 
-def _gains(said: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the gains of theta and of f [1 / s]; small ones where nothing is said."""
-    return torch.sigmoid(said[:, 0] - 2), 2 * torch.sigmoid(said[:, 1] - 4)
+def _gain_of_theta(said: Tensor) -> Tensor:
+    """Return the gain of theta, in [0, 1]."""
+    return torch.sigmoid(said[:, 0] - 2)

@@ -5,16 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
 
 from rl.networks_on_twins import STEPS
 from rl.suite.settings import FullSuite
-from rl.supervised import tensor32
 from rl.twins.beside_model import train_beside_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step
 from rl.twins.learning import filter_sequences, learn_gain
-from twin.estimation.estimator import Sensor
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_method
 from twin.hysteresis import model_to_dict
@@ -32,26 +31,11 @@ def loud_step(name):
 @pytest.mark.parametrize("name", STEPS)
 def test_the_estimator_says_what_the_step_says(name, tmp_path):
     """Along whole records, for any number of them, where measurements are missing too."""
-    training, step, source = STEPS[name][0].training, loud_step(name), small_memory_source()
+    training, step = STEPS[name][0].training, loud_step(name)
     path = tmp_path / training.file
     export_recurrent_step(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
-    for count in (1, 4):
-        command, index = np.arange(count), np.arange(0, 31 * 5, 5)[:, None]
-        pull = source.records.pull_mm[command, index].astype(float)
-        measurement = pull * 20 + generator(count).standard_normal(pull.shape)
-        measurement[8:10, 0] = np.nan
-        variance = np.linspace(0.3, 2.0, count)
-        inputs = source.predict(source.records, command, index)
-        state, wanted = step.start(tensor32(variance)), []
-        with torch.no_grad():
-            for *by, y in zip(*inputs, tensor32(measurement[1:]), strict=True):
-                output, state = step(*by, y, tensor32(variance), torch.full((count,), 0.1), ALL, state)
-                wanted.append(torch.stack([output.bend_deg, output.half_width_deg]))
-        estimator = training.load(path).with_sensor(Sensor(variance))
-        found = estimator.estimate_with_interval(pull.T, measurement.T, 0.0)
-        np.testing.assert_allclose(
-            np.array(found)[:, :, 1:], torch.stack(wanted).permute(1, 2, 0), rtol=2e-3, atol=5e-3
-        )
+    for found, wanted in said_by_both(step, training.load(path)):
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
 def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_path):

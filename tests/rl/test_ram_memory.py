@@ -4,14 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-import torch
-from small_twins import MODEL, TINY, TINY_MEMORY, generator, small_memory_source, small_memory_step, twins
+from exported import said_by_both
+from small_twins import MODEL, TINY, TINY_MEMORY, small_memory_step, twins
 
 from rl.ram_memory import train_ram_memory
 from rl.ram_twins import train_ram_twins
-from rl.supervised import tensor32
 from rl.twins.beside_model import nominal_model
-from rl.twins.filter_step import ALL
 from rl.twins.graph import export_memory
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_memory import load
@@ -33,24 +31,9 @@ def exported(path, loud=1.0):
 
 def test_the_estimator_says_what_the_step_says(tmp_path):
     """Along whole records, for any number of them, where measurements are missing too."""
-    step, source = exported(tmp_path / "policy.onnx"), small_memory_source()
-    for count in (1, 4):
-        command, index = np.arange(count), np.arange(0, 31 * 5, 5)[:, None]
-        pull = source.records.pull_mm[command, index].astype(float)
-        measurement = pull * 20 + generator(count).standard_normal(pull.shape)
-        measurement[8:10, 0] = np.nan
-        variance = np.linspace(0.3, 2.0, count)
-        inputs = source.predict(source.records, command, index)
-        state, wanted = step.start(tensor32(variance)), []
-        with torch.no_grad():
-            for *by, y in zip(*inputs, tensor32(measurement[1:]), strict=True):
-                output, state = step(*by, y, tensor32(variance), torch.full((count,), 0.1), ALL, state)
-                wanted.append(torch.stack([output.bend_deg, output.half_width_deg]))
-        estimator = load(tmp_path / "policy.onnx").with_sensor(Sensor(variance))
-        found = estimator.estimate_with_interval(pull.T, measurement.T, 0.0)
-        np.testing.assert_allclose(
-            np.array(found)[:, :, 1:], torch.stack(wanted).permute(1, 2, 0), rtol=2e-3, atol=5e-3
-        )
+    step = exported(tmp_path / "policy.onnx")
+    for found, wanted in said_by_both(step, load(tmp_path / "policy.onnx")):
+        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
 def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):

@@ -7,11 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from small_twins import generator, small_memory_source
 from torch_network import TorchNetwork
 
 from rl.recurrent_graph import export_recurrent
+from rl.supervised import tensor32
+from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.graph import MemoryGraph, TwinsGraph
 from rl.twins.sequences import Sequences
+from twin.estimation.estimator import Sensor
+from twin.estimation.learned.model_step import ModelStep
 from twin.estimation.learned.recurrent import OnnxNetwork
 from twin.estimation.learned.step_network import OF_SAMPLE
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
@@ -80,3 +85,26 @@ def filtered_by_both(
         found = file.run(**told, **dict(zip(state, of_onnx, strict=True)))
         of_onnx = found[2:]
         yield np.array(found[:2]), torch.stack([bend, half_width]).numpy()
+
+
+def said_by_both(step: FilterStep, estimator: ModelStep) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield what an estimator and its step say of whole records, (2, B, N) estimate and half of the interval.
+
+    One record and several, the first of which lacks measurements.
+    """
+    source = small_memory_source()
+    for count in (1, 4):
+        command, index = np.arange(count), np.arange(0, 31 * 5, 5)[:, None]
+        pull = source.records.pull_mm[command, index].astype(float)
+        measurement = pull * 20 + generator(count).standard_normal(pull.shape)
+        measurement[8:10, 0] = np.nan
+        variance = np.linspace(0.3, 2.0, count)
+        inputs = source.predict(source.records, command, index)
+        state, wanted = step.start(tensor32(variance)), []
+        with torch.no_grad():
+            for *by, y in zip(*inputs, tensor32(measurement[1:]), strict=True):
+                output, state = step(*by, y, tensor32(variance), torch.full((count,), 0.1), ALL, state)
+                wanted.append(torch.stack([output.bend_deg, output.half_width_deg]))
+        sensed = estimator.with_sensor(Sensor(variance))
+        found = sensed.estimate_with_interval(pull.T, measurement.T, 0.0)
+        yield np.array(found)[:, :, 1:], torch.stack(wanted).permute(1, 2, 0).numpy()

@@ -2,7 +2,7 @@
 
 `endotwin evaluate --suite full --seed 1` makes it from its recipe. Whatever it is made or read from, records
 are known by what they hold: their angles at some times are in `assets/frozen_test_set.json`. Where physics or
-ranges change on purpose, `python -m scripts.freeze_test_set` writes the file anew, under another name.
+ranges change on purpose, `python -m scripts.freeze_test_set NAME` writes the file anew, under another name.
 """
 
 import functools
@@ -22,7 +22,6 @@ from twin.preset import load_preset, load_ranges
 from twin.suite.scenarios import Scenario, scenarios
 
 FILE = "frozen_test_set.json"
-NAME, PRESET, SECONDS, SEED = "ureteroscope-1", "ureteroscope", 60.0, 1
 TOLERANCE_DEG = 0.05
 """Largest difference of an angle to the frozen one: another processor rounds otherwise."""
 _DIGITS = 9
@@ -72,5 +71,6 @@ def _bytes(values: NDArray[np.float64]) -> bytes:
 
 
 def frozen_drives() -> list[Scenario]:
-    """Return the drives of the frozen test set, by its recipe."""
-    return scenarios(load_preset(PRESET), load_ranges(PRESET), SECONDS, SEED)
+    """Return the drives of the frozen test set, by the recipe in its file."""
+    frozen = frozen_file()
+    return scenarios(load_preset(frozen.preset), load_ranges(frozen.preset), frozen.seconds, frozen.seed)
