@@ -10,7 +10,7 @@ from rl.twins.run import scaled_to_options
 from rl.twins.settings import SimulatedTraining
 from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 
-train_ram_memory = functools.partial(train_beside_model, TRAINING, MemoryStep, export_memory)
+train_ram_memory = functools.partial(train_beside_model, TRAINING, lambda _: MemoryStep(), export_memory)
 """Train into a folder, as `train_beside_model` does."""
 
 register_trainer(

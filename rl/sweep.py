@@ -1,4 +1,4 @@
-"""Trainings of one method that differ in their seed alone, side by side."""
+"""Trainings of one method side by side: with several seeds, or with several settings."""
 
 import dataclasses
 import math
@@ -16,6 +16,20 @@ _WHOLE = 1000  # what one training counts in progress
 _SECONDS = 0.5  # between two looks at it
 
 
+class Run(NamedTuple):
+    """Training that is one of several.
+
+    Attributes:
+        material: what is learned from.
+        options: of the training.
+        folder: of the run.
+    """
+
+    material: Material
+    options: TrainingOptions
+    folder: Path
+
+
 class Share(NamedTuple):
     """Progress of one training.
 
@@ -29,7 +43,7 @@ class Share(NamedTuple):
 
 
 Shares = MutableMapping[int, Share]
-"""Progress of the training of each seed."""
+"""Progress of each training, by its place among them."""
 
 
 def seeds_from(first: int, count: int) -> range:
@@ -75,36 +89,51 @@ def train_seeds(
     Returns:
         The trained files, in the order of the seeds.
     """
-    futures: dict[Future[Path], int] = {}
-    for seed in seeds:
-        chosen = dataclasses.replace(options, seed=seed)
-        futures[executor.submit(_train, material, chosen, folder_of(folder, seed), shares)] = seed
+    runs = [Run(material, dataclasses.replace(options, seed=seed), folder_of(folder, seed)) for seed in seeds]
+    return train_side_by_side(runs, executor, on_progress, shares)
+
+
+def train_side_by_side(
+    runs: Sequence[Run],
+    executor: Executor,
+    on_progress: OnProgress | None = None,
+    shares: Shares | None = None,
+) -> list[Path]:
+    """Train each run into its folder; what is finished or begun there is taken up.
+
+    Arguments as of `train_seeds`. The trained files are in the order of the runs.
+    """
+    if shares is not None:
+        shares.clear()
+    futures: dict[Future[Path], int] = {
+        executor.submit(_train, run, place, shares): place for place, run in enumerate(runs)
+    }
     waiting = set(futures)
     pause = None if shares is None else _SECONDS
     while waiting:
         done, waiting = wait(waiting, timeout=pause, return_when=FIRST_COMPLETED)
         for future in done:
             future.result()  # what one of them could not do ends all
-        finished = {seed for future, seed in futures.items() if future not in waiting}
-        _show(finished, len(seeds), shares, on_progress)
+        finished = {place for future, place in futures.items() if future not in waiting}
+        _show(finished, len(runs), shares, on_progress)
     return [future.result() for future in futures]
 
 
-def _train(material: Material, options: TrainingOptions, folder: Path, shares: Shares | None) -> Path:
-    """Train with one seed; it runs in a worker."""
+def _train(run: Run, place: int, shares: Shares | None) -> Path:
+    """Train one of them; it runs in a worker."""
 
     def show(done: int, total: int, reward: float) -> None:
         if shares is not None:
-            shares[options.seed] = Share(done / total, reward)
+            shares[place] = Share(done / total, reward)
 
-    return find_trainer(options.agent).run(material, options, folder, show)
+    return find_trainer(run.options.agent).run(run.material, run.options, run.folder, show)
 
 
 def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProgress | None) -> None:
     if on_progress is None:
         return
     told = dict(shares or {})
-    parts = [share.done for seed, share in told.items() if seed not in done]
+    parts = [share.done for place, share in told.items() if place not in done]
     rewards = [share.reward for share in told.values() if not math.isnan(share.reward)]
     mean = sum(rewards) / len(rewards) if rewards else math.nan
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)

@@ -6,7 +6,7 @@ A new one is one new file in this package that calls `register_trainer`.
 import dataclasses
 import importlib
 import pkgutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +42,7 @@ class Simulated:
         stroke_mm: that the commands lie within; the training's own, if None.
         gain: how the policy learns; the training's own way, if empty.
         sample_times: T that are met, the most frequent first; the training's own, if empty [s].
+        settings: values of settings of the training, by name, in place of the method's own.
     """
 
     preset: "Preset"
@@ -50,6 +51,7 @@ class Simulated:
     stroke_mm: tuple[float, float] | None = None
     gain: tuple[str, ...] = ()
     sample_times: tuple[float, ...] = ()
+    settings: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Trainer:
         unit: of progress, in the plural.
         counts_samples: whether an episode is a record of whatever number of samples, as in PPO, so that at a
             shorter sample time fewer episodes are as much to learn from.
+        searched: values of settings on twins that a search tries, each with each.
     """
 
     method: MethodSpec
@@ -93,6 +96,7 @@ class Trainer:
     on_twins: TrainOnTwins | None = None
     unit: str = "steps"
     counts_samples: bool = False
+    searched: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 
     def run(
         self,
@@ -139,12 +143,18 @@ def find_trainer(agent: str) -> Trainer:
         ValueError: no method is trained under this name.
     """
     find_training(agent)
-    if agent not in _TRAINERS and not _SEARCHED:
+    known = _TRAINERS if agent in _TRAINERS else all_trainers()
+    if agent not in known:
+        raise InputError(f"agent {agent!r} has no trainer; valid: {', '.join(known)}")
+    return known[agent]
+
+
+def all_trainers() -> dict[str, Trainer]:
+    """Return the trainers of all agents."""
+    if not _SEARCHED:
         package = importlib.import_module("rl")
         for module in pkgutil.iter_modules(package.__path__, "rl."):
             if not module.ispkg:  # comparisons need more than a training does
                 importlib.import_module(module.name)
         _SEARCHED.append("rl")
-    if agent not in _TRAINERS:
-        raise InputError(f"agent {agent!r} has no trainer; valid: {', '.join(_TRAINERS)}")
-    return _TRAINERS[agent]
+    return _TRAINERS

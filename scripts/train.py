@@ -91,6 +91,9 @@ class Train:
     takes their files as one row."""
     workers: int = 0
     """With --seeds: processes; 0 for one per core. The files do not depend on it."""
+    search: tyro.conf.FlagCreatePairsOff[bool] = False
+    """With --seeds and --protocol twins: first try some learning rates and sizes of the network, each a
+    quarter as long, on twins that are held out, and train with the best. OUT/search keeps the trials."""
     dask: str | None = None
     """With --seeds: address of a Dask scheduler, whose workers train and see --out under the same path."""
     tensorboard: bool = False
@@ -107,8 +110,10 @@ def train(args: Train) -> Summary:
     agent = _agent(args)
     options = TrainingOptions(**{name: getattr(args, name) for name in _OPTIONS} | {"agent": agent})
 
-    if args.seeds is None and (args.workers or args.dask is not None):
-        raise ValueError("--workers and --dask are for several trainings: give --seeds")
+    if args.seeds is None and (args.workers or args.dask is not None or args.search):
+        raise ValueError("--workers, --dask and --search are for several trainings: give --seeds")
+    if args.search and args.protocol != "twins":
+        raise ValueError("--search is for --protocol twins")
 
     from rl.trainers import find_trainer
 
@@ -128,6 +133,8 @@ def _train_seeds(
     args: Train, count: int, material: "Material", options: TrainingOptions, source: str
 ) -> Summary:
     """Train with several seeds side by side."""
+    from rl.search import FOLDER as SEARCH_FOLDER
+    from rl.search import grid_of, search_settings, trials_table, with_settings
     from rl.sweep import folder_of, seeds_from, train_seeds
     from twin.workers.choice import choose_workers
     from twin.workers.processes import shared_table
@@ -135,18 +142,26 @@ def _train_seeds(
     seeds = seeds_from(args.seed, count)
     if find_training(options.agent).on_twins:
         compile_once("endotwin train")
-    progress = TrainingProgress(f"train {options.agent}, {count} seeds", "thousandths")
+    name = f"train {options.agent}, {count} seeds"
+    table = ""
     with contextlib.ExitStack() as stack:
         folder = output_folder(args.out)
         folders = [folder_of(folder, seed) for seed in seeds]
         before = _Before(folders, options.agent)
-        on_progress = stack.enter_context(_followed(folders, args, progress))
-        executor, _ = stack.enter_context(choose_workers(count, args.workers, args.dask))
+        grid = grid_of(options.agent) if args.search else []
+        executor, _ = stack.enter_context(choose_workers(max(count, len(grid)), args.workers, args.dask))
         shares = stack.enter_context(shared_table()) if args.dask is None else None
+        if grid:
+            progress = TrainingProgress(f"search {options.agent}, {len(grid)} settings", "thousandths")
+            trials = search_settings(material, options, folder / SEARCH_FOLDER, executor, progress, shares)
+            material = with_settings(material, trials[0].settings)
+            table = trials_table(trials)
+        progress = TrainingProgress(name, "thousandths")
+        on_progress = stack.enter_context(_followed(folders, args, progress))
         paths = train_seeds(material, options, seeds, folder, executor, on_progress, shares)
     which = f"seeds {seeds[0]} to {seeds[-1]}"
     line = f"{args.out}: {options.agent} trained on {source} with {which}{before.told()}"
-    return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent})
+    return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent}, table=table)
 
 
 @contextlib.contextmanager

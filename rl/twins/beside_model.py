@@ -23,7 +23,7 @@ from twin.reduced.member_set import NO_MEMBERS
 
 def train_beside_model(
     training: Training,
-    make: Callable[[], FilterStep],
+    make: Callable[[Any], FilterStep],
     write: Callable[[Any, dict[str, Any], Path], None],
     preset: Preset,
     ranges: Ranges,
@@ -35,7 +35,7 @@ def train_beside_model(
 
     Args:
         training: agent and file.
-        make: returns the untrained step, which is predicted for by `by_model`.
+        make: returns the untrained step of these settings, which is predicted for by `by_model`.
         write: writes the trained step with a description to a path.
         preset: the endoscope.
         ranges: what varies from one to the next.
@@ -49,7 +49,7 @@ def train_beside_model(
         return nominal_model(preset, settings.seed)
 
     def begin(records: TwinRecords) -> tuple[FilterStep, Prediction]:
-        return make(), by_model(model())
+        return make(settings), by_model(model())
 
     def export(step: FilterStep, description: dict[str, Any], path: Path) -> None:
         write(step, description | {"model": model_to_dict(model())}, path)

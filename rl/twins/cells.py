@@ -27,7 +27,7 @@ class MemoryCell(torch.nn.Module):
 class GatedUnit(MemoryCell):
     """Gated recurrent unit (Cho et al. 2014)."""
 
-    def __init__(self, inputs: int, width: int = 48):
+    def __init__(self, inputs: int, width: int):
         super().__init__()
         self.size = self.width = width
         self.cell = torch.nn.GRUCell(inputs, width)
@@ -41,7 +41,7 @@ class GatedUnit(MemoryCell):
 class LongShortTerm(MemoryCell):
     """Long short-term memory (Hochreiter and Schmidhuber 1997)."""
 
-    def __init__(self, inputs: int, width: int = 40):
+    def __init__(self, inputs: int, width: int):
         super().__init__()
         self.size, self.width = 2 * width, width
         self.cell = torch.nn.LSTMCell(inputs, width)
@@ -58,7 +58,7 @@ class StateSpace(MemoryCell):
     Each of W channels u has N states with decay rates a > 0: h <- exp(-dt a) h + dt b u, says c . h + d u.
     """
 
-    def __init__(self, inputs: int, width: int = 64, states: int = 8):
+    def __init__(self, inputs: int, width: int, states: int = 8):
         super().__init__()
         self.size, self.width, self.states = width * states, width, states
         self.channels = torch.nn.Linear(inputs, width)
@@ -92,7 +92,7 @@ class Convolution(MemoryCell):
     The memory holds the inputs of each layer that are still needed, the oldest first.
     """
 
-    def __init__(self, inputs: int, width: int = 16, layers: int = 6):
+    def __init__(self, inputs: int, width: int, layers: int = 6):
         super().__init__()
         self.width = width
         self.apart = [2**layer for layer in range(layers)]

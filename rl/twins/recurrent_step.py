@@ -12,6 +12,7 @@ numbers and remember by one cell. They differ in what is said:
 A state of zeros has seen nothing: the first measurement is then the first prediction.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -90,9 +91,9 @@ class RecurrentStep(FilterStep):
     unsure = 1.0
     """Variance that is stated of the mean of the noise, in units of R, beside what is said of it."""
 
-    def __init__(self, cell: type[MemoryCell]):
-        """Start untrained, and almost silent."""
-        made = cell(SEEN)
+    def __init__(self, cell: Callable[[int, int], MemoryCell], width: int):
+        """Start untrained, and almost silent, with a cell made of what it sees and its width."""
+        made = cell(SEEN, width)
         super().__init__(made.width + SEEN)
         self.cell = made
         self.output = network(made.width + SEEN, 48, self.said, layers=1)

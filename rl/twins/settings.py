@@ -15,6 +15,8 @@ SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)
 """T that can be met [s]."""
 PPO_HORIZON = 25_600
 """Samples between two updates of PPO."""
+MOST_WIDTH = 512
+"""Of the memory of a network."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,6 +112,26 @@ class SimulatedTraining:
             name: max(share_of(getattr(self, name), options), least) for name, least in self.lengths.items()
         }
         return dataclasses.replace(self, **scaled, seed=options.seed)
+
+
+@dataclasses.dataclass(frozen=True)
+class NetworkTraining(SimulatedTraining):
+    """Settings of the training of a rival of RAM (twins).
+
+    Attributes:
+        width: numbers that its memory says, or channels of it.
+    """
+
+    width: int = 48
+
+    def __post_init__(self) -> None:
+        """Refuse a training that cannot run.
+
+        Raises:
+            ValueError: as for any training on twins, or the network is too small or large.
+        """
+        super().__post_init__()
+        check_between("width", self.width, 1, MOST_WIDTH)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -27,7 +27,7 @@ def seen():
 @pytest.mark.parametrize("kind", CELLS)
 def test_sizes_are_as_said_and_each_row_is_on_its_own(kind, seen):
     torch.manual_seed(0)
-    cell = kind(INPUTS)
+    cell = kind(INPUTS, 12)
     said, memory = run(cell, seen)
     assert said.shape == (N, B, cell.width)
     assert memory.shape == (B, cell.size)
@@ -38,7 +38,7 @@ def test_sizes_are_as_said_and_each_row_is_on_its_own(kind, seen):
 @pytest.mark.parametrize("kind", CELLS)
 def test_the_past_matters_and_the_future_does_not(kind, seen):
     torch.manual_seed(0)
-    cell, changed = kind(INPUTS), seen.clone()
+    cell, changed = kind(INPUTS, 12), seen.clone()
     changed[100] += 1.0
     said, other = run(cell, seen)[0], run(cell, changed)[0]
     np.testing.assert_array_equal(said[:100], other[:100])

@@ -8,12 +8,13 @@ import torch
 from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
 
-from rl.networks_on_twins import STEPS
+from rl.networks_on_twins import RIVALS
 from rl.suite.settings import FullSuite
 from rl.twins.beside_model import train_beside_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step
 from rl.twins.learning import filter_sequences, learn_gain
+from rl.twins.settings import NetworkTraining
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_method
 from twin.hysteresis import model_to_dict
@@ -22,16 +23,16 @@ from twin.hysteresis import model_to_dict
 def loud_step(name):
     """An untrained step that says something."""
     torch.manual_seed(0)
-    step = STEPS[name][1]()
+    step = RIVALS[name].untrained()
     with torch.no_grad():
         step.output[-1].weight.normal_(0, 0.5)
     return step.eval()
 
 
-@pytest.mark.parametrize("name", STEPS)
+@pytest.mark.parametrize("name", RIVALS)
 def test_the_estimator_says_what_the_step_says(name, tmp_path):
     """Along whole records, for any number of them, where measurements are missing too."""
-    training, step = STEPS[name][0].training, loud_step(name)
+    training, step = RIVALS[name].spec.training, loud_step(name)
     path = tmp_path / training.file
     export_recurrent_step(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
     for found, wanted in said_by_both(step, training.load(path)):
@@ -39,18 +40,20 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
 
 
 def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_path):
-    spec, make = STEPS["KalmanNet (twins)"]
-    path = train_beside_model(spec.training, make, export_recurrent_step, *twins(), TINY_MEMORY, tmp_path)
+    rival = RIVALS["KalmanNet (twins)"]
+    tiny = NetworkTraining(**dataclasses.asdict(TINY_MEMORY), width=8)
+    training = rival.spec.training
+    path = train_beside_model(training, rival.untrained, export_recurrent_step, *twins(), tiny, tmp_path)
     assert read_trained_file(path).description["training"]["seed"] == TINY_MEMORY.seed
-    assert spec.training.load(path).states_interval
+    assert training.load(path).states_interval
     with pytest.raises(ValueError, match="gru-twins"):
-        STEPS["GRU (twins)"][0].training.load(path)
+        RIVALS["GRU (twins)"].spec.training.load(path)
 
 
 def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
     """Before, the variance that a recursive gain states is far above the square of its errors."""
     torch.manual_seed(0)
-    step, source = STEPS["Recursive KalmanNet (twins)"][1](), small_memory_source(("gaussian",))
+    step, source = RIVALS["Recursive KalmanNet (twins)"].untrained(), small_memory_source(("gaussian",))
     settings = dataclasses.replace(TINY_MEMORY, noises=("gaussian",), updates=120, sequences=32)
 
     def ratio():
@@ -70,8 +73,8 @@ def test_the_full_suite_has_them_only_where_they_are_named_or_given(tmp_path):
     def names(**changes):
         return {spec.name for spec in FullSuite(tmp_path, **changes).specs}
 
-    assert names().isdisjoint(STEPS)
+    assert names().isdisjoint(RIVALS)
     assert names(methods=("GRU (twins)", "AM")) == {"GRU (twins)", "AM"}
     given = names(trained={"ssm-twins": (tmp_path / "network.onnx",)})
-    assert given & set(STEPS) == {"SSM (twins)"}
-    assert all(find_method(name).on_request for name in STEPS)
+    assert given & set(RIVALS) == {"SSM (twins)"}
+    assert all(find_method(name).on_request for name in RIVALS)

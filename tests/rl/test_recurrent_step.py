@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_twins import generator, small_memory_source
 
-from rl.networks_on_twins import STEPS
+from rl.networks_on_twins import RIVALS
 from rl.twins.cells import GatedUnit
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences
@@ -32,7 +32,7 @@ def drawn(count=4, seed=3, noises=("gaussian", "poisson")):
 def says(kind, *numbers):
     """A step that says the same numbers at every sample."""
     torch.manual_seed(0)
-    step = kind(GatedUnit)
+    step = kind(GatedUnit, 12)
     with torch.no_grad():
         step.output[-1].weight.zero_()
         step.output[-1].bias.copy_(torch.tensor(numbers))
@@ -121,10 +121,10 @@ def test_a_recursive_gain_can_be_the_kalman_gain_and_its_variance_then_is_the_le
     assert spreads[0.2] == min(spreads.values())
 
 
-@pytest.mark.parametrize("name", STEPS)
+@pytest.mark.parametrize("name", RIVALS)
 def test_the_first_measurement_is_the_first_estimate_and_silence_changes_no_network(name):
     torch.manual_seed(0)
-    step, sequences = STEPS[name][1]().eval(), drawn()
+    step, sequences = RIVALS[name].untrained().eval(), drawn()
     outputs = run(step, sequences, NOTHING)
     np.testing.assert_allclose(outputs[0][0].bend_deg, sequences.measurement_deg[0], atol=1e-4)
     _, before = outputs[9]
@@ -144,7 +144,7 @@ def test_where_no_variance_is_computed_the_interval_begins_from_a_share_of_the_n
 @pytest.mark.parametrize("kind", [LearnedGain, RecursiveGain])
 def test_whatever_is_said_the_update_is_a_convex_step_and_the_variance_stays_positive(kind, seed, loud):
     torch.manual_seed(seed)
-    step = kind(GatedUnit)
+    step = kind(GatedUnit, 12)
     with torch.no_grad():
         step.output[-1].weight.normal_(0, loud)
     sequences = small_memory_source(("salt-and-pepper", "gamma")).draw(4, 12, generator(seed), stride=5)

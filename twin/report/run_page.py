@@ -1,12 +1,11 @@
 """The page of a whole run: its records, its model, its trainings, and every method beside the paper's."""
 
 import contextlib
-import csv
 import functools
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -21,6 +20,7 @@ from twin.estimation.registry import proposed_method
 from twin.evaluation.score import read_scores
 from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.json_text import read_json
+from twin.files.progress_csv import read_progress
 from twin.files.shown import cut
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
@@ -303,23 +303,3 @@ def _training(path: Path) -> Picture:
         raise InputError("no agent in it has a progress.csv")
     caption = "What each agent pays per step while it learns, thin as recorded, thick the running median."
     return drawn(training_figure(curves), caption)
-
-
-def read_progress(path: Path) -> dict[str, Any]:
-    """Return samples and returns of a training, as its `progress.csv` lists them.
-
-    Raises:
-        ValueError: a column is missing, or a line holds no numbers.
-    """
-    try:
-        text = read_limited(path, MOST_TEXT).decode()
-        lines = list(csv.DictReader(io.StringIO(text)))
-        curve = {
-            key: np.array([float(line[name]) for line in lines])
-            for key, name in (("samples", "samples"), ("return", "mean_reward"))
-        }
-    except (csv.Error, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path.parent.name}/{path.name}: {cut(error) or 'a column is missing'}") from error
-    if not lines or not np.isfinite(curve["samples"]).all():
-        raise InputError(f"{path.parent.name}/{path.name} has no lines of numbers")
-    return curve

@@ -5,12 +5,12 @@ from pathlib import Path
 from twin.errors import InputError
 from twin.estimation.registry import trainings
 from twin.files.hashes import sha256_of
+from twin.files.progress_csv import read_progress
 from twin.files.run_folder import CURVE_FILE
 from twin.files.yaml_text import read_yaml
 from twin.report.facts import MOST_TEXT, flat_facts
 from twin.report.figures import training_figure
 from twin.report.parts import Facts, Gap, Page, Part, Section, drawn, repeat_section
-from twin.report.run_page import read_progress
 
 
 def training_page(path: Path) -> Page:

@@ -1,0 +1,75 @@
+"""Search of settings: all of the grid are tried, the best on held-out twins is trained with."""
+
+import csv
+import math
+import re
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from small_twins import twins
+
+from rl import search
+from rl.options import TrainingOptions
+from rl.search import FILE, grid_of, search_settings, with_settings
+from rl.trainers import Material, Simulated, find_trainer
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.files.progress_csv import read_progress
+
+OPTIONS = TrainingOptions(agent="gru-twins", episodes=1, seed=2)
+
+
+@pytest.fixture
+def material():
+    return Material(simulated=Simulated(*twins(), noises=("gaussian",)))
+
+
+def trials_of(material, folder):
+    with ThreadPoolExecutor(1) as executor:
+        return search_settings(material, OPTIONS, folder, executor)
+
+
+def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
+    from rl.networks_on_twins import RIVALS
+
+    for name, rival in RIVALS.items():
+        grid = grid_of(rival.spec.training.agent)
+        assert len(grid) == 6, name
+        assert {"learning_rate": rival.rate, "width": rival.width} in grid
+
+
+def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tmp_path, monkeypatch):
+    monkeypatch.setattr(search, "grid_of", lambda _: [{"width": 4}, {"width": 7}])
+    trials = trials_of(material, tmp_path)
+    errors = {trial.settings["width"]: trial.error_deg2 for trial in trials}
+    for width, error in errors.items():
+        curve = read_progress(tmp_path / f"width_{width}" / "progress.csv")
+        assert error == pytest.approx(-curve["return"].max(), rel=1e-5)
+        file = read_trained_file(tmp_path / f"width_{width}" / "network.onnx")
+        assert file.description["training"]["width"] == width
+        assert file.description["training"]["seed"] == OPTIONS.seed
+    assert [trial.error_deg2 for trial in trials] == sorted(errors.values())
+    with (tmp_path / FILE).open() as file:
+        rows = [(int(row["width"]), float(row["held_out_error_deg2"])) for row in csv.DictReader(file)]
+    assert rows == [(trial.settings["width"], pytest.approx(trial.error_deg2, rel=1e-5)) for trial in trials]
+
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/network.onnx")}
+    assert trials_of(material, tmp_path) == trials
+    assert made == {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/network.onnx")}
+
+    chosen = with_settings(material, trials[0].settings)
+    path = find_trainer("gru-twins").run(chosen, OPTIONS, tmp_path / "trained")
+    assert read_trained_file(path).description["training"]["width"] == trials[0].settings["width"]
+
+
+def test_a_method_without_a_grid_is_refused_and_those_with_one_are_named():
+    message = "agent 'ram-twins' has no settings to search; valid: lstm, gru, tcn, ssm, kalman-net"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        grid_of("ram-twins")
+
+
+def test_settings_out_of_range_are_refused(material, tmp_path):
+    for width in (0, 513, math.inf):
+        with pytest.raises(ValueError, match="width"):
+            find_trainer("gru-twins").run(
+                with_settings(material, {"width": width}), OPTIONS, tmp_path / "run"
+            )
