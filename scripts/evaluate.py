@@ -63,7 +63,8 @@ class Evaluate:
     """Python files that register estimators of your own (`register_method`), to compare them too; each is
     run."""
     suite: str = "paper"
-    """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full."""
+    """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full;
+    untrained: as full, with faults of the sensor and twins that no training meets."""
     measurements: Literal["auto", "drawn", "recorded"] = "auto"
     """drawn: the truth and noise drawn anew; recorded: what the sensor of the record saw, once. auto:
     recorded where all records are measured logs, else drawn; the full suite draws, unless told."""
@@ -102,7 +103,7 @@ def evaluate(args: Evaluate) -> Summary:
         from twin.estimation.method_file import load_method_files
 
         load_method_files(args.method_file)
-    return _full(args) if args.suite == "full" else _paper(args)
+    return _full(args) if args.suite in ("full", "untrained") else _paper(args)
 
 
 def _full(args: Evaluate) -> Summary:
@@ -140,6 +141,7 @@ def _full(args: Evaluate) -> Summary:
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
         recorded_variance=_variance(args, recorded),
+        suite=args.suite,
         origin=_origin(args, args.model),
     )
     output_folder(args.out, FULL_FILES)

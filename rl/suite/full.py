@@ -38,10 +38,15 @@ from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.frozen import frozen_name
 from twin.suite.intervals import containment
 from twin.suite.limit import bounds
-from twin.suite.scenarios import SAMPLE_TIME, write_scenarios
+from twin.suite.scenarios import SAMPLE_TIME, scenarios, write_scenarios
+from twin.suite.untrained import untrained_scenarios
 from twin.workers.processes import local_workers
 
 Array = NDArray[np.float64]
+
+
+RECORDS = {"full": ("records", scenarios), "untrained": ("records_untrained", untrained_scenarios)}
+"""Folder of the records of each suite, and what says what they are."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,7 +93,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         data = suite.data
         if not data:
             done = progress("test records", "ep")
-            data = tuple(write_scenarios(suite.folder / "records", preset, ranges, suite.seconds, suite.seed))
+            data = _records(suite, preset, ranges)
             done(len(data), len(data))
         train = suite.train or training_records(suite, preset, executor, progress)
         known = [learn(suite, train, T, preset, ranges, executor, progress) for T in suite.sample_times]
@@ -117,6 +122,12 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
             tracks.append(found.tracks)
     save_runs(suite.folder / "runs.npz", scores, squares)
     return _write(suite, scores, limits, sets, rankings, tracks[0], records)
+
+
+def _records(suite: FullSuite, preset: Preset, ranges: Ranges) -> tuple[Path, ...]:
+    """Return the files of the suite's own records, simulated where they are not there."""
+    name, make = RECORDS[suite.suite]
+    return tuple(write_scenarios(suite.folder / name, preset, ranges, suite.seconds, suite.seed, make))
 
 
 def _claim(suite: FullSuite, preset: Preset, ranges: Ranges) -> None:
@@ -159,7 +170,7 @@ def _write(
     folder = suite.folder
     test_set = frozen_name(records, suite.sample_times[-1])
     protocol = {
-        "suite": "full",
+        "suite": suite.suite,
         "seeds": suite.seeds,
         "initial_error_deg": suite.initial_error_deg,
         "seed": suite.seed,

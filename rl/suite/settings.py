@@ -46,6 +46,7 @@ class FullSuite:
         workers: processes.
         seed: of everything that is drawn.
         recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
+        suite: `full`, or `untrained`: sensors and twins that no training meets.
         origin: command, versions and hashes of the data, as `evaluation.json` states them.
     """
 
@@ -66,6 +67,7 @@ class FullSuite:
     workers: int = 1
     seed: int = 0
     recorded_variance: float | None = None
+    suite: str = "full"
     origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -96,17 +98,21 @@ class FullSuite:
 
     @property
     def specs(self) -> list[MethodSpec]:
-        """Methods that are compared, in the order of tables; nobody knows the density of a recorded noise."""
+        """Methods that are compared, in the order of tables.
+
+        Nobody knows the density of a recorded noise, or of a sensor that has a fault.
+        """
         if self.methods:
             specs = [spec for spec in method_specs() if spec.name in self.methods]
         else:
             specs = [spec for spec in method_specs() if not spec.on_request or spec.agent in self.trained]
-        return [spec for spec in specs if self.recorded_variance is None or not spec.is_limit]
+        no_density = self.recorded_variance is not None or self.suite != "full"
+        return [spec for spec in specs if not (no_density and spec.is_limit)]
 
     def protocol(self, sample_time: float) -> Protocol:
         """Return how methods are compared at one sample time."""
         recorded = self.recorded_variance
-        return Protocol("full", self.seeds, sample_time, self.initial_error_deg, self.seed, recorded)
+        return Protocol(self.suite, self.seeds, sample_time, self.initial_error_deg, self.seed, recorded)
 
     def folder_at(self, sample_time: float) -> Path:
         """Return where all that is made for one sample time is kept."""

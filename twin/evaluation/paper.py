@@ -10,7 +10,7 @@ varies, and its rows at R = 1 and lambda = 2 are equal: they are quoted here as 
 import dataclasses
 
 from twin.estimation.registry import method_spec
-from twin.signals.stereo_noise import STEREO
+from twin.signals.noise import SENSORS
 
 INSTRUMENT = "ureteroscope"
 """Preset of the paper's instrument: its figures stand beside results on records of this one alone."""
@@ -107,8 +107,8 @@ def noise_label(noise: str, level: float) -> str:
     """Return a noise as people write it: `Gaussian, R = 1 deg²`, `Poisson, λ = 0.1`."""
     if noise == "salt-and-pepper":
         return f"Outliers, {100 * level:g} %"
-    if noise == STEREO:
-        return f"Stereo vision, {level:g} passes / min"
+    if noise in SENSORS:
+        return SENSORS[noise].label.format(level)
     kind, _, variant = noise.partition("-")
     if kind == "poisson":
         return f"Poisson{' ' + variant if variant else ''}, λ = {level:g}"

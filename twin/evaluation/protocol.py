@@ -34,10 +34,22 @@ UNSEEN_CONDITIONS = (
     ("gamma", 1.0),
     ("stereo-vision", 4.0),
 )
+UNTRAINED_CONDITIONS = (
+    ("gaussian", 1.0),
+    ("drifting-bias", 2.0),
+    ("correlated", 0.5),
+    ("mixture", 1.0),
+    ("quantised", 2.0),
+    ("drop-outs", 0.3),
+    ("delayed", 0.2),
+    ("stuck", 0.1),
+)
+"""What no training meets: faults of a sensor. The first is for twins that no training meets."""
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
     "paper-only": PAPER_CONDITIONS,
     "full": PAPER_CONDITIONS + UNSEEN_CONDITIONS,
+    "untrained": UNTRAINED_CONDITIONS,
 }
 
 

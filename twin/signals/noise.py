@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.signals.sensor_faults import FAULTS, SensorErrors
 from twin.signals.stereo_noise import STEREO, stereo_noise
 
 Array = NDArray[np.float64]
@@ -78,11 +79,11 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 def draw_errors(
     kind: str, level: float, bend_deg: Array, sample_time: float, rng: np.random.Generator
 ) -> Array:
-    """Draw the errors of a sensor along a record: noise of one of `NOISES`, or those of the stereo sensor.
+    """Draw the errors of a sensor along a record: noise of one of `NOISES`, or those of one of `SENSORS`.
 
     Args:
         kind: one of `KINDS`.
-        level: as of `draw_noise`; of the stereo sensor, instruments that pass in a minute.
+        level: as of `draw_noise`, or of the sensor.
         bend_deg: (N,) true angle [deg].
         sample_time: time between two samples [s].
         rng: source of random numbers.
@@ -93,21 +94,22 @@ def draw_errors(
     Raises:
         ValueError: the kind is unknown or the level is out of range.
     """
-    if kind != STEREO:
+    sensor = SENSORS.get(kind)
+    if sensor is None:
         return draw_noise(kind, level, bend_deg.shape, rng)
-    if not 0 <= level <= MOST_PASSES:
-        raise InputError(f"{STEREO} noise of level {level}: must be from 0 to {MOST_PASSES} passes a minute")
-    return stereo_noise().draw(level, bend_deg, sample_time, rng)
+    if not 0 <= level <= sensor.most:
+        raise InputError(f"{kind} noise of level {level}: must be from 0 to {sensor.most:g}")
+    return sensor.draw(level, bend_deg, sample_time, rng)
 
 
 def noise_variance(kind: str, level: float) -> float:
-    """Return the variance of a noise [deg^2]: the R of a Kalman filter."""
-    return stereo_noise().variance if kind == STEREO else _known(kind).variance(level)
+    """Return the variance of a noise [deg^2]: the R that a Kalman filter is told."""
+    return SENSORS[kind].variance(level) if kind in SENSORS else _known(kind).variance(level)
 
 
 def noise_bound(kind: str, level: float) -> float:
     """Return the largest magnitude of a noise [deg]; infinite where it is unbounded."""
-    return np.inf if kind == STEREO else _known(kind).bound(level)
+    return np.inf if kind in SENSORS else _known(kind).bound(level)
 
 
 def fisher_information(kind: str, level: float) -> float | None:
@@ -116,7 +118,7 @@ def fisher_information(kind: str, level: float) -> float | None:
     It is at least 1 / variance, and equals it for Gaussian noise alone (Fisher 1925). None where it is not
     finite: on a lattice, where the density jumps, and at the edge of the gamma law.
     """
-    return None if kind == STEREO else _known(kind).information(level)
+    return None if kind in SENSORS else _known(kind).information(level)
 
 
 def _known(kind: str) -> _Kind:
@@ -203,7 +205,15 @@ NOISES: dict[str, _Kind] = {
     "gamma": _Kind(_gamma, _level),
 }
 """Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""
-KINDS = (*NOISES, STEREO)
-"""Names of the errors that a sensor can have: noise of a law, and what was measured of the stereo sensor."""
-MOST_PASSES = 60
-"""Largest level of the noise of the stereo sensor: more instruments in a minute hide it for good."""
+SENSORS: dict[str, SensorErrors] = {
+    STEREO: SensorErrors(
+        "Stereo vision, {:g} passes / min",
+        60,  # more instruments in a minute hide it for good
+        lambda level, bend_deg, T, rng: stereo_noise().draw(level, bend_deg, T, rng),
+        lambda level: stereo_noise().variance,
+    ),
+    **FAULTS,
+}
+"""Errors along a record, by name: what was measured of the stereo sensor, and faults."""
+KINDS = (*NOISES, *SENSORS)
+"""Names of the errors that a sensor can have. The order is fixed, as that of `NOISES`."""

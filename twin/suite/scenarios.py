@@ -22,7 +22,7 @@ from twin.recording import write_episode
 from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.streams import SeedUse, random_stream
-from twin.simulation import simulate_batch
+from twin.simulation import simulate, simulate_batch
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,7 @@ class Scenario:
         stroke_mm: lowest and highest pulling distance [mm].
         pull: (N,) command [m].
         sheath_bend: (N,) where the sheath is bent during the record [rad].
+        tip_force: (N,) that pushes the tip sideways, in MuJoCo alone [N].
     """
 
     twin: str
@@ -53,6 +54,7 @@ class Scenario:
     stroke_mm: tuple[float, float]
     pull: Array
     sheath_bend: Array | None = None
+    tip_force: Array | None = None
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
@@ -139,18 +141,61 @@ def simulate_drives(
     )
 
 
-def write_scenarios(folder: Path, preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Path]:
+def simulate_pushed(drive: Scenario) -> Episode | None:
+    """Simulate a drive whose tip is pushed, in MuJoCo; None where it diverged."""
+    forces = iter([] if drive.tip_force is None else drive.tip_force.tolist())
+
+    def push(endoscope: Any) -> None:
+        endoscope.push_tip(next(forces, 0.0))
+
+    try:
+        return simulate(drive.preset, drive.pull, SAMPLE_TIME, sheath_bend=drive.sheath_bend, on_sample=push)
+    except DivergedError:
+        return None
+
+
+def _simulate_all(drives: Sequence[Scenario]) -> list[Episode | None]:
+    """Simulate drives of any endoscopes: those that are alike side by side."""
+    episodes: list[Episode | None] = [None] * len(drives)
+    together: dict[str, list[int]] = {}
+    for place, drive in enumerate(drives):
+        if drive.tip_force is None:
+            together.setdefault(drive.preset.name, []).append(place)
+        else:
+            episodes[place] = simulate_pushed(drive)
+    for places in together.values():
+        for place, episode in zip(places, simulate_drives([drives[i] for i in places]), strict=True):
+            episodes[place] = episode
+    return episodes
+
+
+def write_scenarios(
+    folder: Path,
+    preset: Preset,
+    ranges: Ranges,
+    seconds: float,
+    seed: int,
+    make: "Callable[[Preset, Ranges, float, int], list[Scenario]]" = scenarios,
+) -> list[Path]:
     """Simulate the test records into a folder of MCAP files, or find those that an earlier run has kept.
 
+    Args:
+        folder: where they are kept.
+        preset: the nominal twin.
+        ranges: that twins are drawn from.
+        seconds: length of a record.
+        seed: of commands and twins.
+        make: says what is simulated; `scenarios`, or those of another suite.
+
     Returns:
-        The files, in the order of `scenarios`.
+        The files, in the order of the drives.
 
     Raises:
         ValueError: the folder holds the records of another benchmark.
         FloatingPointError: a simulation diverged.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    drives = scenarios(preset, ranges, seconds, seed)
+    drives = make(preset, ranges, seconds, seed)
     paths = [folder / f"record_{number:03d}.mcap" for number in range(len(drives))]
     recipe = {
         "preset": preset.to_dict(),
@@ -163,7 +208,7 @@ def write_scenarios(folder: Path, preset: Preset, ranges: Ranges, seconds: float
         _refuse_another_benchmark(folder, recipe)
         return paths
     files = []
-    for path, drive, episode in zip(paths, drives, simulate_drives(drives), strict=True):
+    for path, drive, episode in zip(paths, drives, _simulate_all(drives), strict=True):
         if episode is None:
             raise DivergedError(f"the simulation of {path.name} ({drive.twin}) diverged")
         conditions = {"twin": drive.twin, "signal": drive.signal, "stroke_mm": list(drive.stroke_mm)}

@@ -1,0 +1,143 @@
+"""Faults of a sensor along a record: what real ones do beside noise of a law, and nobody tells a filter.
+
+Each has Gaussian noise of which the variance R is told, and a fault of one level that is not: a drift, a
+memory, a mixture, steps, gaps, a delay, or a value that stays. No training of ours meets them.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Draw = Callable[[float, Array, float, np.random.Generator], Array]
+"""Errors (N,) [deg] of a level along a true angle (N,) [deg] every T [s], NaN where nothing is seen."""
+
+TOLD_DEG2 = 1.0
+"""R of a sensor that has a fault [deg^2]."""
+FINE_DEG2 = 0.1
+"""R of a sensor that counts in steps, beside them [deg^2]."""
+GAP_S = 1.0
+"""Mean length of a gap [s]; lengths are drawn exponentially."""
+STUCK_S = 2.0
+"""Time for which a sensor repeats its last value [s]."""
+_FINEST_DEG = 1e-9
+"""Steps below it are none [deg]."""
+_SEEN_WELL, _SEEN_BADLY, _BADLY = 0.8, 0.2, 3.0
+"""Shares of a mixture, and how many times the second is as wide as the first."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorErrors:
+    """Kind of errors that a sensor makes along a record.
+
+    Attributes:
+        label: in words with a place for the level, for tables.
+        most: largest level.
+        draw: errors along a record.
+        variance: R that a filter is told, at a level [deg^2].
+    """
+
+    label: str
+    most: float
+    draw: Draw
+    variance: Callable[[float], float]
+
+
+def _white(samples: int, variance: float, rng: np.random.Generator) -> Array:
+    noise: Array = np.sqrt(variance) * rng.standard_normal(samples)
+    return noise
+
+
+def _drifting(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Add a bias that walks: its standard deviation is `level` deg after a minute."""
+    steps = level * np.sqrt(T / 60) * rng.standard_normal(len(bend_deg))
+    drift: Array = np.cumsum(steps)
+    return drift + _white(len(bend_deg), TOLD_DEG2, rng)
+
+
+def _correlated(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Draw noise whose correlation falls to 1/e in `level` seconds: autoregressive, of first order."""
+    white = _white(len(bend_deg), TOLD_DEG2, rng)
+    keep = np.exp(-T / level) if level > 0 else 0.0
+    noise = np.empty_like(white)
+    noise[0] = white[0]
+    for k in range(1, len(white)):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep**2) * white[k]
+    return noise
+
+
+def _mixed(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Draw normal errors four times of five, else three times as large ones to one side; R = `level`."""
+    samples = len(bend_deg)
+    deviation = np.sqrt(level / (_SEEN_WELL + _SEEN_BADLY * _BADLY**2))
+    badly = rng.uniform(size=samples) < _SEEN_BADLY
+    normal = rng.standard_normal(samples)
+    noise: Array = deviation * np.where(badly, _BADLY * np.abs(normal), normal)
+    return noise
+
+
+def _in_steps(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Round what is measured to steps of `level` degrees."""
+    measured = bend_deg + _white(len(bend_deg), FINE_DEG2, rng)
+    if level > _FINEST_DEG:
+        measured = level * np.rint(measured / level)
+    error: Array = measured - bend_deg
+    return error
+
+
+def _with_gaps(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Lose a share `level` of the time, in gaps of a second in the mean."""
+    lost = _episodes(level, GAP_S, len(bend_deg), T, rng, fixed=False)
+    return np.where(lost, np.nan, _white(len(bend_deg), TOLD_DEG2, rng))
+
+
+def _late(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Measure the angle of `level` seconds ago."""
+    time = np.arange(len(bend_deg)) * T
+    before = np.interp(time - level, time, bend_deg)
+    noise: Array = before - bend_deg + _white(len(bend_deg), TOLD_DEG2, rng)
+    return noise
+
+
+def _stuck(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
+    """Repeat the last value for two seconds, a share `level` of the time."""
+    measured = bend_deg + _white(len(bend_deg), TOLD_DEG2, rng)
+    stuck = _episodes(level, STUCK_S, len(bend_deg), T, rng, fixed=True)
+    stuck[0] = False
+    last = np.maximum.accumulate(np.where(stuck, 0, np.arange(len(bend_deg))))
+    error: Array = measured[last] - bend_deg
+    return error
+
+
+def _episodes(
+    share: float, seconds: float, samples: int, T: float, rng: np.random.Generator, *, fixed: bool
+) -> NDArray[np.bool_]:
+    """Return where something lasts: episodes of a length apart such that they take a share of the time."""
+    inside = np.zeros(samples, dtype=bool)
+    if share <= 0:
+        return inside
+    time = np.arange(samples) * T
+    end, apart = 0.0, seconds * (1 - share) / share
+    while end < time[-1]:
+        begin = end + rng.exponential(apart)
+        end = begin + (seconds if fixed else rng.exponential(seconds))
+        inside |= (time >= begin) & (time < end)
+    return inside
+
+
+def _told(level: float) -> float:
+    return TOLD_DEG2
+
+
+FAULTS = {
+    "drifting-bias": SensorErrors("Drift, {:g} deg a minute", 1e3, _drifting, _told),
+    "correlated": SensorErrors("Correlated over {:g} s", 1e3, _correlated, _told),
+    "mixture": SensorErrors("Mixture, R = {:g} deg²", 1e6, _mixed, lambda level: level),
+    "quantised": SensorErrors("Steps of {:g} deg", 1e3, _in_steps, lambda level: FINE_DEG2 + level**2 / 12),
+    "drop-outs": SensorErrors("Gaps, {:g} of the time", 0.95, _with_gaps, _told),
+    "delayed": SensorErrors("Late by {:g} s", 60.0, _late, _told),
+    "stuck": SensorErrors("Stuck, {:g} of the time", 0.95, _stuck, _told),
+}
+"""Faults by name."""
