@@ -29,7 +29,7 @@ FULL_FILES = _RESULTS | dict.fromkeys(
     ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", "ranks.png", "intervals.png", *_FIGURES],
     MADE_BY,
 )
-"""Files that a suite may write, and the sign of each."""
+"""Files that a suite may write, and the sign of each; beside these, a page for each condition."""
 PAPER_SAMPLE_TIME = 0.1
 
 
@@ -119,6 +119,7 @@ def _full(args: Evaluate) -> Summary:
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
     from twin.evaluation.recorded import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
+    from twin.report.condition_pages import page_names
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
 
@@ -144,7 +145,7 @@ def _full(args: Evaluate) -> Summary:
         suite=args.suite,
         origin=_origin(args, args.model),
     )
-    output_folder(args.out, FULL_FILES)
+    output_folder(args.out, FULL_FILES | dict.fromkeys(page_names(), MADE_BY))
     if args.data:
         _say_of_measured_logs(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
     result = run_full_suite(suite, Progress)

@@ -34,6 +34,7 @@ from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
+from twin.report.condition_pages import condition_pages
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.frozen import frozen_name
 from twin.suite.intervals import containment
@@ -199,6 +200,8 @@ def _write(
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
     tables = benchmark_tables(scores, limits, sets, rankings)
     write_whole(folder / "benchmark.md", f"{tables}\n<!-- {MADE_BY} -->\n")
+    for name, page in condition_pages(scores).items():
+        write_whole(folder / name, page)
     for name, picture in benchmark_figures(scores, tracks, rankings).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)

@@ -8,9 +8,11 @@ import pytest
 
 from scripts.evaluate import main
 from twin.estimation.registry import method_specs, needed_fits
+from twin.evaluation.protocol import UNTRAINED_CONDITIONS
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.runs import load_runs
 from twin.hysteresis import load_model
+from twin.report.condition_pages import page_name
 from twin.signals.excitation import SIGNALS
 from twin.suite.fitting import load_fits
 
@@ -267,3 +269,34 @@ def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys)
     assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("out/*"))
+
+
+def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_own(few_words, tmp_path):
+    words = SMALL.replace("--suite full", "--suite untrained").split()
+    train = few_words[few_words.index("--train") + 1]
+    out = tmp_path / "untrained"
+    assert main([*words, "--train", train, *FEW, "--sample-time", "0.1", "--out", str(out)]) == 0
+    contents = json.loads((out / "evaluation.json").read_text())
+    rows = contents["rows"]
+    assert contents["protocol"]["suite"] == "untrained"
+    assert [(row["noise"], row["level"]) for row in rows[:: len(FEW) - 1]][:8] == [*UNTRAINED_CONDITIONS]
+    assert {row["twin"] for row in rows} == {
+        *("nominal", "sheath moves suddenly", "tip touched", "wider ranges", "another endoscope")
+    }
+    pages = sorted(path.name for path in out.glob("condition_*.md"))
+    assert pages == sorted(page_name(condition) for condition in UNTRAINED_CONDITIONS)
+    page = (out / "condition_stuck_0.1.md").read_text()
+    assert page.startswith("# Stuck, 0.1 of the time\n")
+    of = [row for row in rows if row["noise"] == "stuck" and row["twin"] == "tip touched"]
+    for row in of:
+        assert f"{row['rmse_deg']:.3f}" in page
+
+
+def test_pages_of_conditions_list_all_methods_the_best_on_top(folder, evaluation, times):
+    page = (folder / page_name(("gaussian", 5.0))).read_text()
+    assert page.count("\n## ") == 9 * len(times)
+    first = page.split("\n## ")[1]
+    lines = [line.split("|") for line in first.splitlines() if line.startswith("|")][2:]
+    found = [line[3].strip(" *").split()[0] for line in lines]
+    assert len(found) == len(METHODS)
+    assert [float(value) for value in found] == sorted(map(float, found))

@@ -26,7 +26,7 @@ def test_kinds_strokes_and_numbers(drives):
         "sheath moves suddenly": 10,
         "tip touched": 10,
         "wider ranges": 20,
-        "another: vio_com": 5,
+        "another endoscope": 5,
     }
     commands = {drive.pull.tobytes() for drive in scenarios(PRESET, RANGES, 10.0, seed=3)}
     mine = [drive for drive in drives if not drive.twin.startswith("another")]

@@ -91,9 +91,18 @@ class MeasuredFile(_File):
 class BenchmarkFile(_File):
     """Entry of `files` for a test record of the full suite."""
 
-    twin: Literal["nominal", "bending sheath", "randomized"] = Field(
+    twin: Literal[
+        "nominal",
+        "bending sheath",
+        "randomized",
+        "sheath moves suddenly",
+        "tip touched",
+        "wider ranges",
+        "another endoscope",
+    ] = Field(
         description="`nominal`: the preset, `bending sheath`: the preset, its sheath bent during the record, "
-        "`randomized`: drawn from the ranges"
+        "`randomized`: drawn from the ranges; of the suite `untrained`: `sheath moves suddenly`, "
+        "`tip touched`, `wider ranges`: drawn from wider ones, `another endoscope`: another preset"
     )
     signal: str = Field(description="kind of the command's signal")
     stroke_mm: Interval = Field(description="lowest and highest pulling distance asked for [mm]")

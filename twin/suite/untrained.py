@@ -53,7 +53,7 @@ def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: in
     farther = (FARTHER * low, FARTHER * high)
     for other in others:
         drives += [
-            Scenario(f"another: {other.name}", other, signal, farther, FARTHER * pull)
+            Scenario("another endoscope", other, signal, farther, FARTHER * pull)
             for signal, pull in commands(STROKES_MM[2], seconds, seed).items()
         ]
     return drives
