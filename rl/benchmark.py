@@ -12,6 +12,9 @@ import torch
 from numpy.typing import NDArray
 
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
+from rl.linear_system import SAMPLES as LINEAR_SAMPLES
+from rl.linear_system import LinearSource, decibels, kalman_filter, learn_gains, learned_estimates
+from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.training import new_ppo, train_policy
 from rl.twins.graph import export_twins
@@ -40,6 +43,8 @@ from twin.runtime.deployment import prepare_deployment
 SAMPLES = 16 * TrainingOptions.horizon  # of PPO in one measurement
 WHOLE_TRAINING = 1.2e6  # samples of the paper's 2000 episodes
 T = 0.1  # [s]
+LINEAR_RUNS, LINEAR_UPDATES = 1000, 600
+"""Runs of the linear system that are measured on, and gradient steps before."""
 
 Array32 = NDArray[np.float32]
 
@@ -124,6 +129,31 @@ def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str
     return path
 
 
+def gains_on_a_linear_system() -> dict[str, Result]:
+    """Measure learned gains on a linear system of their authors: how far above the Kalman filter they are."""
+    torch.set_num_threads(1)
+    results = {}
+    for two_widths, noise, most in ((False, "normal noise", 1.0), (True, "noise of two widths", 0.0)):
+        source = LinearSource(two_widths)
+        bodies = source.run(LINEAR_RUNS, LINEAR_SAMPLES, np.random.default_rng(99))
+        best = decibels(kalman_filter(bodies, told=False), bodies.place)
+        for name in ("KalmanNet (twins)", "Recursive KalmanNet (twins)"):
+            torch.manual_seed(1)
+            step = RIVALS[name].untrained()
+            learn_gains(step, source, LINEAR_UPDATES)
+            estimates, deviations = learned_estimates(step, bodies)
+            above = decibels(estimates, bodies.place) - best
+            short = name.removesuffix(" (twins)")
+            key = f"{short} {noise}".replace(" ", "_").lower()
+            what = f"{short} above the Kalman filter that is told R, {noise}"
+            results[key] = Result(what, above, "dB", f"<= {most:g} dB", above <= most)
+            if step.by_likelihood:
+                nees = float(np.mean(((estimates - bodies.place) / deviations)[10:] ** 2))
+                what = f"{short}: square errors over stated variances, {noise}"
+                results[f"{key}_nees"] = Result(what, nees, "", "0.9 to 1.1", 0.9 <= nees <= 1.1)
+    return results
+
+
 def with_policy(measure: Callable[[Path], dict[str, Result]]) -> dict[str, Result]:
     """Measure something with the paper's RAM; one that has learned little takes as long."""
     options = TrainingOptions(episodes=16, environments=8, horizon=256, minibatch=64, seed=1)
@@ -134,6 +164,7 @@ def with_policy(measure: Callable[[Path], dict[str, Result]]) -> dict[str, Resul
 
 OF_LEARNING: dict[str, Measurement] = {
     "control_step": lambda preset, size, _: one_command(preset, size),
+    "linear_system": lambda *_: gains_on_a_linear_system(),
     "ppo": lambda *_: ppo(),
     "ram_twins_online": lambda preset, size, _: one_sample(preset, size),
     "run": lambda *_: with_policy(stream),
