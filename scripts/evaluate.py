@@ -91,6 +91,8 @@ class Evaluate:
     """Full suite: length of the records that it simulates."""
     workers: int = 0
     """Full suite: processes; 0 for one per core. The results do not depend on it."""
+    dask: str | None = None
+    """Full suite: address of a Dask scheduler, whose workers see all files under the same path."""
     seed: int = 0
     """Of everything that is drawn."""
     json: bool = False
@@ -124,15 +126,16 @@ def _full(args: Evaluate) -> Summary:
     check_between("workers", args.workers, 0, MOST_WORKERS)
 
     sample_times = tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True))
+    where = Path.cwd() if args.dask else Path()  # other machines work elsewhere
     suite = FullSuite(
-        folder=args.out,
-        data=args.data,
-        train=args.train,
+        folder=where / args.out,
+        data=tuple(where / path for path in args.data),
+        train=None if args.train is None else where / args.train,
         methods=args.methods,
-        method_files=args.method_file,
+        method_files=tuple(where / path for path in args.method_file),
         preset=args.preset,
         sample_times=sample_times,
-        trained=given_files(args.policy, None, sample_times),
+        trained=given_files([where / path for path in args.policy], None, sample_times),
         seeds=1 if recorded else args.seeds,
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
@@ -142,6 +145,7 @@ def _full(args: Evaluate) -> Summary:
         workers=args.workers or os.cpu_count() or 1,
         seed=args.seed,
         recorded_variance=_variance(args, recorded),
+        dask=args.dask,
         suite=args.suite,
         origin=_origin(args, args.model),
     )

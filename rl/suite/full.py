@@ -41,7 +41,7 @@ from twin.suite.intervals import containment
 from twin.suite.limit import bounds
 from twin.suite.scenarios import SAMPLE_TIME, scenarios, write_scenarios
 from twin.suite.untrained import untrained_scenarios
-from twin.workers.processes import local_workers
+from twin.workers.choice import choose_workers
 
 Array = NDArray[np.float64]
 
@@ -89,8 +89,9 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         true_records([suite.train], max(suite.sample_times))
     suite.folder.mkdir(parents=True, exist_ok=True)
     _claim(suite, preset, ranges)
-    load_methods = functools.partial(load_method_files, suite.method_files)
-    with local_workers(suite.workers, load_methods) as executor:
+    files = suite.method_files
+    load_methods = functools.partial(load_method_files, files) if files else None
+    with choose_workers(suite.workers, suite.workers, suite.dask, load_methods) as (executor, _):
         data = suite.data
         if not data:
             done = progress("test records", "ep")

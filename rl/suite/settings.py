@@ -46,6 +46,8 @@ class FullSuite:
         workers: processes.
         seed: of everything that is drawn.
         recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
+        dask: address of a Dask scheduler, whose workers are taken in place of processes; they see the folder
+            under the same path.
         suite: `full`, or `untrained`: sensors and twins that no training meets.
         origin: command, versions and hashes of the data, as `evaluation.json` states them.
     """
@@ -67,6 +69,7 @@ class FullSuite:
     workers: int = 1
     seed: int = 0
     recorded_variance: float | None = None
+    dask: str | None = None
     suite: str = "full"
     origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 

@@ -2,9 +2,11 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from scripts.evaluate import main
 from twin.estimation.registry import method_specs, needed_fits
@@ -50,6 +52,7 @@ METHODS = [
     "Ensemble (limit)",
 ]
 NOISES = 11
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "my_filter.py"
 STATE_NONE = {
     *("C-H", "C-H (monotone)", "Bouc-Wen", "P-I", "ESMF", "ESMF (geometry)"),
     *("LSTM", "GRU", "KalmanNet", "Direct RL", "RAM", "RAM (oracle)", "Constant gain"),
@@ -269,6 +272,20 @@ def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys)
     assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("out/*"))
+
+
+def test_a_cluster_gives_the_same_results_with_a_method_of_the_user_too(few_words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = [*few_words, "Complementary", "--method-file", str(EXAMPLE), "--sample-time", "0.1"]
+    assert main([*words, "--out", "here", "--workers", "1"]) == 0
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+        assert main([*words, "--out", "there", "--dask", cluster.scheduler_address]) == 0
+    here, there = (
+        json.loads((tmp_path / name / "evaluation.json").read_text()) for name in ("here", "there")
+    )
+    assert len(here["rows"]) == (len(FEW)) * NOISES
+    assert here["rows"] == there["rows"]
+    assert here["ranks"] == there["ranks"]
 
 
 def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_own(few_words, tmp_path):

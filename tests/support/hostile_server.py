@@ -228,7 +228,7 @@ def threads_for_processes() -> None:
     from concurrent.futures import ThreadPoolExecutor
 
     for name in ("twin.workers.processes", "rl.suite.full"):
-        importlib.import_module(name).local_workers = lambda count: ThreadPoolExecutor(1)
+        importlib.import_module(name).local_workers = lambda count, begin=None: ThreadPoolExecutor(1)
 
 
 def draw_coarsely() -> None:

@@ -5,7 +5,7 @@ import contextlib
 import logging
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
 
 from twin.errors import InputError
@@ -22,13 +22,14 @@ _LIBRARIES = ("distributed", "tornado", "asyncio")
 
 
 @contextlib.contextmanager
-def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
+def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Iterator[tuple[Executor, int]]:
     """Context manager: an executor on a Dask cluster, and the number of tasks that it runs at a time.
 
     A task whose worker dies is given to another one.
 
     Args:
         address: of the scheduler, such as `tcp://192.168.0.7:8786`.
+        begin: what each worker that is there does first; picklable.
 
     Raises:
         ValueError: Dask is not installed, the address is none, no scheduler answers, or it has no workers.
@@ -47,6 +48,8 @@ def dask_workers(address: str) -> Iterator[tuple[Executor, int]]:
         if threads == 0:
             start = f"start some with `dask worker {address} --nthreads 1`"
             raise InputError(f"address = {address}: the scheduler has no workers: {start}")
+        if begin is not None:
+            client.run(begin)
         try:
             yield client.get_executor(pure=False), threads
         except (KilledWorker, CancelledError) as error:
