@@ -25,7 +25,7 @@ MODEL = Path("coleman_hodgdon.json")
 _RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy", "runs.npz": "heads.npy"}
 _FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
 PAPER_FILES = _RESULTS | dict.fromkeys(["tables.md", "rmse.png", *_FIGURES], MADE_BY)
-FULL_FILES = _RESULTS | dict.fromkeys(
+FULL_FILES = {**_RESULTS, "scores.csv": "method,oracle,noise"} | dict.fromkeys(
     ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", "ranks.png", "intervals.png", *_FIGURES],
     MADE_BY,
 )

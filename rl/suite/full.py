@@ -6,7 +6,7 @@ Every stage keeps what it made beside the results; a run that was stopped goes o
 import dataclasses
 import functools
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from twin.estimation.method_file import load_method_files
 from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
+from twin.evaluation.costs import sample_costs
 from twin.evaluation.method import build_method
 from twin.evaluation.ranking import Ranking
 from twin.evaluation.reading import evaluation_records, true_records
@@ -35,6 +36,7 @@ from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.condition_pages import condition_pages
+from twin.report.scores_csv import scores_csv
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.frozen import frozen_name
 from twin.suite.intervals import containment
@@ -46,6 +48,7 @@ from twin.workers.choice import choose_workers
 Array = NDArray[np.float64]
 
 
+SCORES = "scores.csv"
 RECORDS = {"full": ("records", scenarios), "untrained": ("records_untrained", untrained_scenarios)}
 """Folder of the records of each suite, and what says what they are."""
 
@@ -107,12 +110,14 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         limits: list[dict[str, Any]] = []
         sets: list[dict[str, Any]] = []
         tracks: list[list[Track]] = []
+        costs: dict[str, float | None] = {}
         records: list[EvaluationRecord] = []
         for knowledge in known:
             T = knowledge.sample_time
             records = evaluation_records(data, T)
             knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
             methods = [build_method(spec, knowledge) for spec in suite.specs]
+            costs = costs or sample_costs(methods, records[0])
             shown = progress(f"evaluate T = {T:g} s", "group")
             found = evaluate(records, methods, suite.protocol(T), shown, executor)
             scores += found.scores
@@ -123,7 +128,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
             sets += containment(records, _bounded(suite, knowledge), suite.protocol(T))
             tracks.append(found.tracks)
     save_runs(suite.folder / "runs.npz", scores, squares)
-    return _write(suite, scores, limits, sets, rankings, tracks[0], records)
+    return _write(suite, scores, limits, sets, rankings, tracks[0], records, costs)
 
 
 def _records(suite: FullSuite, preset: Preset, ranges: Ranges) -> tuple[Path, ...]:
@@ -168,6 +173,7 @@ def _write(
     rankings: Sequence[Ranking],
     tracks: Sequence[Track],
     records: Sequence[EvaluationRecord],
+    costs: Mapping[str, float | None],
 ) -> FullResult:
     folder = suite.folder
     test_set = frozen_name(records, suite.sample_times[-1])
@@ -195,11 +201,13 @@ def _write(
         "ranks": [ranking.to_dict() for ranking in rankings],
         "bounds": limits,
         "intervals": sets,
+        "sample_us": costs,
         "origin": dict(suite.origin),
     }
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    tables = benchmark_tables(scores, limits, sets, rankings)
+    tables = benchmark_tables(scores, limits, sets, rankings, costs)
+    write_whole(folder / SCORES, scores_csv(scores))
     write_whole(folder / "benchmark.md", f"{tables}\n<!-- {MADE_BY} -->\n")
     for name, page in condition_pages(scores).items():
         write_whole(folder / name, page)

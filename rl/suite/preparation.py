@@ -52,6 +52,7 @@ def learn(
         seed=suite.seed,
         fits=load_fits(path),
         smallest_wire_offset=ranges.lowest("wire_offset", preset),
+        twins=(preset, ranges),
     )
     missing = [fit for fit in needed_fits(suite.specs) if fit.key not in knowledge.fits]
     if missing:
@@ -66,7 +67,7 @@ def learn(
         for agent, training in trainings().items()
         if agent in agents_of(suite)
     }
-    return dataclasses.replace(knowledge, trained=trained | suite.trained, twins=(preset, ranges))
+    return dataclasses.replace(knowledge, trained=trained | suite.trained)
 
 
 def agents_of(suite: FullSuite) -> list[str]:

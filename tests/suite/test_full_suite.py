@@ -1,5 +1,6 @@
 """The full benchmark, for real and small: records, every method, its training, limit, tables, figures."""
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -15,6 +16,7 @@ from twin.evaluation.ranking import rankings_of
 from twin.evaluation.runs import load_runs
 from twin.hysteresis import load_model
 from twin.report.condition_pages import page_name
+from twin.report.scores_csv import COLUMNS
 from twin.signals.excitation import SIGNALS
 from twin.suite.fitting import load_fits
 
@@ -317,3 +319,24 @@ def test_pages_of_conditions_list_all_methods_the_best_on_top(folder, evaluation
     found = [line[3].strip(" *").split()[0] for line in lines]
     assert len(found) == len(METHODS)
     assert [float(value) for value in found] == sorted(map(float, found))
+
+
+def test_the_table_of_scores_is_the_rows(folder, evaluation):
+    with (folder / "scores.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert tuple(lines[0]) == COLUMNS
+    for line, row in zip(lines, evaluation["rows"], strict=True):
+        assert (line["method"], line["noise"], line["twin"]) == (row["method"], row["noise"], row["twin"])
+        assert float(line["rmse_deg"]) == pytest.approx(row["rmse_deg"], rel=1e-3)
+        assert [float(line[name]) for name in ("stroke_low_mm", "stroke_high_mm")] == row["stroke_mm"]
+        assert (line["coverage95"] == "") == (row["coverage95"] is None)
+
+
+def test_each_method_that_runs_on_a_stream_says_what_a_sample_takes(folder, evaluation):
+    costs = evaluation["sample_us"]
+    assert list(costs) == METHODS
+    whole = {name for name, cost in costs.items() if cost is None}
+    assert whole == {"RAM (oracle)", "Ensemble", "Ensemble (limit)"}
+    assert all(cost > 0 for cost in costs.values() if cost is not None)
+    assert costs["RAM (twins)"] > costs["C-H"]
+    assert "| RAM (twins)" in (folder / "benchmark.md").read_text().split("Time of one sample")[1]

@@ -1,6 +1,7 @@
 """The full benchmark as tables and figures: every method, every noise, and how far all are from the limit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ def benchmark_tables(
     bounds: Sequence[Row],
     intervals: Sequence[Row] = (),
     rankings: Sequence[Ranking] = (),
+    costs: Mapping[str, float | None] = MappingProxyType({}),
 ) -> str:
     """Return the benchmark in Markdown.
 
@@ -48,6 +50,7 @@ def benchmark_tables(
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
         intervals: how often the set-membership filters held the truth.
         rankings: of every sample time and group.
+        costs: time of one sample of each method [us]; None for what needs a whole record.
     """
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     first = groups_of(scores)[0]
@@ -81,6 +84,9 @@ def benchmark_tables(
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
+    if costs:
+        parts.append("### Time of one sample of one stream, on one core of this machine")
+        parts.append(_cost_table(costs))
     named = {spec.name for spec in method_specs() if spec.beside_paper}
     beside = [score for score in scores if score.group == first and score.method in named]
     paper = paper_tables(beside, "markdown")
@@ -194,6 +200,12 @@ def _interval_table(intervals: Sequence[Row]) -> str:
             )
     headers = ["method", "noise", "T", *(group_name(group) for group in groups)]
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
+
+
+def _cost_table(costs: Mapping[str, float | None]) -> str:
+    lines = [[method, "-" if cost is None else f"{cost:.0f}"] for method, cost in costs.items()]
+    align = ("left", "right")
+    return str(tabulate(lines, ["method", "µs"], tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
 def _place(row: Row) -> Group:
