@@ -18,7 +18,7 @@ import numpy as np
 from tabulate import tabulate
 
 from rl.options import TrainingOptions
-from rl.sweep import Run, Shares, train_side_by_side
+from rl.sweep import Shares, TrainingRun, train_side_by_side
 from rl.trainers import Material, OnProgress, all_trainers, find_trainer
 from twin.errors import InputError
 from twin.files.atomic import write_whole
@@ -31,7 +31,7 @@ SHORTER = 4
 Settings = dict[str, float]
 
 
-class Trial(NamedTuple):
+class SettingsTrial(NamedTuple):
     """Settings that were tried.
 
     Attributes:
@@ -64,7 +64,7 @@ def search_settings(
     executor: Executor,
     on_progress: OnProgress | None = None,
     shares: Shares | None = None,
-) -> list[Trial]:
+) -> list[SettingsTrial]:
     """Try each of the settings, and list them in `search.csv`; finished trials are not made again.
 
     Args:
@@ -83,9 +83,13 @@ def search_settings(
     """
     grid = grid_of(options.agent)
     shorter = dataclasses.replace(options, episodes=max(options.episodes // SHORTER, 1))
-    runs = [Run(with_settings(material, settings), shorter, folder / _name(settings)) for settings in grid]
+    runs = [
+        TrainingRun(with_settings(material, settings), shorter, folder / _name(settings)) for settings in grid
+    ]
     train_side_by_side(runs, executor, on_progress, shares)
-    trials = [Trial(settings, _least_error(run.folder)) for settings, run in zip(grid, runs, strict=True)]
+    trials = [
+        SettingsTrial(settings, _least_error(run.folder)) for settings, run in zip(grid, runs, strict=True)
+    ]
     trials.sort(key=lambda trial: trial.error_deg2)
     write_whole(folder / FILE, _table(trials))
     return trials
@@ -100,7 +104,7 @@ def with_settings(material: Material, settings: Settings) -> Material:
     )
 
 
-def trials_table(trials: Sequence[Trial]) -> str:
+def trials_table(trials: Sequence[SettingsTrial]) -> str:
     """Return the trials as a table for a person, the best first."""
     names = [*trials[0].settings, "error on held-out twins [deg]"]
     rows = [[*trial.settings.values(), f"{trial.error_deg2**0.5:.3f}"] for trial in trials]
@@ -115,7 +119,7 @@ def _least_error(folder: Path) -> float:
     return float(-np.max(read_progress(folder / CURVE_FILE)["return"]))
 
 
-def _table(trials: Sequence[Trial]) -> str:
+def _table(trials: Sequence[SettingsTrial]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*trials[0].settings, "held_out_error_deg2"])

@@ -110,7 +110,7 @@ class FullSuite:
         else:
             specs = [spec for spec in method_specs() if not spec.on_request or spec.agent in self.trained]
         no_density = self.recorded_variance is not None or self.suite != "full"
-        return [spec for spec in specs if not (no_density and spec.is_limit)]
+        return [spec for spec in specs if not (no_density and spec.needs_density)]
 
     def protocol(self, sample_time: float) -> Protocol:
         """Return how methods are compared at one sample time."""

@@ -87,15 +87,12 @@ class EnsembleFilter(Estimator[EnsembleState]):
             ValueError: it is there for some of them only.
         """
         sample = min(state.sample + 1, self.members_deg.shape[1] - 1)
-        missing = np.isnan(measurement_deg)
-        if missing.all():
+        if not sole_measurement(measurement_deg):
             return state._replace(sample=sample)
-        if missing.any():
-            raise InputError("filters of one ensemble must miss the same measurements")
-        mean, anomaly = self._mean_and_anomaly(sample)
+        mean, anomaly = self.mean_and_anomaly(sample)
         towards = state.covariance @ anomaly  # covariance of the coefficients with the angle
         spread = float(np.sqrt(max(float(anomaly @ towards), 0.0)))
-        score, information = self._weigh(measurement_deg - mean - anomaly @ state.mean, spread)
+        score, information = self.weigh(measurement_deg - mean - anomaly @ state.mean, spread)
         return EnsembleState(
             sample,
             state.mean + np.outer(towards, score),
@@ -104,7 +101,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def bend_deg(self, state: EnsembleState) -> Array:
         """Return the (B,) mean of the angle [deg]."""
-        mean, anomaly = self._mean_and_anomaly(state.sample)
+        mean, anomaly = self.mean_and_anomaly(state.sample)
         return mean + anomaly @ state.mean
 
     @property
@@ -114,11 +111,11 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def half_width_deg(self, state: EnsembleState) -> Array:
         """Return half of the (B,) 95 % intervals of the belief [deg], one for all filters."""
-        _, anomaly = self._mean_and_anomaly(state.sample)
+        _, anomaly = self.mean_and_anomaly(state.sample)
         return np.full(state.mean.shape[1], half_width_of(anomaly @ state.covariance @ anomaly))
 
-    def _weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
-        """Score (B,) of innovations, and their information, for a belief of this standard deviation."""
+    def weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
+        """Return the (B,) scores of innovations, and their information, for a belief of this deviation."""
         density = self.density
         if density is None:
             information = 1 / (spread**2 + self.measurement_variance)
@@ -129,10 +126,30 @@ class EnsembleFilter(Estimator[EnsembleState]):
             return (innovation - density.mean) * information, information
         return density.score(innovation, spread), density.information(spread)
 
-    def _mean_and_anomaly(self, sample: int) -> tuple[float, Array]:
+    def log_likelihood(self, innovation: Array, spread: float) -> Array:
+        """Return the log-density of innovations, but for a constant, for a belief of this deviation."""
+        if self.density is None:
+            found: Array = -0.5 * innovation**2 / (spread**2 + self.measurement_variance)
+            return found
+        return self.density.log_density(innovation, spread)
+
+    def mean_and_anomaly(self, sample: int) -> tuple[float, Array]:
+        """Return the mean of the members at a sample [deg], and what each is off by, over sqrt(M - 1)."""
         members = self.members_deg[:, sample].astype(float)
         mean = float(members.mean())
         return mean, (members - mean) / np.sqrt(len(members) - 1)
+
+
+def sole_measurement(measurement_deg: Array) -> bool:
+    """Return whether a sample was measured, by all filters or by none.
+
+    Raises:
+        ValueError: some of them have a measurement, and some have none.
+    """
+    missing = np.isnan(measurement_deg)
+    if missing.any() and not missing.all():
+        raise InputError("filters of one ensemble must miss the same measurements")
+    return not missing.any()
 
 
 def posterior_bound(

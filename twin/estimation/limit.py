@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.estimation.case import Case
 from twin.estimation.ensemble import EnsembleFilter
+from twin.estimation.particles import ParticleFilter
 from twin.estimation.registry import MethodSpec, register_method
 from twin.files.arrays import read_arrays
 from twin.files.bounded import MEBIBYTE
@@ -30,11 +31,13 @@ class Ensembles:
         paths: files of ensembles, one for each command.
         sample_time: T of the cases, a multiple of that of the files [s].
         knows_density: whether it is told the density of the noise, or its variance alone.
+        particles: whether its belief is a mixture, a law for each member.
     """
 
     paths: tuple[Path, ...]
     sample_time: float
     knows_density: bool = True
+    particles: bool = False
 
     def __call__(self, case: Case) -> Array:
         """Return (B, N) estimated angles [deg], as `with_interval` does."""
@@ -52,9 +55,8 @@ class Ensembles:
         for runs, members_deg in self._alike(case):
             kind, level = case.noises[runs[0]]
             density = noise_density(kind, level) if self.knows_density else None
-            filters = EnsembleFilter(
-                members_deg, float(np.atleast_1d(case.sensor.variance)[runs[0]]), density
-            )
+            linear = EnsembleFilter(members_deg, float(np.atleast_1d(case.sensor.variance)[runs[0]]), density)
+            filters = ParticleFilter(linear) if self.particles else linear
             samples = members_deg.shape[1]
             estimate, half_width = filters.estimate_with_interval(
                 case.pull_mm[runs, :samples],
@@ -135,6 +137,19 @@ register_method(
         told="the density of the noise",
         build=lambda known: Ensembles(known.ensembles, known.sample_time),
         ensembles=True,
+        needs_density=True,
         is_limit=True,
+    )
+)
+register_method(
+    MethodSpec(
+        name="Particles (limit)",
+        rank=62,
+        family="ensemble",
+        told="the density of the noise",
+        build=lambda known: Ensembles(known.ensembles, known.sample_time, particles=True),
+        ensembles=True,
+        needs_density=True,
+        on_request=True,
     )
 )

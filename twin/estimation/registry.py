@@ -75,6 +75,8 @@ class MethodSpec:
         records: whether it needs the training records themselves.
         wire_offset: whether it needs the smallest wire offset that a twin may have.
         ensembles: whether it needs ensembles of twins along the test's commands.
+        needs_density: whether it needs the density of the noise, which a recorded noise and a faulty sensor
+            do not have.
         training: how it is trained; None for what is not learned.
         trained_as: agent whose trained file it runs on; that of `training`, if not given.
         in_paper_suite: whether the suite `paper` has it.
@@ -100,6 +102,7 @@ class MethodSpec:
     records: bool = False
     wire_offset: bool = False
     ensembles: bool = False
+    needs_density: bool = False
     training: Training | None = None
     trained_as: str | None = None
     in_paper_suite: bool = False

@@ -44,7 +44,7 @@ UNTRAINED_CONDITIONS = (
     ("delayed", 0.2),
     ("stuck", 0.1),
 )
-"""What no training meets: faults of a sensor. The first is for twins that no training meets."""
+"""Faults of a sensor, which no training meets; the first is no fault, for twins that no training meets."""
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
     "paper-only": PAPER_CONDITIONS,

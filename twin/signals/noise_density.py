@@ -39,12 +39,21 @@ class NoiseDensity:
         variance: variance R of the noise [deg^2].
         scores: (R + s^2) times the score (minus the slope of the log-density), (spreads, innovations) [deg].
         informations: (R + s^2) times the Fisher information of an innovation about the angle, (spreads,).
+        log_densities: (R + s^2) times the log-density of an innovation but for a constant, as `scores`.
     """
 
     mean: float
     variance: float
     scores: Array
     informations: Array
+    log_densities: Array
+
+    def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
+        """Return the log-density of innovations, but for a constant; arguments as of `score`."""
+        lower, share = _place(spread_deg)
+        row = (1 - share) * self.log_densities[lower] + share * self.log_densities[lower + 1]
+        found: Array = np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        return found
 
     def score(self, innovation_deg: Array, spread_deg: float) -> Array:
         """Return the score (B,) [1 / deg] of innovations (B,) [deg] at a standard deviation of the belief."""
@@ -89,7 +98,9 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
     variance = noise_variance(kind, level)
     unit = variance + _SPREADS**2
     mean = float(np.sum(weights * places))
-    return NoiseDensity(mean, variance, scores * unit[:, None], informations * unit)
+    scores *= unit[:, None]
+    logs = -integrate.cumulative_trapezoid(scores, _INNOVATIONS, axis=1, initial=0.0)
+    return NoiseDensity(mean, variance, scores, informations * unit, logs)
 
 
 def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
