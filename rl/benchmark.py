@@ -31,6 +31,7 @@ from twin.benchmark.stream import stream
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned import ram_twins
+from twin.estimation.learned.networks_on_twins import KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS
 from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.task import TrainingTask, stack_records
 from twin.identification.nominal import nominal_records
@@ -137,13 +138,13 @@ def gains_on_a_linear_system() -> dict[str, Result]:
         source = LinearSource(two_widths)
         bodies = source.run(LINEAR_RUNS, LINEAR_SAMPLES, np.random.default_rng(99))
         best = decibels(kalman_filter(bodies, told=False), bodies.place)
-        for name in ("KalmanNet (twins)", "Recursive KalmanNet (twins)"):
+        for spec in (KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS):
             torch.manual_seed(1)
-            step = RIVALS[name].untrained()
+            step = RIVALS[spec.name].untrained()
             learn_gains(step, source, LINEAR_UPDATES)
             estimates, deviations = learned_estimates(step, bodies)
             above = decibels(estimates, bodies.place) - best
-            short = name.removesuffix(" (twins)")
+            short = spec.name.removesuffix(" (twins)")
             key = f"{short} {noise}".replace(" ", "_").lower()
             what = f"{short} above the Kalman filter that is told R, {noise}"
             results[key] = Result(what, above, "dB", f"<= {most:g} dB", above <= most)

@@ -16,7 +16,7 @@ _WHOLE = 1000  # what one training counts in progress
 _SECONDS = 0.5  # between two looks at it
 
 
-class Run(NamedTuple):
+class TrainingRun(NamedTuple):
     """Training that is one of several.
 
     Attributes:
@@ -89,12 +89,15 @@ def train_seeds(
     Returns:
         The trained files, in the order of the seeds.
     """
-    runs = [Run(material, dataclasses.replace(options, seed=seed), folder_of(folder, seed)) for seed in seeds]
+    runs = [
+        TrainingRun(material, dataclasses.replace(options, seed=seed), folder_of(folder, seed))
+        for seed in seeds
+    ]
     return train_side_by_side(runs, executor, on_progress, shares)
 
 
 def train_side_by_side(
-    runs: Sequence[Run],
+    runs: Sequence[TrainingRun],
     executor: Executor,
     on_progress: OnProgress | None = None,
     shares: Shares | None = None,
@@ -119,7 +122,7 @@ def train_side_by_side(
     return [future.result() for future in futures]
 
 
-def _train(run: Run, place: int, shares: Shares | None) -> Path:
+def _train(run: TrainingRun, place: int, shares: Shares | None) -> Path:
     """Train one of them; it runs in a worker."""
 
     def show(done: int, total: int, reward: float) -> None:
