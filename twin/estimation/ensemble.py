@@ -54,11 +54,14 @@ class EnsembleFilter(Estimator[EnsembleState]):
         measurement_variance: R [deg^2].
         density: what else is known of the noise; without it, it is taken as normal, of mean zero and variance
             R.
+        bias_deviations: standard deviation of the mean of the noise, which is then one more coefficient, in
+            units of sqrt(R); 0 where it is known to be zero.
     """
 
     members_deg: Array
     measurement_variance: float = 0.1
     density: "NoiseDensity | None" = None
+    bias_deviations: float = 0.0
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R.
@@ -73,7 +76,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def start(self, pull_mm: Array, bend_deg: Array) -> EnsembleState:
         """Return the state at the first sample; the command says more than the initial estimate, unused."""
-        count = len(self.members_deg)
+        count = len(self.members_deg) + bool(self.bias_deviations)
         return EnsembleState(0, np.zeros((count, bend_deg.size)), np.eye(count))
 
     def step(
@@ -90,9 +93,10 @@ class EnsembleFilter(Estimator[EnsembleState]):
         if not sole_measurement(measurement_deg):
             return state._replace(sample=sample)
         mean, anomaly = self.mean_and_anomaly(sample)
-        towards = state.covariance @ anomaly  # covariance of the coefficients with the angle
-        spread = float(np.sqrt(max(float(anomaly @ towards), 0.0)))
-        score, information = self.weigh(measurement_deg - mean - anomaly @ state.mean, spread)
+        seen = self._with_bias(anomaly, self.bias_deviations * np.sqrt(self.measurement_variance))
+        towards = state.covariance @ seen  # covariance of the coefficients with what is seen
+        spread = float(np.sqrt(max(float(seen @ towards), 0.0)))
+        score, information = self.weigh(measurement_deg - mean - seen @ state.mean, spread)
         return EnsembleState(
             sample,
             state.mean + np.outer(towards, score),
@@ -102,7 +106,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
     def bend_deg(self, state: EnsembleState) -> Array:
         """Return the (B,) mean of the angle [deg]."""
         mean, anomaly = self.mean_and_anomaly(state.sample)
-        return mean + anomaly @ state.mean
+        return mean + self._with_bias(anomaly) @ state.mean
 
     @property
     def states_interval(self) -> bool:
@@ -111,8 +115,12 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def half_width_deg(self, state: EnsembleState) -> Array:
         """Return half of the (B,) 95 % intervals of the belief [deg], one for all filters."""
-        _, anomaly = self.mean_and_anomaly(state.sample)
-        return np.full(state.mean.shape[1], half_width_of(anomaly @ state.covariance @ anomaly))
+        angle = self._with_bias(self.mean_and_anomaly(state.sample)[1])
+        return np.full(state.mean.shape[1], half_width_of(angle @ state.covariance @ angle))
+
+    def _with_bias(self, anomaly: Array, of_bias: float = 0.0) -> Array:
+        """Return what the coefficients are multiplied by, where the mean of the noise is one of them."""
+        return np.append(anomaly, of_bias) if self.bias_deviations else anomaly
 
     def weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
         """Return the (B,) scores of innovations, and their information, for a belief of this deviation."""

@@ -94,8 +94,11 @@ def draw_twin_episodes(knowledge: Knowledge) -> tuple[TrainingEpisodes, Any]:
     return TrainingEpisodes(pull_mm, measurement, initial, bend_deg), variance
 
 
-def _register(name: str, rank: float, model: str) -> None:
-    fit = TwinsLikelihoodFit(f"{model}, on twins", model)
+TUNED_ON_TWINS = TwinsLikelihoodFit(f"{ColemanHodgdon.name}, on twins", ColemanHodgdon.name)
+"""Of the paper's active model."""
+
+
+def _register(name: str, rank: float, fit: TwinsLikelihoodFit) -> None:
     register_method(
         MethodSpec(
             name=name,
@@ -103,12 +106,12 @@ def _register(name: str, rank: float, model: str) -> None:
             family="tuned filter",
             told="R",
             build=fit.filter,
-            models=(model,),
+            models=(fit.model,),
             fits=(fit,),
             on_request=True,
         )
     )
 
 
-_register("AM-tuned (twins)", 34.1, ColemanHodgdon.name)
-_register("AM-tuned (Bouc-Wen, twins)", 34.2, BoucWen.name)
+_register("AM-tuned (twins)", 34.1, TUNED_ON_TWINS)
+_register("AM-tuned (Bouc-Wen, twins)", 34.2, TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name))
