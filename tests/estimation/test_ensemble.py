@@ -105,3 +105,18 @@ def test_filters_of_one_ensemble_share_sensor_and_gaps(members):
     state = filters.start(np.zeros(2), np.zeros(2))
     with pytest.raises(ValueError, match="same measurements"):
         filters.step(state, np.zeros(2), np.zeros(2), np.array([1.0, np.nan]))
+
+
+def test_with_a_bias_it_is_the_conditional_mean_of_angle_and_bias_together(members):
+    """The bias is one more normal unknown, which every measurement sees in full and the angle not at all."""
+    variance, deviations = 0.8, 1.5
+    rng = np.random.default_rng(3)
+    measurement = members[0] + 2.0 + np.sqrt(variance) * rng.standard_normal(SAMPLES)
+    mean, covariance = members.mean(axis=0), np.cov(members.T)
+    seen = covariance[1:, 1:] + deviations**2 * variance + variance * np.eye(SAMPLES - 1)
+    gain = covariance[-1, 1:] @ np.linalg.inv(seen)
+    filter_ = EnsembleFilter(members, variance, bias_deviations=deviations)
+    found, half = filter_.estimate_with_interval(np.zeros(SAMPLES), measurement, 0.0)
+    assert found[0, -1] == pytest.approx(mean[-1] + gain @ (measurement - mean)[1:], rel=1e-6)
+    left = covariance[-1, -1] - gain @ covariance[1:, -1]
+    assert half[0, -1] == pytest.approx(1.96 * np.sqrt(left), rel=1e-3)

@@ -71,7 +71,8 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
     protocol = Protocol("full", seeds=4)
     known = Knowledge(0.1, {}, ensembles=tuple(ensembles))
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
-    assert [method.name for method in methods] == ["Ensemble", "Ensemble (limit)"]
+    names = ["Ensemble", "Ensemble with bias", "Ensemble (limit)", "Particles (limit)"]
+    assert [method.name for method in methods] == names
     rows, *_ = evaluate(test_set, methods, protocol)
     rmse = {(r.method, r.noise, r.level, r.stroke_mm[0]): r.rmse_deg for r in rows}
     for low in (-1.0, 2.0):
@@ -79,7 +80,9 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
         assert knows == pytest.approx(told_r, rel=0.05)  # R says all of Gaussian noise
         assert knows < 0.6  # the measurement itself: 1
         for noise, level in (("poisson", 2.0), ("salt-and-pepper", 0.05), ("gamma", 1.0)):
-            assert rmse["Ensemble (limit)", noise, level, low] < 0.7 * rmse["Ensemble", noise, level, low]
+            limit = rmse["Ensemble (limit)", noise, level, low]
+            assert limit < 0.7 * rmse["Ensemble", noise, level, low]
+            assert rmse["Particles (limit)", noise, level, low] < 1.1 * limit
     found = bounds(test_set, ensembles, 0.1, (("gaussian", 1.0), ("uniform", 1.0)))
     assert [row["noise"] for row in found] == ["gaussian", "gaussian"]  # uniform noise has no bound
     for row in found:

@@ -19,6 +19,8 @@ from twin.files.bounded import MEBIBYTE
 Array = NDArray[np.float64]
 MOST_BYTES = 1024 * MEBIBYTE
 """Size of a file of an ensemble [bytes]: thousands of members along minutes."""
+BIAS_DEVIATIONS = 1.0
+"""Standard deviation of the mean of a noise that may be skewed, in units of sqrt(R)."""
 _SAME = 1e-9  # two pulls that differ by less are one [mm]
 _LEAST = 10  # samples for which a record must follow a command
 
@@ -31,12 +33,14 @@ class Ensembles:
         paths: files of ensembles, one for each command.
         sample_time: T of the cases, a multiple of that of the files [s].
         knows_density: whether it is told the density of the noise, or its variance alone.
+        bias_deviations: standard deviation of the mean of the noise, where it is estimated too [sqrt(R)].
         particles: whether its belief is a mixture, a law for each member.
     """
 
     paths: tuple[Path, ...]
     sample_time: float
     knows_density: bool = True
+    bias_deviations: float = 0.0
     particles: bool = False
 
     def __call__(self, case: Case) -> Array:
@@ -55,7 +59,8 @@ class Ensembles:
         for runs, members_deg in self._alike(case):
             kind, level = case.noises[runs[0]]
             density = noise_density(kind, level) if self.knows_density else None
-            linear = EnsembleFilter(members_deg, float(np.atleast_1d(case.sensor.variance)[runs[0]]), density)
+            variance = float(np.atleast_1d(case.sensor.variance)[runs[0]])
+            linear = EnsembleFilter(members_deg, variance, density, self.bias_deviations)
             filters = ParticleFilter(linear) if self.particles else linear
             samples = members_deg.shape[1]
             estimate, half_width = filters.estimate_with_interval(
@@ -127,6 +132,19 @@ register_method(
         told="R",
         build=lambda known: Ensembles(known.ensembles, known.sample_time, knows_density=False),
         ensembles=True,
+    )
+)
+register_method(
+    MethodSpec(
+        name="Ensemble with bias",
+        rank=60.5,
+        family="ensemble",
+        told="R",
+        build=lambda known: Ensembles(
+            known.ensembles, known.sample_time, knows_density=False, bias_deviations=BIAS_DEVIATIONS
+        ),
+        ensembles=True,
+        on_request=True,
     )
 )
 register_method(
