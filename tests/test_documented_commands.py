@@ -32,7 +32,7 @@ from twin.files.json_text import parse_json_object
 from twin.samples.copy import copy_samples
 from twin.stream.protocol import SampleLine
 
-HOURS = ("endotwin control", "--suite full", "train_tracking")
+HOURS = ("endotwin control", "--suite full", "--suite untrained", "train_tracking")
 """Parts of commands that take hours as printed: they are run at a small size alone."""
 REFUSED = {"endotwin gate": (0, 1)}
 """Exit codes of commands that may say no: an estimator that has hardly learned is a no-go."""
@@ -123,6 +123,7 @@ def run(snippet: Snippet, text: str, folder: Path, timeout: float) -> None:
 def run_all(names: tuple[str, ...], folder: Path, *, small: bool, heavy: bool = True) -> dict[str, float]:
     """Run all snippets of documents one after the other; returns what each took [s]."""
     copy_samples(folder)
+    shutil.copytree(REPOSITORY / "docs/examples", folder / "docs/examples")
     took = {}
     for snippet in unique(names):
         if snippet.is_heavy and not heavy:

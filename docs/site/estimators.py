@@ -1,14 +1,19 @@
-"""The estimators, a page each, from the method table: what each is told, its equations, its code."""
+"""The estimators, a page each, from the method table: what each is told, its equations, code and figures."""
 
+import csv
+import functools
 import importlib
 import inspect
 import re
 from pathlib import Path
 
 from twin.estimation.registry import MethodSpec, method_specs
+from twin.evaluation.paper import noise_label
 from twin.report.facts import agent_names
 
 EQUATIONS = Path(__file__).with_name("equations.md")
+SCORES = Path(__file__).parents[1] / "benchmark" / "scores.csv"
+"""Published scores on the frozen test set, as `endotwin evaluate --suite full` writes them."""
 MODELS = ("coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii")
 
 
@@ -80,9 +85,47 @@ def _page(spec: MethodSpec) -> str:
     return (
         f"# {spec.name}\n\n{table}\n\n## Equations\n\n"
         + "\n\n".join(formulas)
-        + f"\n\n## In the code\n\n{_text(module)}\n\n## Try it\n\n{_try(spec)}\n\n"
+        + f"\n\n## In the code\n\n{_text(module)}\n\n## Try it\n\n{_try(spec)}\n\n{_figures(spec)}"
         "[All estimators](index.md) · [What they reach](../results/benchmark.md)\n"
     )
+
+
+@functools.cache
+def _scores() -> dict[str, list[dict[str, str]]]:
+    """Return the published scores of each method; none, before they are published."""
+    found: dict[str, list[dict[str, str]]] = {}
+    if SCORES.is_file():
+        with SCORES.open() as file:
+            for row in csv.DictReader(file):
+                found.setdefault(row["method"], []).append(row)
+    return found
+
+
+def _figures(spec: MethodSpec) -> str:
+    """Return what a method reaches on the frozen test set, a line for each noise."""
+    scores = _scores().get(spec.name, [])
+    if not scores:
+        return ""
+    groups = list(dict.fromkeys(map(_group, scores)))
+    lines: dict[str, dict[str, str]] = {}
+    for row in scores:
+        name = noise_label(row["noise"], float(row["level"]))
+        lines.setdefault(name, {})[_group(row)] = f"{float(row['rmse_deg']):.2f}"
+    head = f"| RMSE [deg] | {' | '.join(groups)} |\n|---|{'---:|' * len(groups)}\n"
+    rows = (
+        f"| {name} | {' | '.join(cells.get(group, '-') for group in groups)} |"
+        for name, cells in lines.items()
+    )
+    drawn = f"{scores[0]['trainings']} trainings, " if scores[0]["trainings"] != "1" else ""
+    return (
+        "## What it reaches\n\nOn [the frozen test set](../benchmark/README.md), "
+        f"T = {scores[0]['sample_time_s']} s; {drawn}{scores[0]['seeds']} draws of each noise.\n\n"
+        f"{head}" + "\n".join(rows) + "\n\n"
+    )
+
+
+def _group(row: dict[str, str]) -> str:
+    return f"{row['twin']}, [{float(row['stroke_low_mm']):g}, {float(row['stroke_high_mm']):g}] mm"
 
 
 def _text(module: str) -> str:
