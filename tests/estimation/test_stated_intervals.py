@@ -14,6 +14,7 @@ from twin.estimation.kalman import KalmanActiveModel
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.robust import RobustActiveModel
 from twin.estimation.unscented import UnscentedActiveModel
+from twin.evaluation.innovations import squared_innovations
 from twin.evaluation.metrics import interval_indices
 
 T, Q, R, P = 0.1, (4e-3, 9e-2), 0.5, (25.0, 1.0)
@@ -46,6 +47,12 @@ def test_a_kalman_filter_is_as_sure_as_it_may_be(filter_):
     found = interval_indices((estimate - truth)[:, 1:], half[:, 1:])
     assert found["coverage95"] == pytest.approx(0.95, abs=0.01)
     assert found["nees"] == pytest.approx(1.0, abs=0.06)
+    told = filter_(**TOLD, measurement_variance=R)
+    variance, start = np.full(RUNS, R), np.full(RUNS, first)
+    squares = squared_innovations(told, pull.T, measured.T, start, variance, first=20)
+    assert squares.shape == (SAMPLES - 20, RUNS)
+    assert np.isnan(squares[30:50]).all()  # what is missing surprises nobody
+    assert np.nanmean(squares) == pytest.approx(1.0, abs=0.04)
 
 
 def test_an_ensemble_of_which_the_truth_is_a_normal_draw_is_as_sure_as_it_may_be():

@@ -18,6 +18,7 @@ WHOLE = dataclasses.replace(
     coverage95=0.94,
     width95_deg=1.3,
     nees=1.1,
+    nis=1.2,
     crps_deg=0.2,
     to_best_ci95=(1.1, 1.4),
 )
@@ -29,6 +30,7 @@ OPTIONAL = {
     "coverage95",
     "width95_deg",
     "nees",
+    "nis",
     "crps_deg",
     "training_rmse_deg",
     "to_best_ci95",

@@ -7,7 +7,7 @@ from scores import SCORE
 from twin.report.figures import to_png_bytes
 from twin.report.intervals import interval_figure, interval_scores, interval_table
 
-STATED = {"coverage95": 0.94, "width95_deg": 1.5, "nees": 1.1, "crps_deg": 0.2}
+STATED = {"coverage95": 0.94, "width95_deg": 1.5, "nees": 1.1, "nis": 1.2, "crps_deg": 0.2}
 SCORES = [
     dataclasses.replace(SCORE, method="LSTM"),
     dataclasses.replace(SCORE, method="AM", **STATED),
@@ -24,9 +24,9 @@ def test_methods_that_state_an_interval_the_best_first():
 def test_the_table_has_coverage_by_noise_and_means_of_the_rest():
     lines = [line.strip("|").split("|") for line in interval_table(SCORES).splitlines()]
     head, _, first, second = ([cell.strip() for cell in line] for line in lines)
-    assert head[-3:] == ["width [deg]", "NEES", "CRPS [deg]"]
-    assert first == ["RAM (twins)", "94", "-", "1.50", "1.10", "0.100"]
-    assert second == ["AM", "94", "50", "1.50", "1.10", "0.400"]
+    assert head[-4:] == ["width [deg]", "NEES", "NIS", "CRPS [deg]"]
+    assert first == ["RAM (twins)", "94", "-", "1.50", "1.10", "1.20", "0.100"]
+    assert second == ["AM", "94", "50", "1.50", "1.10", "1.20", "0.400"]
     assert interval_table(SCORES[:1]) == ""
 
 

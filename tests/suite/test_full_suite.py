@@ -120,6 +120,8 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, 
         stated = [row[name] for name in ("coverage95", "width95_deg", "nees", "crps_deg")]
         assert (row["method"] not in STATE_NONE) == (None not in stated) == (stated != [None] * 4)
         assert None in stated or 0 <= row["coverage95"] <= 1
+        on_a_stream = row["method"] not in ("Ensemble", "Ensemble (limit)")
+        assert (row["nis"] is None) == (None in stated or not on_a_stream)
 
 
 def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):

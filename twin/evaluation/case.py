@@ -55,6 +55,19 @@ def make_case(
     )
 
 
+def first_draws(case: Case, seeds: int) -> Case:
+    """Return the runs of the first draw of each noise on each record."""
+    runs = np.arange(0, len(case.pull_mm), seeds)
+    sensor = Sensor(*(np.asarray(of)[runs] for of in (case.sensor.variance, case.sensor.bound)))
+    return Case(
+        case.pull_mm[runs],
+        case.measurement_deg[runs],
+        np.asarray(case.initial_bend_deg)[runs],
+        sensor,
+        tuple(case.noises[run] for run in runs),
+    )
+
+
 def group_records(records: Sequence[EvaluationRecord]) -> list[list[tuple[int, EvaluationRecord]]]:
     """Return the records of each stroke and kind of twin, with their numbers in the test set."""
     groups: dict[tuple[Any, str], list[tuple[int, EvaluationRecord]]] = {}

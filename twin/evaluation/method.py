@@ -11,6 +11,7 @@ from twin.estimation.case import Case, CaseEstimator, IntervalEstimator
 from twin.estimation.estimator import Estimator
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec
+from twin.evaluation.innovations import squared_innovations
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,22 @@ class Filtering:
         if filter_.states_interval:
             return filter_.estimate_with_interval(*of_case)
         return filter_.estimate(*of_case), None
+
+    def nis(self, case: Case, first: int) -> Array | None:
+        """Return the (B,) mean squared innovations of runs from a sample on; None where none are stated."""
+        filter_ = self.estimator.with_sensor(case.sensor)
+        if not filter_.states_interval:
+            return None
+        variance = np.broadcast_to(np.asarray(case.sensor.variance, dtype=float), len(case.pull_mm))
+        measured = case.measurement_deg.T
+        initial = np.asarray(case.initial_bend_deg)
+        squares = squared_innovations(filter_, case.pull_mm.T, measured, initial, variance, first)
+        seen = ~np.isnan(squares)
+        nothing = np.full(len(case.pull_mm), np.nan)
+        mean: Array = np.divide(
+            np.nansum(squares, axis=0), seen.sum(axis=0), out=nothing, where=seen.any(axis=0)
+        )
+        return mean
 
 
 def as_method(name: str, estimator: Estimator[Any]) -> Method:

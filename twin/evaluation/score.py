@@ -69,6 +69,8 @@ class Score:
         coverage95: share of samples whose stated 95 % interval held the truth; None where none is stated.
         width95_deg: mean width of that interval [deg].
         nees: mean square error in units of the stated variance: 1 where the interval is honest.
+        nis: mean square innovation after the first 5 s, in units of the variance that prediction and sensor
+            state together; of the first draw.
         crps_deg: mean continuous ranked probability score of the normal law of that interval [deg].
         to_best_ci95: 95 % interval of its RMSE in units of that of the best method that competes, on the same
             records and draws; None where there was but one run.
@@ -95,6 +97,7 @@ class Score:
     coverage95: float | None = None
     width95_deg: float | None = None
     nees: float | None = None
+    nis: float | None = None
     crps_deg: float | None = None
     to_best_ci95: tuple[float, float] | None = None
 
@@ -192,6 +195,7 @@ _MAY_BE_NONE = (
     "coverage95",
     "width95_deg",
     "nees",
+    "nis",
     "crps_deg",
     "to_best_ci95",
 )

@@ -30,7 +30,7 @@ def interval_scores(scores: Sequence[Score]) -> dict[str, list[Score]]:
 
 
 def interval_table(scores: Sequence[Score]) -> str:
-    """Return coverage by noise, mean width, NEES and CRPS of each method in Markdown; empty without any.
+    """Return coverage by noise, width, NEES, NIS and CRPS of each method in Markdown; empty without any.
 
     Args:
         scores: of one sample time and one kind of records.
@@ -48,10 +48,12 @@ def interval_table(scores: Sequence[Score]) -> str:
                 *(f"{coverage[noise]:.0f}" if noise in coverage else "-" for noise in noises),
                 f"{np.mean([_of(score.width95_deg) for score in of]):.2f}",
                 f"{geometric_mean(np.array([_of(score.nees) for score in of])):.2f}",
+                _mean_nis(of),
                 f"{_worth(of):.3f}",
             ]
         )
-    headers = ["method", *(noise_label(*noise) for noise in noises), "width [deg]", "NEES", "CRPS [deg]"]
+    noise_labels = [noise_label(*noise) for noise in noises]
+    headers = ["method", *noise_labels, "width [deg]", "NEES", "NIS", "CRPS [deg]"]
     align = ("left", *["right"] * (len(headers) - 1))
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
 
@@ -92,3 +94,8 @@ def _worth(scores: Sequence[Score]) -> float:
 def _of(value: float | None) -> float:
     assert value is not None  # a method that states an interval has all of them
     return value
+
+
+def _mean_nis(scores: Sequence[Score]) -> str:
+    known = [score.nis for score in scores if score.nis]
+    return f"{geometric_mean(np.array(known)):.2f}" if known else "-"

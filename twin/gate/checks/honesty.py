@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.gaussian import DEVIATIONS_OF_95
+from twin.evaluation.innovations import squared_innovations
 from twin.evaluation.paper import noise_label
 from twin.gate.cases import ZERO_MEAN, draw_commands, noisy, simulate_runs
 from twin.gate.material import OTHER_STREAMS, GateMaterial
@@ -91,10 +91,7 @@ def _rows(material: GateMaterial, of: str) -> tuple[dict[str, Any], ...]:
 
 
 def nis(material: GateMaterial) -> Check:
-    """Compare innovations with what prediction and sensor together state, under noise without a mean.
-
-    What an estimator says where no measurement comes is its prediction, with an interval of its own.
-    """
+    """Compare innovations with what prediction and sensor together state, under noise without a mean."""
     estimator = material.estimator
     if not estimator.states_interval:
         return not_shown(NIS, _NOT_STATED)
@@ -105,16 +102,14 @@ def nis(material: GateMaterial) -> Check:
     for kind, level in ((kind, 0.05 if kind == "salt-and-pepper" else 1.0) for kind in ZERO_MEAN[:3]):
         case = noisy(runs, (kind, level), 1, rng)
         variance = np.asarray(case.sensor.variance)
-        told = estimator.with_sensor(Sensor(variance))
-        pull, measured = case.pull_mm.T, case.measurement_deg.T
-        state = told.start(pull[0], np.asarray(case.initial_bend_deg))
-        squares = []
-        for k in range(1, len(pull)):
-            if k * T >= _SETTLING_S:
-                unseen = told.step(state, pull[k], pull[k - 1], np.full(len(variance), np.nan))
-                stated = (told.half_width_deg(unseen) / DEVIATIONS_OF_95) ** 2 + variance
-                squares.append((measured[k] - told.bend_deg(unseen)) ** 2 / stated)
-            state = told.step(state, pull[k], pull[k - 1], measured[k])
+        squares = squared_innovations(
+            estimator.with_sensor(Sensor(variance)),
+            case.pull_mm.T,
+            case.measurement_deg.T,
+            np.asarray(case.initial_bend_deg),
+            variance,
+            max(round(_SETTLING_S / T), 1),
+        )
         rows.append({"what": noise_label(kind, level), "nis": float(np.mean(squares))})
         material.tell(len(rows) / 3)
     worst = max(rows, key=lambda row: float(str(row["nis"])))
