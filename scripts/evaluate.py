@@ -58,7 +58,8 @@ class Evaluate:
     trained at one sample time runs at that one alone (--sample-time). Several of one method that differ in
     their seed alone are one row: the mean over them, and their spread."""
     methods: tuple[str, ...] = ()
-    """Names of the methods to compare, as in the tables; all of the suite, if not given."""
+    """Names of the methods to compare, as in the tables; all of the suite, if not given. In the full suite,
+    `all` has those too that it otherwise has on request, and trains what is not given."""
     method_file: tuple[Path, ...] = ()
     """Python files that register estimators of your own (`register_method`), to compare them too; each is
     run."""

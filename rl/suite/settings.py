@@ -20,6 +20,8 @@ NewProgress = Callable[[str, str], OnProgress]
 
 SAMPLE_TIMES = (0.1, 0.02)
 PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
+EVERY = ("all",)
+"""What is given for names where every method is meant."""
 MOST_MEMBERS = 10_000
 """Largest number of twins in an ensemble."""
 
@@ -32,7 +34,7 @@ class FullSuite:
         folder: where all of it is kept.
         data: test records; without them, the benchmark's own are simulated.
         train: training records; without them, five on the paper's stroke are simulated.
-        methods: names of the methods to compare; all, if empty.
+        methods: names of the methods to compare; all but those on request, if empty; `all` for those too.
         method_files: Python files whose methods are loaded here already, for the workers to load too.
         trained: trained files of each agent that is given, one for each training of it; others are trained.
         preset: nominal twin of records and ensembles, and ranges that they are drawn from.
@@ -96,7 +98,7 @@ class FullSuite:
             )
         names = [spec.name for spec in method_specs()]
         for name in self.methods:
-            if name not in names:
+            if name not in names and self.methods != EVERY:
                 raise InputError(f"unknown method {name!r}; valid: {', '.join(names)}")
 
     @property
@@ -105,7 +107,9 @@ class FullSuite:
 
         Nobody knows the density of a recorded noise, or of a sensor that has a fault.
         """
-        if self.methods:
+        if self.methods == EVERY:
+            specs = list(method_specs())
+        elif self.methods:
             specs = [spec for spec in method_specs() if spec.name in self.methods]
         else:
             specs = [spec for spec in method_specs() if not spec.on_request or spec.agent in self.trained]

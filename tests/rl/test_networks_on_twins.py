@@ -16,7 +16,7 @@ from rl.twins.graph import export_recurrent_step
 from rl.twins.learning import filter_sequences, learn_gain
 from rl.twins.settings import NetworkTraining
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import find_method
+from twin.estimation.registry import find_method, method_specs
 from twin.hysteresis import model_to_dict
 
 
@@ -78,3 +78,4 @@ def test_the_full_suite_has_them_only_where_they_are_named_or_given(tmp_path):
     given = names(trained={"ssm-twins": (tmp_path / "network.onnx",)})
     assert given & set(RIVALS) == {"SSM (twins)"}
     assert all(find_method(name).on_request for name in RIVALS)
+    assert names(methods=("all",)) == {spec.name for spec in method_specs()}
