@@ -105,7 +105,7 @@ def _register(name: str, rank: float, fit: TwinsLikelihoodFit) -> None:
             rank=rank,
             family="tuned filter",
             told="R",
-            build=fit.filter,
+            build=lambda known: fit.filter(known),
             models=(fit.model,),
             fits=(fit,),
             on_request=True,
