@@ -53,7 +53,7 @@ RIVALS = {
     for rival in (
         Rival(methods.LSTM_TWINS, Correction, LongShortTerm, (40, 60), 3e-3, 40),
         Rival(methods.GRU_TWINS, Correction, GatedUnit, (48, 72), 1e-2, 48),
-        Rival(methods.CONVOLUTION_TWINS, Correction, Convolution, (16, 24), 3e-3, 16),
+        Rival(methods.CONVOLUTION_TWINS, Correction, Convolution, (16, 24), 3e-3, 24),
         Rival(methods.STATE_SPACE_TWINS, Correction, StateSpace, (64, 96), 3e-3, 64),
         Rival(methods.KALMAN_NET_TWINS, LearnedGain, GatedUnit, (48, 72), 1e-2, 48),
         Rival(methods.BIASED_KALMAN_NET_TWINS, LearnedGainAndBias, GatedUnit, (48, 72), 1e-2, 48),

@@ -6,14 +6,18 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from small_twins import twins
+from small_twins import MODEL, twins
 
 from rl import search
+from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.search import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
+from rl.twins.graph import export_recurrent_step
+from rl.twins.settings import NetworkTraining
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.files.progress_csv import read_progress
+from twin.hysteresis import model_to_dict
 
 OPTIONS = TrainingOptions(agent="gru-twins", episodes=1, seed=2)
 
@@ -29,12 +33,21 @@ def trials_of(material, folder):
 
 
 def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
-    from rl.networks_on_twins import RIVALS
-
     for name, rival in RIVALS.items():
         grid = grid_of(rival.spec.training.agent)
         assert len(grid) == 6, name
         assert {"learning_rate": rival.rate, "width": rival.width} in grid
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_whatever_the_search_takes_can_be_deployed(name, tmp_path):
+    """The largest network of each grid is written and read."""
+    training = RIVALS[name].spec.training
+    widest = max(settings["width"] for settings in grid_of(training.agent))
+    step = RIVALS[name].untrained(NetworkTraining(width=widest)).eval()
+    path = tmp_path / training.file
+    export_recurrent_step(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
+    assert training.load(path).states_interval
 
 
 def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tmp_path, monkeypatch):

@@ -27,7 +27,7 @@ OUTPUTS = ("bend_deg", "half_width_deg")
 ALL_PARTS = (1.0, 1.0)
 """Parts of the graph that act, 1 or 0: the policy, and what is said of the noise."""
 _BATCH = 2  # filters that a graph is tried on when it is read
-_LARGEST_STATE = 1024
+_LARGEST_STATE = 4096
 
 
 @dataclasses.dataclass(frozen=True)
