@@ -118,7 +118,7 @@ def _figures(spec: MethodSpec) -> str:
     )
     drawn = f"{scores[0]['trainings']} trainings, " if scores[0]["trainings"] != "1" else ""
     return (
-        "## What it reaches\n\nOn [the frozen test set](../benchmark/README.md), "
+        "## What it reaches\n\nOn [the frozen test set](../benchmark/index.md), "
         f"T = {scores[0]['sample_time_s']} s; {drawn}{scores[0]['seeds']} draws of each noise.\n\n"
         f"{head}" + "\n".join(rows) + "\n\n"
     )

@@ -19,7 +19,7 @@ TOGETHER = (
     "docs/gate.md",
     "docs/method.md",
     "docs/ram_twins.md",
-    "docs/benchmark/README.md",
+    "docs/benchmark/index.md",
     "docs/physics.md",
     "docs/control.md",
     "docs/results/paper_protocol.md",
