@@ -21,7 +21,7 @@ NewProgress = Callable[[str, str], OnProgress]
 SAMPLE_TIMES = (0.1, 0.02)
 PAPER_SAMPLE_TIME = 0.1  # at which the number of episodes is meant [s]
 EVERY = ("all",)
-"""What is given for names where every method is meant."""
+"""Name that is given where every method is meant."""
 MOST_MEMBERS = 10_000
 """Largest number of twins in an ensemble."""
 
