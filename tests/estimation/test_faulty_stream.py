@@ -24,7 +24,9 @@ from twin.hysteresis import PrandtlIshlinskii
 
 T = 0.1
 SENSOR = Sensor(0.1, 1.0)
-NO_LIVE_FORM = {"RAM (oracle)", "Ensemble", "Ensemble (limit)"}
+NO_LIVE_FORM = {
+    *("RAM (oracle)", "Ensemble", "Ensemble with bias", "Ensemble (limit)", "Particles (limit)"),
+}
 """Functions of a whole case: one is shown the truth, the others were simulated along the whole command."""
 PLAY = PrandtlIshlinskii((5.0, 5.0, 5.0, 5.0), (0.0, 0.3, 0.6, 1.0))
 MODELS = {
@@ -42,6 +44,8 @@ def _variances(process, initial, measurement=0.1):
 FITS = {
     "coleman-hodgdon": _variances([4.4e-6, 3.6e-2], [116.0, 0.86]),
     "coleman-hodgdon, Q and R": _variances([5.3e-5, 3.6e-2], [116.0, 0.89], 0.098),
+    "coleman-hodgdon, on twins": _variances([6.0e-6, 5.6], [151.0, 46.0], 1.0),
+    "bouc-wen, on twins": _variances([6.0e-6, 5.6], [151.0, 46.0], 1.0),
     "bouc-wen": _variances([3.2e-6, 0.5], [131.0, 29.0]),
     "bouc-wen, unscented": _variances([5e-6, 0.5], [136.0, 29.0]),
     "prandtl-ishlinskii": _variances([1.4e-2, 0.33], [119.0, 0.57]),
