@@ -1,9 +1,9 @@
 """A linear system on which learned gains were published: a body of nearly constant speed, its place measured.
 
 x' = [1 1; 0 1] x + (0, w), y = x_0 + v, with w of variance 1e-4 and T = 1 s, for 150 samples from a speed of
-1 +- 0.1 (Mortada et al. 2025, section IV; their code states the numbers). v has variance 1: normal, or of two
+1 +- 0.1 (Mortada et al. 2025; their code states the numbers). v has variance 1: normal, or of two
 widths (1.25 in 0.6 of the samples, 0.40 else), which no filter is told. On the first the Kalman filter is
-optimal, and KalmanNet is published to reach it (Revach et al. 2022, section IV). On the second a filter that
+optimal, and KalmanNet is published to reach it (Revach et al. 2022). On the second a filter that
 is told each sample's width is a bound, and one that is told the variance what a network has to beat.
 
 Nothing is known of where the body begins, as for our filters, which begin at the first measurement. Its speed
@@ -22,6 +22,7 @@ from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.learning import filter_sequences, learn_gain
 from rl.twins.sequences import STRIDES, Sequences
 from rl.twins.settings import SimulatedTraining
+from twin.estimation.gaussian import condition, propagate
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ SAMPLES = 150
 SPEED, SPEED_DEVIATION = 1.0, 0.1
 WALK = 1e-4
 """Variance of what is added to the speed at each sample."""
+UNKNOWN = 1e8
+"""Variance of the place at which a body begins."""
 WIDE, SHARE_WIDE = 1.25, 0.6
 NARROW = float(np.sqrt((1 - SHARE_WIDE * WIDE**2) / (1 - SHARE_WIDE)))
 """Widths of the noise of two widths, such that its variance is 1."""
@@ -99,19 +102,17 @@ def kalman_filter(bodies: Bodies, *, told: bool) -> Array:
         bodies: runs of the system.
         told: whether it is told the width of each sample; else, that the variance is 1.
     """
-    step = np.array([[1.0, 1.0], [0.0, 1.0]])
-    walk = np.diag([0.0, WALK])
     count = bodies.place.shape[1]
+    step = np.tile(np.array([[1.0, 1.0], [0.0, 1.0]])[:, :, None], (1, 1, count))
+    walk, place = np.diag([0.0, WALK]), np.array([1.0, 0.0])
     mean = np.tile([[0.0], [SPEED]], (1, count))
-    covariance = np.tile(np.diag([1e8, SPEED_DEVIATION**2])[:, :, None], (1, 1, count))
+    covariance = np.tile(np.diag([UNKNOWN, SPEED_DEVIATION**2])[:, :, None], (1, 1, count))
     found = []
     for measured, deviation in zip(bodies.measured, bodies.deviation, strict=True):
-        mean = step @ mean
-        covariance = np.einsum("ij,jkb,lk->ilb", step, covariance, step) + walk[:, :, None]
+        mean = np.einsum("ijb,jb->ib", step, mean)
+        covariance = propagate(covariance, step, walk)
         variance = deviation**2 if told else np.ones(count)
-        gain = covariance[:, 0] / (covariance[0, 0] + variance)
-        mean = mean + gain * (measured - mean[0])
-        covariance = covariance - gain[:, None] * covariance[0][None]
+        mean, covariance = condition(mean, covariance, place, measured, variance)
         found.append(mean[0])
     return np.array(found)
 
@@ -121,7 +122,7 @@ def learn_gains(step: FilterStep, source: LinearSource, updates: int, seed: int 
     settings = SimulatedTraining(
         noises=("gaussian",), episode=SAMPLES, window=50, updates=updates, sequences=128, seed=seed
     )
-    learn_gain(step, source, settings)  # type: ignore[arg-type]
+    learn_gain(step, source, settings)
 
 
 def learned_estimates(step: FilterStep, bodies: Bodies) -> tuple[Array, Array]:

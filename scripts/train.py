@@ -142,7 +142,6 @@ def _train_seeds(
     seeds = seeds_from(args.seed, count)
     if find_training(options.agent).on_twins:
         compile_once("endotwin train")
-    name = f"train {options.agent}, {count} seeds"
     table = ""
     with contextlib.ExitStack() as stack:
         folder = output_folder(args.out)
@@ -156,7 +155,7 @@ def _train_seeds(
             trials = search_settings(material, options, folder / SEARCH_FOLDER, executor, progress, shares)
             material = with_settings(material, trials[0].settings)
             table = trials_table(trials)
-        progress = TrainingProgress(name, "thousandths")
+        progress = TrainingProgress(f"train {options.agent}, {count} seeds", "thousandths")
         on_progress = stack.enter_context(_followed(folders, args, progress))
         paths = train_seeds(material, options, seeds, folder, executor, on_progress, shares)
     which = f"seeds {seeds[0]} to {seeds[-1]}"

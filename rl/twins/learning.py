@@ -19,7 +19,7 @@ from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.checkpoint import Keeper
 from rl.twins.familiarity import Histograms
 from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
-from rl.twins.sequences import STRIDES, Sequences, SequenceSource
+from rl.twins.sequences import STRIDES, DrawsSequences, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
@@ -95,7 +95,7 @@ def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: Tw
 
 def learn_gain(
     step: FilterStep,
-    source: SequenceSource,
+    source: DrawsSequences,
     settings: SimulatedTraining,
     on_update: OnUpdate | None = None,
     keeper: Keeper | None = None,

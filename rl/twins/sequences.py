@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -76,6 +76,15 @@ def by_model(model: ColemanHodgdon) -> Prediction:
         return tensor32(keep), tensor32(drive), tensor32(np.diff(pull, axis=0))
 
     return predict
+
+
+class DrawsSequences(Protocol):
+    """Source of sequences, as the lesson of the gain needs it."""
+
+    def draw(
+        self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
+    ) -> Sequences:
+        """Return sequences; their sample time is the source's own, or `stride` times its least."""
 
 
 @dataclasses.dataclass(frozen=True)

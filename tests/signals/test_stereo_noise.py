@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from twin.signals.noise import KINDS, NOISES, draw_errors, fisher_information, noise_bound, noise_variance
+from twin.signals.sensor_faults import FAULTS
 from twin.signals.stereo_noise import STEREO, StereoNoise, stereo_noise
 
 TIME = 0.02
@@ -64,12 +65,12 @@ def test_passes_leave_gaps_of_the_share_that_they_hide():
 
 
 def test_it_has_no_bound_and_no_information_and_is_not_drawn_without_an_angle():
-    assert KINDS[len(NOISES)] == STEREO
+    assert (*NOISES, STEREO, *FAULTS) == KINDS
     assert noise_bound(STEREO, 4.0) == np.inf
     assert fisher_information(STEREO, 4.0) is None
 
 
 @pytest.mark.parametrize("level", [-1.0, 61.0, np.nan])
 def test_passes_that_cannot_be_are_refused(level):
-    with pytest.raises(ValueError, match=r"stereo-vision noise of level .*: must be from 0 to 60$"):
+    with pytest.raises(ValueError, match=r"stereo-vision noise of level .*: must be from 0 to 60 passes"):
         draw([0.0, 1.0], level)

@@ -44,10 +44,7 @@ def models(records, tmp_path_factory):
 def known(models, records):
     """All that methods without a network may know, with every fit found."""
     known = Knowledge(0.1, models, records, smallest_wire_offset=1.2e-3)
-    fits = {
-        fit.key: fit.find(known)
-        for fit in needed_fits(spec for spec in method_specs() if not spec.on_request)
-    }
+    fits = {fit.key: fit.find(known) for fit in needed_fits(usual_specs())}
     return Knowledge(0.1, models, records, fits=fits, smallest_wire_offset=1.2e-3)
 
 
@@ -78,9 +75,7 @@ def test_a_damaged_file_is_named(content, tmp_path):
 def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     pull, bend = records[0]
     record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
-    methods = [
-        build_method(spec, known) for spec in method_specs() if spec.is_ready(known) and not spec.on_request
-    ]
+    methods = [build_method(spec, known) for spec in usual_specs() if spec.is_ready(known)]
     scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=4))
     rmse = {score.method: score.rmse_deg for score in scores if score.condition == ("gaussian", 1.0)}
     assert len(rmse) == 19

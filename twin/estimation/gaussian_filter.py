@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator
-from twin.estimation.gaussian import Belief, half_width_of
+from twin.estimation.gaussian import Belief, half_width_of, innovation_of
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,14 @@ class GaussianFilter(Estimator[Belief]):
     @abc.abstractmethod
     def update(self, belief: Belief, measurement_deg: Array) -> Belief:
         """Condition the belief on a measurement of the newest angle."""
+
+    def log_likelihood(self, belief: Belief, measurement_deg: Array) -> Array:
+        """Return the (B,) log-likelihood of a measurement of the newest angle, 0 where there is none."""
+        newest = np.eye(len(belief.mean))[0]
+        innovation, spread = innovation_of(belief.mean, belief.covariance, newest, measurement_deg)
+        variance = spread + np.asarray(self.measurement_variance, dtype=float)
+        terms = innovation**2 / variance + np.log(2 * np.pi * variance)
+        return np.where(np.isnan(innovation), 0.0, -0.5 * terms)
 
     def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
         """Predict and update by one sample."""

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.active_model import ANGLE, ActiveModel
+from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
-from twin.estimation.gaussian import Belief, half_width_of, innovation_of
+from twin.estimation.gaussian import Belief, half_width_of
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.tuning import TUNED
@@ -83,10 +83,7 @@ class InteractingModels(Estimator[InteractingState]):
         for place, filter_ in enumerate(self.filters):
             shares = chain[:, place, None] * state.probability / before[place]
             belief = filter_.predict(_mixed(state.beliefs, shares, place), pull_mm, previous_pull_mm)
-            innovation, spread = innovation_of(belief.mean, belief.covariance, ANGLE, measurement_deg)
-            variance = spread + np.asarray(filter_.measurement_variance, dtype=float)
-            log = -0.5 * (innovation**2 / variance + np.log(variance))
-            logs.append(np.where(np.isnan(innovation), 0.0, log))
+            logs.append(filter_.log_likelihood(belief, measurement_deg))
             beliefs.append(filter_.update(belief, measurement_deg))
         likelihood = np.array(logs)
         weights = before * np.exp(likelihood - likelihood.max(axis=0))

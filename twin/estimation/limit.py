@@ -124,50 +124,33 @@ class Ensembles:
         return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
 
 
-register_method(
-    MethodSpec(
-        name="Ensemble",
-        rank=60,
-        family="ensemble",
-        told="R",
-        build=lambda known: Ensembles(known.ensembles, known.sample_time, knows_density=False),
-        ensembles=True,
+def _register(
+    name: str,
+    rank: float,
+    *,
+    density: bool,
+    bias: float = 0.0,
+    particles: bool = False,
+    on_request: bool = False,
+    is_limit: bool = False,
+) -> None:
+    """Add a row of the method table; it is told R, or the density of the noise."""
+    register_method(
+        MethodSpec(
+            name=name,
+            rank=rank,
+            family="ensemble",
+            told="the density of the noise" if density else "R",
+            build=lambda known: Ensembles(known.ensembles, known.sample_time, density, bias, particles),
+            ensembles=True,
+            needs_density=density,
+            on_request=on_request,
+            is_limit=is_limit,
+        )
     )
-)
-register_method(
-    MethodSpec(
-        name="Ensemble with bias",
-        rank=60.5,
-        family="ensemble",
-        told="R",
-        build=lambda known: Ensembles(
-            known.ensembles, known.sample_time, knows_density=False, bias_deviations=BIAS_DEVIATIONS
-        ),
-        ensembles=True,
-        on_request=True,
-    )
-)
-register_method(
-    MethodSpec(
-        name="Ensemble (limit)",
-        rank=61,
-        family="ensemble",
-        told="the density of the noise",
-        build=lambda known: Ensembles(known.ensembles, known.sample_time),
-        ensembles=True,
-        needs_density=True,
-        is_limit=True,
-    )
-)
-register_method(
-    MethodSpec(
-        name="Particles (limit)",
-        rank=62,
-        family="ensemble",
-        told="the density of the noise",
-        build=lambda known: Ensembles(known.ensembles, known.sample_time, particles=True),
-        ensembles=True,
-        needs_density=True,
-        on_request=True,
-    )
-)
+
+
+_register("Ensemble", 60, density=False)
+_register("Ensemble with bias", 60.5, density=False, bias=BIAS_DEVIATIONS, on_request=True)
+_register("Ensemble (limit)", 61, density=True, is_limit=True)
+_register("Particles (limit)", 62, density=True, particles=True, on_request=True)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor, time_first
-from twin.estimation.gaussian import innovation_of
 from twin.estimation.gaussian_filter import GaussianFilter
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, Style, register_method
@@ -102,15 +101,10 @@ def innovation_log_likelihood(
     """Return the log-likelihood of all measurements after the first, summed over (B, N) records."""
     pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
     belief = filter_.start(pull[0], initial)
-    newest = np.eye(len(belief.mean))[0]
     total = 0.0
     for k in range(1, len(measurement)):
         belief = filter_.predict(belief, pull[k], pull[k - 1])
-        innovation, spread = innovation_of(belief.mean, belief.covariance, newest, measurement[k])
-        variance = spread + np.asarray(filter_.measurement_variance, dtype=float)
-        missing = np.isnan(innovation)
-        terms = innovation**2 / variance + np.log(2 * np.pi * variance)
-        total -= 0.5 * float(np.sum(np.where(missing, 0.0, terms)))
+        total += float(np.sum(filter_.log_likelihood(belief, measurement[k])))
         belief = filter_.update(belief, measurement[k])
     return total
 

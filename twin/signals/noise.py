@@ -98,7 +98,7 @@ def draw_errors(
     if sensor is None:
         return draw_noise(kind, level, bend_deg.shape, rng)
     if not 0 <= level <= sensor.most:
-        raise InputError(f"{kind} noise of level {level}: must be from 0 to {sensor.most:g}")
+        raise InputError(f"{kind} noise of level {level}: must be from 0 to {sensor.most:g} {sensor.unit}")
     return sensor.draw(level, bend_deg, sample_time, rng)
 
 
@@ -208,6 +208,7 @@ NOISES: dict[str, _Kind] = {
 SENSORS: dict[str, SensorErrors] = {
     STEREO: SensorErrors(
         "Stereo vision, {:g} passes / min",
+        "passes a minute",
         60,  # more instruments in a minute hide it for good
         lambda level, bend_deg, T, rng: stereo_noise().draw(level, bend_deg, T, rng),
         lambda level: stereo_noise().variance,

@@ -34,12 +34,14 @@ class SensorErrors:
 
     Attributes:
         label: in words with a place for the level, for tables.
+        unit: of the level, in words.
         most: largest level.
         draw: errors along a record.
         variance: R that a filter is told, at a level [deg^2].
     """
 
     label: str
+    unit: str
     most: float
     draw: Draw
     variance: Callable[[float], float]
@@ -131,13 +133,19 @@ def _told(level: float) -> float:
     return TOLD_DEG2
 
 
+def _of_steps(level: float) -> float:
+    return FINE_DEG2 + level**2 / 12
+
+
 FAULTS = {
-    "drifting-bias": SensorErrors("Drift, {:g} deg a minute", 1e3, _drifting, _told),
-    "correlated": SensorErrors("Correlated over {:g} s", 1e3, _correlated, _told),
-    "mixture": SensorErrors("Mixture, R = {:g} deg²", 1e6, _mixed, lambda level: level),
-    "quantised": SensorErrors("Steps of {:g} deg", 1e3, _in_steps, lambda level: FINE_DEG2 + level**2 / 12),
-    "drop-outs": SensorErrors("Gaps, {:g} of the time", 0.95, _with_gaps, _told),
-    "delayed": SensorErrors("Late by {:g} s", 60.0, _late, _told),
-    "stuck": SensorErrors("Stuck, {:g} of the time", 0.95, _stuck, _told),
+    "drifting-bias": SensorErrors("Drift, {:g} deg a minute", "deg in a minute", 1e3, _drifting, _told),
+    "correlated": SensorErrors("Correlated over {:g} s", "s", 1e3, _correlated, _told),
+    "mixture": SensorErrors("Mixture, R = {:g} deg²", "deg^2", 1e6, _mixed, lambda level: level),
+    "quantised": SensorErrors(
+        "Steps of {:g} deg", "deg", 1e3, _in_steps, lambda level: FINE_DEG2 + level**2 / 12
+    ),
+    "drop-outs": SensorErrors("Gaps, {:g} of the time", "of the time", 0.95, _with_gaps, _told),
+    "delayed": SensorErrors("Late by {:g} s", "s", 60.0, _late, _told),
+    "stuck": SensorErrors("Stuck, {:g} of the time", "of the time", 0.95, _stuck, _told),
 }
 """Faults by name."""

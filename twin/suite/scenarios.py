@@ -175,7 +175,7 @@ def write_scenarios(
     ranges: Ranges,
     seconds: float,
     seed: int,
-    make: "Callable[[Preset, Ranges, float, int], list[Scenario]]" = scenarios,
+    make: Callable[[Preset, Ranges, float, int], list[Scenario]] = scenarios,
 ) -> list[Path]:
     """Simulate the test records into a folder of MCAP files, or find those that an earlier run has kept.
 
