@@ -2,17 +2,32 @@
 
 import functools
 
+from rl.networks_on_twins import RATES
 from rl.trainers import Trainer, register_trainer
 from rl.twins.beside_model import train_beside_model
 from rl.twins.graph import export_memory
-from rl.twins.memory_step import MemoryStep
+from rl.twins.memory_step import HIDDEN, MemoryStep
 from rl.twins.run import scaled_to_options
-from rl.twins.settings import SimulatedTraining
+from rl.twins.settings import NetworkTraining
 from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 
-train_ram_memory = functools.partial(train_beside_model, TRAINING, lambda _: MemoryStep(), export_memory)
+WIDTHS = (HIDDEN, 72)
+"""Sizes of its memory that a search tries, those of its rivals."""
+
+
+def untrained(settings: NetworkTraining) -> MemoryStep:
+    """Return its step before a training of these settings."""
+    return MemoryStep(settings.width)
+
+
+train_ram_memory = functools.partial(train_beside_model, TRAINING, untrained, export_memory)
 """Train into a folder, as `train_beside_model` does."""
 
 register_trainer(
-    Trainer(RAM_MEMORY, on_twins=scaled_to_options(train_ram_memory, SimulatedTraining()), unit="thousandths")
+    Trainer(
+        RAM_MEMORY,
+        on_twins=scaled_to_options(train_ram_memory, NetworkTraining(width=HIDDEN)),
+        unit="thousandths",
+        searched={"learning_rate": RATES, "width": WIDTHS},
+    )
 )

@@ -21,7 +21,7 @@ MOST_WIDTH = 512
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedTraining:
-    """Settings of a training on simulated twins: all that RAM (memory) has.
+    """Settings of a training on simulated twins.
 
     Attributes:
         lengths: settings that are scaled where a training is to be longer or shorter, and the least of each.
@@ -116,7 +116,7 @@ class SimulatedTraining:
 
 @dataclasses.dataclass(frozen=True)
 class NetworkTraining(SimulatedTraining):
-    """Settings of the training of a rival of RAM (twins).
+    """Settings of the training of RAM (memory), or of a rival of RAM (twins).
 
     Attributes:
         width: numbers that its memory says, or channels of it.

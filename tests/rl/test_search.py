@@ -11,10 +11,12 @@ from small_twins import MODEL, twins
 from rl import search
 from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
+from rl.ram_memory import WIDTHS, untrained
 from rl.search import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
-from rl.twins.graph import export_recurrent_step
+from rl.twins.graph import export_memory, export_recurrent_step
 from rl.twins.settings import NetworkTraining
+from twin.estimation.learned import ram_memory
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.files.progress_csv import read_progress
 from twin.hysteresis import model_to_dict
@@ -37,6 +39,14 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
         grid = grid_of(rival.spec.training.agent)
         assert len(grid) == 6, name
         assert {"learning_rate": rival.rate, "width": rival.width} in grid
+    assert len(grid_of("ram-memory")) == 6
+
+
+def test_the_largest_memory_of_ram_that_a_search_tries_can_be_deployed(tmp_path):
+    step = untrained(NetworkTraining(width=max(WIDTHS))).eval()
+    path = tmp_path / ram_memory.TRAINING.file
+    export_memory(step, {"agent": ram_memory.TRAINING.agent, "model": model_to_dict(MODEL)}, path)
+    assert ram_memory.load(path).states_interval
 
 
 @pytest.mark.parametrize("name", RIVALS)

@@ -9,7 +9,7 @@ import torch
 from rl.twins.memory_step import MemoryStep
 from rl.twins.records import TwinRecords, draw_members, simulate_records
 from rl.twins.sequences import SequenceSource, by_model, principal_directions
-from rl.twins.settings import SimulatedTraining, TwinsTraining
+from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
@@ -74,7 +74,7 @@ def generator(seed=0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-TINY_MEMORY = SimulatedTraining(
+TINY_MEMORY = NetworkTraining(
     **{field.name: getattr(TINY, field.name) for field in dataclasses.fields(SimulatedTraining)}
 )
 MODEL = ColemanHodgdon(1.15, 22.3, 4.9)
