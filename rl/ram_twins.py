@@ -28,7 +28,13 @@ def train_ram_twins(
     members = draw_members(preset, ranges, settings.members, settings.seed, moving=settings.moving)
 
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
-        return TwinsStep(principal_directions(records.members_deg, settings.rank)), by_members
+        step = TwinsStep(
+            principal_directions(records.members_deg, settings.rank),
+            policy_layers=settings.policy_layers,
+            with_error=settings.with_error,
+            with_recogniser=settings.with_recogniser,
+        )
+        return step, by_members
 
     def recognise(step: TwinsStep, source: SequenceSource, on_share: OnShare) -> None:
         learn_noise(step, source, settings, lambda update, _: on_share(update, settings.recogniser_updates))

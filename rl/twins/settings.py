@@ -17,6 +17,10 @@ PPO_HORIZON = 25_600
 """Samples between two updates of PPO."""
 MOST_WIDTH = 512
 """Of the memory of a network."""
+MOST_LAYERS = 8
+"""Of a policy."""
+PPO_LAYERS = 2
+"""Of the policy of PPO."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,6 +148,9 @@ class TwinsTraining(SimulatedTraining):
         members: M, twins that the prediction is made of.
         moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
+        policy_layers: of the policy; 0 for one that is linear in what it sees.
+        with_error: whether what no member does is estimated.
+        with_recogniser: whether the recogniser of the noise is asked.
         recogniser_sequences: records that the recogniser learns from first.
         recogniser_updates: gradient steps of that.
         recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
@@ -162,6 +169,9 @@ class TwinsTraining(SimulatedTraining):
     members: int = 40
     moving: int = 16
     rank: int = 28
+    policy_layers: int = PPO_LAYERS
+    with_error: bool = True
+    with_recogniser: bool = True
     recogniser_sequences: int = 4096
     recogniser_updates: int = 2500
     recogniser_rate: float = 3e-3
@@ -177,3 +187,6 @@ class TwinsTraining(SimulatedTraining):
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("moving", self.moving, 0, self.members)
         check_between("rank", self.rank, 1, self.members)
+        check_between("policy_layers", self.policy_layers, 0, MOST_LAYERS)
+        if "ppo" in self.gain and self.policy_layers != PPO_LAYERS:
+            raise InputError(f"policy_layers = {self.policy_layers}: must be {PPO_LAYERS} for PPO")

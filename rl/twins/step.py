@@ -45,6 +45,7 @@ FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
 BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
 UNHEARD = 1e-5  # least share of a recogniser that is not heard, in deviations
+NO_ERROR = 1e-6  # share of the variances of d where there is to be none; zero would mark a first sample
 
 Tensor = torch.Tensor
 
@@ -55,12 +56,23 @@ class TwinsStep(FilterStep):
     actions = ACTIONS
     slow = ("recogniser.likelihood",)  # counts are large numbers, and so is what they are multiplied by
 
-    def __init__(self, directions: Tensor, hidden: int = 64):
+    def __init__(
+        self,
+        directions: Tensor,
+        hidden: int = 64,
+        *,
+        policy_layers: int = 2,
+        with_error: bool = True,
+        with_recogniser: bool = True,
+    ):
         """Start untrained, with a policy that does nothing.
 
         Args:
             directions: (M, r) orthonormal directions among the members.
             hidden: units of each layer of the policy.
+            policy_layers: of the policy; 0 for one that is linear in what it sees.
+            with_error: whether there is a d, what no member does.
+            with_recogniser: whether the recogniser is asked; without it, b is what the filter makes of it.
         """
         super().__init__(LAWS + SCALARS)
         members, rank = directions.shape
@@ -74,11 +86,13 @@ class TwinsStep(FilterStep):
         self.directions = torch.nn.Buffer(scaled)
         self.no_counts = torch.nn.Buffer(torch.zeros(BINS))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
+        self.share_of_error = torch.nn.Buffer(torch.tensor(1.0 if with_error else NO_ERROR))
+        self.asks = torch.nn.Buffer(torch.tensor(float(with_recogniser)))
         self.features = Features(rank)
         self.recogniser = Recogniser()
         self.familiarity, self.fallback = Familiarity(), Fallback()
         self.guarded = False  # while it learns, everything is heard
-        self.policy = network(LAWS + SCALARS, hidden, ACTIONS)
+        self.policy = network(LAWS + SCALARS, hidden, ACTIONS, policy_layers)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
             last_layer(self.policy).bias.zero_()
@@ -106,7 +120,8 @@ class TwinsStep(FilterStep):
     def first_covariance(self, variance: Tensor) -> Tensor:
         """Return P (B, r + 2, r + 2) before anything is measured."""
         told = (FIRST_BIAS * variance)[:, None]
-        first: Tensor = self.of_members + FIRST_ERROR_DEG2 * self.of_error + told * self.of_bias
+        of_error = FIRST_ERROR_DEG2 * self.share_of_error * self.of_error
+        first: Tensor = self.of_members + of_error + told * self.of_bias
         return first[:, :, None] * self.unit
 
     def forward(self, *given: Any) -> tuple[Output, FilterState]:
@@ -164,7 +179,7 @@ class TwinsStep(FilterStep):
             known = self.familiarity(state.weights, state.counts, torch.log(variance))
             verdict = self.fallback(hears * (1 - known), state.counts)
             acts, hears = acts * known[:, None], hears * known
-        grown = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time)[:, None] * self.of_error
+        of_error = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time) * self.share_of_error
         of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members
         of_bias = BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
         seen = is_seen.to(predicted.dtype)
@@ -179,10 +194,10 @@ class TwinsStep(FilterStep):
             innovation=innovation,
             seen=seen,
             variance=variance,
-            growth=(grown, of_members, of_bias),
+            growth=(of_error[:, None] * self.of_error, of_members, of_bias),
             features=features,
             acts=acts,
-            hears=hears,
+            hears=hears * self.asks,
             verdict=verdict,
         )
 
@@ -220,7 +235,7 @@ class TwinsStep(FilterStep):
         counted = prior.seen[:, None] * self.recogniser.bins(residual.detach(), relative)
         counts = state.counts * (1 - prior.seen / HISTORY)[:, None] + counted
         statistics = recent(state, prior.seen, (innovation / root).detach(), relative)
-        weights, bias, bias_variance = self.recogniser(counts, torch.log(variance))
+        weights, bias, bias_variance = self.recogniser(counts * self.asks, torch.log(variance))
         samples = state.samples + prior.seen
         after = FilterState(mean, covariance, counts, samples, statistics, weights, bias, bias_variance)
 

@@ -9,7 +9,7 @@ import pytest
 
 from twin.errors import InputError
 from twin.evaluation import ranking
-from twin.evaluation.ranking import Ranking, competes, rank_methods, rankings_of
+from twin.evaluation.ranking import Ranking, competes, rank_methods, rankings_of, times_reference
 
 C, R, S = 2, 8, 12
 
@@ -133,3 +133,28 @@ def test_damaged_rankings_are_refused_in_one_line(changes, said):
     with pytest.raises(InputError, match=said) as error:
         rankings_of({"ranks": [told]})
     assert "\n" not in str(error.value)
+
+
+def test_over_groups_a_method_is_measured_against_one_of_them_in_pairs():
+    """Twice its RMSE on one group and eight times on another is four times it, whichever runs are drawn."""
+    groups = [{"ours": shared(seed), "other": factor**2 * shared(seed)} for seed, factor in ((1, 2), (2, 8))]
+    found = times_reference(groups, "ours", rng())
+    assert found["ours"] == (1.0, (1.0, 1.0))
+    ratio, interval = found["other"]
+    assert (ratio, *interval) == pytest.approx((4.0, 4.0, 4.0))
+
+
+def test_a_training_counts_on_all_groups_or_on_none():
+    """The spread of trainings that are off on every group alike is not averaged away by more groups."""
+    off = np.array([0.25, 4.0])[:, None, None, None]
+    one = {"ours": shared(), "other": off * shared()}
+    few, many = (times_reference([one] * count, "ours", rng())["other"][1] for count in (1, 9))
+    assert np.log(many[1] / many[0]) == pytest.approx(np.log(few[1] / few[0]), rel=0.1)
+
+
+def test_a_single_run_has_a_ratio_and_no_interval():
+    once = np.ones((1, C, 1, 1))
+    assert times_reference([{"ours": once, "other": 9 * once}], "ours", rng())["other"] == (
+        pytest.approx(3.0),
+        None,
+    )

@@ -5,7 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from small_twins import generator, small_source, small_step
+from small_twins import TINY, generator, small_source, small_step
 
 from rl.twins import step as law
 from rl.twins.filter_step import ALL, NOTHING
@@ -176,3 +176,45 @@ def test_a_recogniser_that_is_sure_removes_the_mean_of_the_noise():
         known.recogniser.laws[-1].bias[LAWS : 2 * LAWS] = 0.0
         *_, (clean, _) = filter_sequences(known, sequences, torch.tensor([0.0, 1.0]))
     np.testing.assert_allclose(output.bend_deg, clean.bend_deg, atol=0.02)
+
+
+def whole_and_without(**part):
+    """Estimates of two steps with the same weights, one without a part."""
+    estimates = []
+    for chosen in ({}, part):
+        torch.manual_seed(5)
+        step = TwinsStep(small_step().directions[:, :-2] * (TINY.members - 1) ** 0.5, **chosen).eval()
+        with torch.no_grad():
+            step.policy[-1].weight.normal_(0, 1.0)
+            outputs = [of for of, _ in filter_sequences(step, drawn(), ALL)]
+            *_, (_, state) = filter_sequences(step, drawn(), ALL)
+        estimates.append((torch.stack([of.bend_deg for of in outputs]), state, step))
+    return estimates
+
+
+def test_without_a_model_error_state_nothing_is_estimated_of_it():
+    (whole, before, _), (bare, after, step) = whole_and_without(with_error=False)
+    assert (before.mean @ step.of_error).abs().max() > 1e-2
+    assert (after.mean @ step.of_error).abs().max() < 1e-4
+    assert (whole - bare).abs().max() > 1e-3
+
+
+def test_without_a_recogniser_what_was_counted_changes_nothing():
+    """Whatever its laws are, the weights depend on R alone, and the estimate is the filter's."""
+    (_, _, _), (bare, after, step) = whole_and_without(with_recogniser=False)
+    weights, bias, _ = step.first_noise(drawn().variance)
+    torch.testing.assert_close(after.weights, weights)
+    torch.testing.assert_close(after.bias, bias)
+    step.recogniser.likelihood.data.normal_(0, 5.0)
+    with torch.no_grad():
+        again = torch.stack([of.bend_deg for of, _ in filter_sequences(step, drawn(), ALL)])
+    torch.testing.assert_close(again, bare)
+
+
+def test_a_policy_without_layers_is_linear():
+    step = whole_and_without(policy_layers=0)[1][2]
+    one, other = torch.randn(2, 3, step.policy[-1].in_features)
+    nothing = step.policy(torch.zeros_like(one))
+    torch.testing.assert_close(
+        step.policy(one + other) - nothing, step.policy(one) + step.policy(other) - 2 * nothing
+    )

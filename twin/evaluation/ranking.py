@@ -150,18 +150,67 @@ def rank_methods(
     ]
 
 
+def times_reference(
+    groups: Sequence[Mapping[str, Array]], reference: str, rng: np.random.Generator
+) -> dict[str, tuple[float, tuple[float, float] | None]]:
+    """Return each method's error over all groups in units of that of one of them, with its interval of 95 %.
+
+    Args:
+        groups: of records; of each, what `rank_methods` takes, of the same methods.
+        reference: name of the one.
+        rng: of the resampling. A training is drawn once for all groups: it is the same one on each.
+
+    Returns:
+        By method the ratio of the geometric means over groups and noises, and its paired interval; None where
+        nothing can be drawn anew.
+    """
+    names = list(groups[0])
+    found = np.array([[geometric_mean(_rmse(of[name])) for name in names] for of in groups])
+    ratio = _over(found, names.index(reference))
+    once = all(of[name].size == of[name].shape[1] for of in groups for name in names)
+    drawn = np.empty((0 if once else RESAMPLES, len(groups), len(names)))
+    for again in drawn:
+        trainings = [rng.integers(len(of), size=len(of)) for of in groups[0].values()]
+        for place, squares in enumerate(groups):
+            again[place] = geometric_mean(_drawn_anew(squares, rng, trainings), axis=1)
+    ratios = [_over(again, names.index(reference)) for again in drawn]
+    intervals = [None] * len(names) if once else [_interval(of) for of in np.array(ratios).T]
+    return {name: (float(ratio[place]), intervals[place]) for place, name in enumerate(names)}
+
+
+def _over(errors: Array, reference: int) -> Array:
+    """Return (methods,) geometric means of (groups, methods) errors in units of one of them."""
+    whole = geometric_mean(errors, axis=0)
+    ratio: Array = whole / whole[reference]
+    return ratio
+
+
 def _resampled(squares: Mapping[str, Array], rng: np.random.Generator) -> Array:
     """Return (RESAMPLES, methods, C) the RMSE of methods on the same records and draws, drawn anew."""
+    return np.stack([_drawn_anew(squares, rng) for _ in range(RESAMPLES)])
+
+
+def _drawn_anew(
+    squares: Mapping[str, Array],
+    rng: np.random.Generator,
+    trainings: Sequence[NDArray[np.int64]] | None = None,
+) -> Array:
+    """Return (methods, C) the RMSE of methods on records and draws that are drawn anew, the same for all.
+
+    Args:
+        squares: as `rank_methods` takes them.
+        rng: of the resampling.
+        trainings: places of those of each method that are taken; drawn here, if not given.
+    """
     _, conditions, records, draws = next(iter(squares.values())).shape
-    resampled = np.empty((RESAMPLES, len(squares), conditions))
     everything = np.arange(conditions)[:, None, None]
-    for again in resampled:
-        record = rng.integers(records, size=(records, 1))
-        draw = rng.integers(draws, size=(records, draws))
-        for place, of in enumerate(squares.values()):
-            training = rng.integers(len(of), size=(len(of), 1, 1, 1))
-            again[place] = _rmse(of[training, everything, record, draw])
-    return resampled
+    record = rng.integers(records, size=(records, 1))
+    draw = rng.integers(draws, size=(records, draws))
+    found = []
+    for place, of in enumerate(squares.values()):
+        taken = rng.integers(len(of), size=len(of)) if trainings is None else trainings[place]
+        found.append(_rmse(of[taken[:, None, None, None], everything, record, draw]))
+    return np.array(found)
 
 
 def _rmse(squares: Array) -> Array:
