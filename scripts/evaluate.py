@@ -86,6 +86,8 @@ class Evaluate:
     """Full suite: the twin of records and ensembles, and the ranges that they are drawn from."""
     members: int = 256
     """Full suite: twins in an ensemble."""
+    ensembles: int = 1
+    """Full suite: ensembles of other twins, each; their rows are means over them, with the spread."""
     member_physics: Literal["reduced", "mujoco"] = "reduced"
     """Full suite: what they are; the records are always of the twin in MuJoCo."""
     seconds: float = 60.0
@@ -125,7 +127,6 @@ def _full(args: Evaluate) -> Summary:
     from twin.report.condition_pages import page_names
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
-
     sample_times = tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True))
     where = Path.cwd() if args.dask else Path()  # other machines work elsewhere
     suite = FullSuite(
@@ -141,6 +142,7 @@ def _full(args: Evaluate) -> Summary:
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
         members=args.members,
+        ensembles=args.ensembles,
         member_physics=args.member_physics,
         seconds=args.seconds,
         workers=args.workers or os.cpu_count() or 1,
@@ -152,7 +154,7 @@ def _full(args: Evaluate) -> Summary:
     )
     output_folder(args.out, FULL_FILES | dict.fromkeys(page_names(), MADE_BY))
     if args.data:
-        _say_of_measured_logs(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
+        _say(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
     result = run_full_suite(suite, Progress)
     methods = list(dict.fromkeys(score.method for score in result.scores))
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
@@ -207,7 +209,7 @@ def _paper(args: Evaluate) -> Summary:
         recorded_variance=DEFAULT_VARIANCE if variance is None else variance,
         origin=_origin(args, Path(source) if source else None),
     )
-    _say_of_measured_logs(of_logs)
+    _say(of_logs)
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
     table = score_table if recorded else paper_tables
     shown, written = (_with_trainings(result.scores, fmt, table) for fmt in ("plain", "markdown"))
@@ -216,9 +218,10 @@ def _paper(args: Evaluate) -> Summary:
     for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
         write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
-    line = f"{args.out}/evaluation.json: {len(result.methods)} methods, {result.records} records, {draws}"
-    if result.estimates:
-        line += f"; estimates in {args.out}/estimates"
+    more = f"; estimates in {args.out}/estimates" if result.estimates else ""
+    line = (
+        f"{args.out}/evaluation.json: {len(result.methods)} methods, {result.records} records, {draws}{more}"
+    )
     values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
     return Summary(line, values, table=shown)
 
@@ -243,10 +246,8 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
         return variance
     variance, told = common_variance(args.data)
     if not told:
-        complain(
-            f"endotwin evaluate: not every record tells the noise of its sensor: R = {variance:g} deg^2 "
-            "(--sensor-variance sets it)"
-        )
+        told_by = "--sensor-variance sets it"
+        _say(f"not every record tells the noise of its sensor: R = {variance:g} deg^2 ({told_by})")
     return variance
 
 
@@ -257,7 +258,7 @@ def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Scor
     return "\n\n".join(part for part in (table(scores, fmt), training_table(scores, fmt)) if part)
 
 
-def _say_of_measured_logs(line: str) -> None:
+def _say(line: str) -> None:
     if line:
         complain(f"endotwin evaluate: {line}")
 

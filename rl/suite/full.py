@@ -115,7 +115,9 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         for knowledge in known:
             T = knowledge.sample_time
             records = evaluation_records(data, T)
-            knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
+            if ensembles:
+                first, *further = ensembles
+                knowledge = dataclasses.replace(knowledge, ensembles=first, further_ensembles=tuple(further))
             methods = [build_method(spec, knowledge) for spec in suite.specs]
             costs = costs or sample_costs(methods, records[0])
             shown = progress(f"evaluate T = {T:g} s", "group")
@@ -124,7 +126,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
             rankings += found.rankings
             squares += found.squares
             if ensembles:
-                limits += bounds(records, list(ensembles), T, suite.protocol(T).conditions)
+                limits += bounds(records, list(ensembles[0]), T, suite.protocol(T).conditions)
             sets += containment(records, _bounded(suite, knowledge), suite.protocol(T))
             tracks.append(found.tracks)
     save_runs(suite.folder / "runs.npz", scores, squares)
@@ -187,6 +189,7 @@ def _write(
         "records": len(records),
         "test_set": test_set,
         "members": suite.members,
+        "ensembles": suite.ensembles,
         "member_physics": suite.member_physics,
         "episodes": suite.episodes,
         "data": [str(path) for path in suite.data],

@@ -111,23 +111,27 @@ def episodes_at(trainer: Trainer, episodes: int, sample_time: float) -> int:
 
 def ensembles_along(
     suite: FullSuite, data: Sequence[Path], preset: Preset, ranges: Ranges, progress: NewProgress
-) -> tuple[Path, ...]:
-    """Simulate ensembles along the commands of the test, where a method needs them."""
+) -> list[tuple[Path, ...]]:
+    """Simulate ensembles along the commands of the test, where a method needs them: of other twins, each."""
     if not any(spec.ensembles for spec in suite.specs):
-        return ()
+        return []
     pulls = {episode.pull.tobytes(): episode.pull for episode in read_episodes(data, SAMPLE_TIME)}
-    return tuple(
-        make_ensembles(
-            preset,
-            ranges,
-            list(pulls.values()),
-            suite.folder / "ensembles",
-            count=suite.members,
-            seed=suite.seed,
-            physics=suite.member_physics,
-            on_progress=progress("ensembles", "command"),
+    return [
+        tuple(
+            make_ensembles(
+                preset,
+                ranges,
+                list(pulls.values()),
+                suite.folder / "ensembles",
+                count=suite.members,
+                seed=suite.seed,
+                first=number * suite.members,
+                physics=suite.member_physics,
+                on_progress=progress("ensembles", "command"),
+            )
         )
-    )
+        for number in range(suite.ensembles)
+    ]
 
 
 def wait_for(futures: Sequence[Any], progress: OnProgress) -> None:

@@ -24,6 +24,8 @@ EVERY = ("all",)
 """Name that is given where every method is meant."""
 MOST_MEMBERS = 10_000
 """Largest number of twins in an ensemble."""
+MOST_ENSEMBLES = 100
+"""Largest number of ensembles."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +45,7 @@ class FullSuite:
         initial_error_deg: how far the initial estimate is off [deg].
         episodes: of PPO at T = 0.1 s; at another T as many samples.
         members: twins in an ensemble.
+        ensembles: of other twins, each; a row of one is the mean over them.
         member_physics: what they are: `reduced` twins, or such in `mujoco`, as the records are.
         seconds: length of the records that it simulates.
         workers: processes.
@@ -66,6 +69,7 @@ class FullSuite:
     initial_error_deg: float = 20.0
     episodes: int = TrainingOptions.episodes
     members: int = 256
+    ensembles: int = 1
     member_physics: str = "reduced"
     seconds: float = 60.0
     workers: int = 1
@@ -88,6 +92,7 @@ class FullSuite:
         if self.members < 8:
             raise InputError(f"members = {self.members}: an ensemble needs at least 8")
         check_between("members", self.members, 8, MOST_MEMBERS)
+        check_between("ensembles", self.ensembles, 1, MOST_ENSEMBLES)
         check_physics(self.member_physics)
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
         check_between("episodes", self.episodes, *LIMITS["episodes"])

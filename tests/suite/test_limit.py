@@ -5,7 +5,7 @@ import pytest
 
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.limit import Ensembles
-from twin.estimation.registry import method_specs
+from twin.estimation.registry import find_method, method_specs
 from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
@@ -109,3 +109,25 @@ def test_gaps_of_a_record_are_bridged(ensembles, test_set):
     error = np.abs(estimate[:2] - record.bend_deg)  # under Gaussian noise
     assert error[:, 30:50].max() < 0.5 * np.ptp(record.bend_deg)  # the ensemble goes on with the command
     assert error[:, 60:].mean() < 0.8
+
+
+def test_further_ensembles_have_other_members_and_are_a_spread(ensembles, test_set):
+    """What an ensemble is uncertain by is seen as the spread of several, which have no twin in common."""
+    folder = ensembles[0].parent
+    further = make_ensembles(PRESET, RANGES, PULLS, folder, count=20, seed=1, first=40)
+    known = Knowledge(0.1, {}, ensembles=tuple(ensembles), further_ensembles=(tuple(further),))
+    spec = find_method("Ensemble (limit)")
+    assert spec is not None
+    protocol = Protocol("full", seeds=2)
+    rows, *_ = evaluate(test_set, [build_method(spec, known)], protocol)
+    alone = [
+        evaluate(test_set, [build_method(spec, Knowledge(0.1, {}, ensembles=tuple(of)))], protocol)[0]
+        for of in (ensembles, further)
+    ]
+    for row, *single in zip(rows, *alone, strict=True):
+        assert row.training_rmse_deg == pytest.approx([of.rmse_deg for of in single])
+        assert row.training_rmse_deg[0] != row.training_rmse_deg[1]
+    both = make_ensembles(PRESET, RANGES, PULLS[:1], folder, count=60, seed=1)
+    with np.load(both[0]) as whole, np.load(ensembles[0]) as one, np.load(further[0]) as other:
+        apart = np.concatenate([one["bend_deg"], other["bend_deg"]])
+        np.testing.assert_allclose(whole["bend_deg"], apart, atol=1e-3)

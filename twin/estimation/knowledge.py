@@ -42,8 +42,9 @@ class Knowledge:
         seed: of what is drawn for fits.
         fits: what each `TrainingFit` has found, by its key.
         trained: files of each trained agent, one for each training of it.
-        training: place among them of the one that a method is built from.
+        training: place among them, or among the ensembles, of the one that a method is built from.
         ensembles: files of twins along the test's commands.
+        further_ensembles: the same of other twins, each: what an ensemble of so many members is uncertain by.
         smallest_wire_offset: that a twin may have [m].
         twins: preset and ranges of twins that may be simulated for a training.
     """
@@ -56,6 +57,7 @@ class Knowledge:
     trained: Mapping[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
     training: int = 0
     ensembles: tuple[Path, ...] = ()
+    further_ensembles: tuple[tuple[Path, ...], ...] = ()
     smallest_wire_offset: float | None = None
     twins: "tuple[Preset, Ranges] | None" = None
 
@@ -72,6 +74,11 @@ class Knowledge:
     def file_of(self, agent: str) -> Path:
         """Return the trained file of an agent that a method is built from."""
         return self.trained[agent][self.training]
+
+    @property
+    def ensemble_files(self) -> tuple[Path, ...]:
+        """Files of the ensemble that a method is built from."""
+        return (self.ensembles, *self.further_ensembles)[self.training]
 
     def found(self, fit: TrainingFit) -> dict[str, Any]:
         """Return what a fit has found, or find it now."""

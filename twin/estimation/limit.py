@@ -141,7 +141,7 @@ def _register(
             rank=rank,
             family="ensemble",
             told="the density of the noise" if density else "R",
-            build=lambda known: Ensembles(known.ensembles, known.sample_time, density, bias, particles),
+            build=lambda known: Ensembles(known.ensemble_files, known.sample_time, density, bias, particles),
             ensembles=True,
             needs_density=density,
             on_request=on_request,

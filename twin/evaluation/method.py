@@ -24,7 +24,7 @@ class Method:
         name: in the tables.
         estimate: returns (B, N) estimated angles [deg].
         oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
-        others: further trainings of the same method, which its row has the mean and the spread of.
+        others: further trainings of the same method, or ensembles: its row has their mean and spread.
     """
 
     name: str
@@ -86,8 +86,13 @@ def as_method(name: str, estimator: Estimator[Any]) -> Method:
 
 
 def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
-    """Return a declared method, built from what is known before the test, once for each of its trainings."""
+    """Return a declared method, built from what is known before the test, once for each of its trainings.
+
+    Each ensemble of twins counts as one: they differ by what is drawn, as trainings do.
+    """
     count = len(knowledge.trained[spec.agent]) if spec.agent else 1
+    if spec.ensembles:
+        count = 1 + len(knowledge.further_ensembles)
     built = [spec.build(dataclasses.replace(knowledge, training=place)) for place in range(count)]
     first, *others = [Filtering(each) if isinstance(each, Estimator) else each for each in built]
     return Method(spec.name, first, spec.oracle, tuple(others))

@@ -33,6 +33,7 @@ def make_ensembles(
     *,
     count: int,
     seed: int,
+    first: int = 0,
     physics: str = "reduced",
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
@@ -45,6 +46,7 @@ def make_ensembles(
         folder: where the ensembles are kept, each under a name that tells what made it.
         count: members of each; one that diverges is left out.
         seed: of the draws.
+        first: number of the first draw.
         physics: the twin that members are, `reduced` or `mujoco`: the same bends to some hundredths of a
             degree, and a hundred times the wait.
         on_progress: told how many of how many ensembles are there.
@@ -53,7 +55,7 @@ def make_ensembles(
         One `.npz` for each command, with `pull_mm` (N,), `bend_deg` (members, N) and `sample_time` [s].
     """
     folder.mkdir(parents=True, exist_ok=True)
-    made_from = [__version__, preset.to_dict(), ranges.to_dict(), count, seed, SAMPLE_TIME, physics]
+    made_from = [__version__, preset.to_dict(), ranges.to_dict(), count, seed, first, SAMPLE_TIME, physics]
     origin = json.dumps(made_from).encode()
     paths = []
     if on_progress:
@@ -62,7 +64,8 @@ def make_ensembles(
         name = hashlib.sha256(origin + np.ascontiguousarray(pull).tobytes()).hexdigest()[:16]
         path = folder / f"{name}.npz"
         if not path.is_file():
-            episodes = simulate_drives(members(preset, ranges, pull, count, seed), physics=physics)
+            drives = members(preset, ranges, pull, count, seed, first=first)
+            episodes = simulate_drives(drives, physics=physics)
             bend = np.array([episode.bend_deg for episode in episodes if episode is not None], np.float32)
             buffer = io.BytesIO()
             np.savez(buffer, pull_mm=pull * 1e3, bend_deg=bend, sample_time=SAMPLE_TIME)

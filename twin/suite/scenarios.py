@@ -103,6 +103,7 @@ def members(
     count: int,
     seed: int,
     stroke_mm: tuple[float, float] = (0, 0),
+    first: int = 0,
 ) -> list[Scenario]:
     """Return the drives of an ensemble along one command: other draws from the ranges of the test's twins.
 
@@ -115,9 +116,10 @@ def members(
         count: how many.
         seed: of the draws.
         stroke_mm: noted with each.
+        first: number of the first draw: ensembles that begin behind each other have no member in common.
     """
     drives = []
-    for number in range(count):
+    for number in range(first, first + count):
         rng = random_stream(seed, SeedUse.BENCHMARK_MEMBERS, number)
         drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
         bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
