@@ -13,6 +13,8 @@ from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 
 WIDTHS = (HIDDEN, 72)
 """Sizes of its memory that a search tries, those of its rivals."""
+SETTINGS = NetworkTraining(learning_rate=1e-2, width=72)
+"""Settings of its training: what the search took, see docs/ram_twins.md."""
 
 
 def untrained(settings: NetworkTraining) -> MemoryStep:
@@ -26,7 +28,7 @@ train_ram_memory = functools.partial(train_beside_model, TRAINING, untrained, ex
 register_trainer(
     Trainer(
         RAM_MEMORY,
-        on_twins=scaled_to_options(train_ram_memory, NetworkTraining(width=HIDDEN)),
+        on_twins=scaled_to_options(train_ram_memory, SETTINGS),
         unit="thousandths",
         searched={"learning_rate": RATES, "width": WIDTHS},
     )

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 
+IN_A_FILE_S = 10.0
+"""Least time between two states of a bar that nobody watches: a log of hours stays short [s]."""
+
+
 class Progress:
     """A bar on stderr that is told how far the work is: `Progress("training")(done, total, note)`."""
 
@@ -29,7 +33,12 @@ class Progress:
             from tqdm import tqdm
 
             self.bar = tqdm(
-                total=total, desc=self.what, unit=self.unit or "it", file=sys.stderr, unit_scale=True
+                total=total,
+                desc=self.what,
+                unit=self.unit or "it",
+                file=sys.stderr,
+                unit_scale=True,
+                mininterval=0.1 if sys.stderr.isatty() else IN_A_FILE_S,
             )
             self._shown.append(self.bar)
         if note:

@@ -11,7 +11,7 @@ from small_twins import MODEL, twins
 from rl import search
 from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
-from rl.ram_memory import WIDTHS, untrained
+from rl.ram_memory import SETTINGS, WIDTHS, untrained
 from rl.search import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
 from rl.twins.graph import export_memory, export_recurrent_step
@@ -39,7 +39,9 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
         grid = grid_of(rival.spec.training.agent)
         assert len(grid) == 6, name
         assert {"learning_rate": rival.rate, "width": rival.width} in grid
-    assert len(grid_of("ram-memory")) == 6
+    grid = grid_of("ram-memory")
+    assert len(grid) == 6
+    assert {"learning_rate": SETTINGS.learning_rate, "width": SETTINGS.width} in grid
 
 
 def test_the_largest_memory_of_ram_that_a_search_tries_can_be_deployed(tmp_path):

@@ -262,6 +262,7 @@ def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
         ("--policy p.onnx", "no trained file p.onnx"),
         ("--sample-time 0.03", "--sample-time 0.03 s: must be a multiple of 0.02 s"),
         ("--members 3", "--members 3: an ensemble needs at least 8"),
+        ("--ensembles 0", "--ensembles 0: must be from 1 to 100"),
         ("--episodes 0", "--episodes 0"),
         ("--preset none", "none"),
         ("--seeds 0", "--seeds 0"),
@@ -275,6 +276,17 @@ def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys)
     assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("out/*"))
+
+
+def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
+    words = [*few_words, "Ensemble", "--ensembles", "2", "--sample-time", "0.1", "--workers", "1"]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    evaluation = json.loads((tmp_path / "evaluation.json").read_text())
+    assert evaluation["protocol"]["ensembles"] == 2
+    for row in evaluation["rows"]:
+        one, *others = row["training_rmse_deg"] or [row["rmse_deg"]]
+        assert (row["method"] == "Ensemble") == (len(others) == 1)
+        assert row["rmse_deg"] == pytest.approx(np.mean([one, *others]))
 
 
 def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
