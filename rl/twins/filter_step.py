@@ -5,8 +5,8 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 
 from rl.twins.networks import last_layer, network
+from twin.estimation.gaussian import DEVIATIONS_OF_95
 
-WIDTH_OF_95 = 1.96
 LEAST_VARIANCE = 1e-8  # [deg^2]
 ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
 """Parts of a step that act, 1 or 0: the policy, and what is said of the noise."""
@@ -68,7 +68,7 @@ class FilterStep(torch.nn.Module):
 
     def widen(self, seen: Tensor) -> Tensor:
         """Return (...) how many standard deviations half of a 95 % interval has."""
-        return WIDTH_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
+        return DEVIATIONS_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
 
 
 def log_scale(values: Tensor) -> Tensor:

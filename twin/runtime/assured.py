@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from twin.estimation.estimator import Estimator
+from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.online import OnlineEstimator
 from twin.estimation.real_number import real_number
@@ -15,7 +16,6 @@ from twin.runtime.reading import UNKNOWN_DEG, Alarm, Reading, Source
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is taken
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is taken again
 BLEND_S = 0.5  # from one to the other
-NORMAL_95 = 1.96
 # Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
 _ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
 _INPUT, _LOST, _DISTRUSTED = Alarm.INPUT.value, Alarm.LOST.value, DISTRUSTED.value
@@ -141,7 +141,9 @@ class AssuredEstimator:
         lost = 0
         if faults:
             lost = self._lost(faults)
-        fallback_half_width = NORMAL_95 * math.sqrt(state.p * (monitor.nis if monitor.nis > 1.0 else 1.0))
+        fallback_half_width = DEVIATIONS_OF_95 * math.sqrt(
+            state.p * (monitor.nis if monitor.nis > 1.0 else 1.0)
+        )
         if self._states:
             half_width = advanced.half_width_deg
         else:  # the smallest that holds the fallback's
