@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
-from rl.trainers import Trainer, register_trainer
+from rl.trainers import RATES, Trainer, register_trainer
 from rl.twins.beside_model import train_beside_model
 from rl.twins.cells import Convolution, GatedUnit, LongShortTerm, MemoryCell, StateSpace
 from rl.twins.graph import export_recurrent_step
@@ -13,9 +13,6 @@ from rl.twins.run import scaled_to_options
 from rl.twins.settings import NetworkTraining
 from twin.estimation.learned import networks_on_twins as methods
 from twin.estimation.registry import MethodSpec
-
-RATES = (1e-3, 3e-3, 1e-2)
-"""Learning rates that a search tries."""
 
 
 @dataclasses.dataclass(frozen=True)

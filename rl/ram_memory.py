@@ -2,8 +2,7 @@
 
 import functools
 
-from rl.networks_on_twins import RATES
-from rl.trainers import Trainer, register_trainer
+from rl.trainers import RATES, Trainer, register_trainer
 from rl.twins.beside_model import train_beside_model
 from rl.twins.graph import export_memory
 from rl.twins.memory_step import HIDDEN, MemoryStep

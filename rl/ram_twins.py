@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from rl.trainers import OnProgress, Trainer, register_trainer
+from rl.trainers import RATES, OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
 from rl.twins.learning import learn_noise, learn_what_is_familiar
 from rl.twins.records import TwinRecords, draw_members
@@ -30,6 +30,7 @@ def train_ram_twins(
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
             principal_directions(records.members_deg, settings.rank),
+            settings.policy_width,
             policy_layers=settings.policy_layers,
             with_error=settings.with_error,
             with_recogniser=settings.with_recogniser,
@@ -55,5 +56,10 @@ def train_ram_twins(
 
 
 register_trainer(
-    Trainer(RAM_TWINS, on_twins=scaled_to_options(train_ram_twins, TwinsTraining()), unit="thousandths")
+    Trainer(
+        RAM_TWINS,
+        on_twins=scaled_to_options(train_ram_twins, TwinsTraining()),
+        unit="thousandths",
+        searched={"learning_rate": RATES, "policy_width": (64, 96)},
+    )
 )

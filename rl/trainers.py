@@ -31,6 +31,10 @@ Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | No
 TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None], Path]
 
 
+RATES = (1e-3, 3e-3, 1e-2)
+"""Learning rates that a search tries."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Simulated:
     """Twins that a training simulates, and the noise that they are measured under.

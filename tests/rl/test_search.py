@@ -39,6 +39,7 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
         grid = grid_of(rival.spec.training.agent)
         assert len(grid) == 6, name
         assert {"learning_rate": rival.rate, "width": rival.width} in grid
+    assert len(grid_of("ram-twins")) == 6
     grid = grid_of("ram-memory")
     assert len(grid) == 6
     assert {"learning_rate": SETTINGS.learning_rate, "width": SETTINGS.width} in grid
@@ -87,9 +88,9 @@ def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tm
 
 
 def test_a_method_without_a_grid_is_refused_and_those_with_one_are_named():
-    message = "agent 'ram-twins' has no settings to search; valid: lstm, gru, tcn, ssm, kalman-net"
+    message = "agent 'ram' has no settings to search; valid: lstm, gru, tcn, ssm, kalman-net"
     with pytest.raises(ValueError, match=re.escape(message)):
-        grid_of("ram-twins")
+        grid_of("ram")
 
 
 def test_settings_out_of_range_are_refused(material, tmp_path):
