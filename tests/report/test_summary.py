@@ -7,6 +7,7 @@ import pytest
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.limit import times_the_limit
+from twin.report.overall import overall_table
 from twin.report.summary import benchmark_figures, benchmark_tables
 
 NOISES = [("gaussian", 1.0), ("poisson", 2.0)]
@@ -68,7 +69,7 @@ def test_distance_to_the_limit_is_the_geometric_mean_over_noises(rows):
 
 def test_the_best_that_neither_sees_the_truth_nor_knows_the_physics_is_bold(rows):
     text = benchmark_tables(rows, BOUNDS)
-    first = text.split("### ")[1]
+    first = text.split("### ")[3]  # behind the whole at both sample times
     assert first.startswith(
         "RMSE [deg] ± half its 95 % interval over noise seeds, nominal, [-1, 1] mm, T = 0.1 s"
     )
@@ -76,9 +77,29 @@ def test_the_best_that_neither_sees_the_truth_nor_knows_the_physics_is_bold(rows
     assert "**1.000 ± 0.100**" in lines["RAM"]
     assert "**" not in lines["AM"] + lines["RAM (oracle)"] + lines["Ensemble"] + lines[LIMIT]
     level = [dataclasses.replace(of, to_best_ci95=(0.9, 1.1)) if of.method == "AM" else of for of in rows]
-    assert "**" not in benchmark_tables(level, BOUNDS).split("### ")[1]
-    # Two sample times, without the start, ratios at both, bounds, the paper's.
-    assert text.count("### ") == 2 + 1 + 2 + 1 + 1
+    assert "**" not in benchmark_tables(level, BOUNDS).split("### ")[3]
+    # The whole and one group at two sample times, without the start, ratios at both, bounds, the paper's.
+    assert text.count("### ") == 2 + 2 + 1 + 2 + 1 + 1
+
+
+def test_the_whole_is_a_line_for_each_method_the_least_error_on_top(rows):
+    held = [dataclasses.replace(of, coverage95=0.9) if of.method == "RAM" else of for of in rows]
+    held = [
+        dataclasses.replace(of, rmse_deg=4 * of.rmse_deg)
+        if (of.method, of.twin) == ("AM", "randomized")
+        else of
+        for of in held
+    ]
+    lines = overall_table(held, 0.1, {"RAM": 12.4, "AM": None}).splitlines()
+    cells = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in lines}
+    assert list(cells)[2:] == ["RAM (oracle)", LIMIT, "Ensemble", "RAM", "AM"]
+    assert cells["method"][:4] == ["the preset", "randomized", "all", "times the limit"]
+    preset, randomised = np.sqrt(4 * 8), 4 * np.sqrt(4 * 8)
+    whole = np.sqrt(preset * randomised)
+    assert cells["AM"] == [*(f"{of:.2f}" for of in (preset, randomised, whole, whole / 0.5)), "-", "1", "-"]
+    assert cells["RAM"] == ["1.41", "1.41", "1.41", "2.83", "90", "1", "12"]
+    without = [of for of in rows if of.method != LIMIT]
+    assert "limit" not in overall_table(without, 0.1, {})
 
 
 def test_the_bound_stands_beside_the_limit_over_randomised_twins(rows):

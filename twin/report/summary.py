@@ -26,6 +26,7 @@ from twin.report.limit import (
     noise_figure,
     times_the_limit,
 )
+from twin.report.overall import overall_table
 from twin.report.paper_figures import paper_figures
 from twin.report.ranks import rank_figure, rank_table, rankings_to_draw
 from twin.report.tables import group_name, paper_tables
@@ -58,6 +59,9 @@ def benchmark_tables(
     over = f"95 % interval over noise seeds{' and trainings' if trainings else ''}"
     parts = []
     for T in times:
+        parts.append(f"### RMSE [deg], geometric mean over noises and strokes, T = {T:g} s")
+        parts.append(overall_table(scores, T, costs))
+    for T in times:
         parts.append(f"### RMSE [deg] ± half its {over}, {group_name(first)}, T = {T:g} s")
         parts.append(_noise_table(scores, T, first, "rmse_deg"))
     parts.append(f"### RMSE [deg] after the first 5 s, {group_name(first)}, T = {times[0]:g} s")
@@ -84,9 +88,6 @@ def benchmark_tables(
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
-    if costs:
-        parts.append("### Time of one sample of one stream, on one core of this machine")
-        parts.append(_cost_table(costs))
     named = {spec.name for spec in method_specs() if spec.beside_paper}
     beside = [score for score in scores if score.group == first and score.method in named]
     paper = paper_tables(beside, "markdown")
@@ -200,12 +201,6 @@ def _interval_table(intervals: Sequence[Row]) -> str:
             )
     headers = ["method", "noise", "T", *(group_name(group) for group in groups)]
     return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True))
-
-
-def _cost_table(costs: Mapping[str, float | None]) -> str:
-    lines = [[method, "-" if cost is None else f"{cost:.0f}"] for method, cost in costs.items()]
-    align = ("left", "right")
-    return str(tabulate(lines, ["method", "µs"], tablefmt="pipe", disable_numparse=True, colalign=align))
 
 
 def _place(row: Row) -> Group:
