@@ -122,7 +122,8 @@ def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str
     """Write a file of RAM (twins) that nothing was taught to, with what else it is to tell."""
     settings = TwinsTraining()
     members = draw_members(preset, load_ranges(size.preset), settings.members, 1, moving=settings.moving)
-    step = TwinsStep(torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]).eval()
+    directions = torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]
+    step = TwinsStep(directions, settings.policy_width).eval()
     step.guarded = True
     description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(told or {})}
     path = folder / ram_twins.TRAINING.file

@@ -52,8 +52,7 @@ def grid_of(agent: str) -> list[Settings]:
     searched = find_trainer(agent).searched
     if not searched:
         others = [name for name, trainer in all_trainers().items() if trainer.searched]
-        valid = ", ".join(name.removesuffix("-twins") for name in others)
-        raise InputError(f"agent {agent!r} has no settings to search; valid: {valid}")
+        raise InputError(f"agent {agent!r} has no settings to search; valid: {', '.join(sorted(others))}")
     return [dict(zip(searched, values, strict=True)) for values in itertools.product(*searched.values())]
 
 

@@ -40,6 +40,8 @@ from twin.files.state_file import state_key
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
+PPO_WIDTHS = (64, 64)
+"""Units of each layer of a policy, as Stable-Baselines3 has them."""
 GROWS = "training.episodes"
 """Number that a finished run may be given more of: it goes on from where it ended."""
 
@@ -153,8 +155,8 @@ def learn(ppo: PPO, samples: int, callback: BaseCallback, reset: bool = True) ->
     check_finite(ppo)
 
 
-def new_ppo(environment: VecEnv, training: TrainingOptions) -> PPO:
-    """Return an untrained policy with the parameters of a training."""
+def new_ppo(environment: VecEnv, training: TrainingOptions, widths: Sequence[int] = PPO_WIDTHS) -> PPO:
+    """Return an untrained policy with the parameters of a training, and layers of so many units."""
     ppo = PPO(
         "MlpPolicy",
         environment,
@@ -165,6 +167,7 @@ def new_ppo(environment: VecEnv, training: TrainingOptions) -> PPO:
         clip_range=training.clip,
         seed=training.seed,
         device="cpu",
+        policy_kwargs={"net_arch": {"pi": list(widths), "vf": list(widths)}},
     )
     ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder outside of the run
     return ppo

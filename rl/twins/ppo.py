@@ -54,7 +54,8 @@ def learn_by_ppo(
         seed=settings.seed,
     )
     environment = TwinsEnvironment(step, source, settings, options.environments, options.reward_scale)
-    ppo = new_ppo(environment, options)
+    widths = [part.out_features for part in step.policy.children() if isinstance(part, torch.nn.Linear)]
+    ppo = new_ppo(environment, options, widths[:-1])  # the last is that of the actions
     with torch.no_grad():
         for theirs, own in _shared(ppo, step):
             theirs.copy_(own)

@@ -19,8 +19,6 @@ MOST_WIDTH = 512
 """Of the memory of a network, or of a layer."""
 MOST_LAYERS = 8
 """Of a policy."""
-PPO_SHAPE = 2, 64
-"""Layers of the policy of PPO, and units of each."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +147,7 @@ class TwinsTraining(SimulatedTraining):
         moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
         policy_layers: of the policy; 0 for one that is linear in what it sees.
-        policy_width: units of each.
+        policy_width: units of each; what the search took, as the learning rate.
         with_error: whether what no member does is estimated.
         with_recogniser: whether the recogniser of the noise is asked.
         recogniser_sequences: records that the recogniser learns from first.
@@ -170,8 +168,9 @@ class TwinsTraining(SimulatedTraining):
     members: int = 40
     moving: int = 16
     rank: int = 28
-    policy_layers: int = PPO_SHAPE[0]
-    policy_width: int = PPO_SHAPE[1]
+    policy_layers: int = 2
+    policy_width: int = 96
+    learning_rate: float = 1e-2
     with_error: bool = True
     with_recogniser: bool = True
     recogniser_sequences: int = 4096
@@ -191,9 +190,3 @@ class TwinsTraining(SimulatedTraining):
         check_between("rank", self.rank, 1, self.members)
         check_between("policy_width", self.policy_width, 1, MOST_WIDTH)
         check_between("policy_layers", self.policy_layers, 0, MOST_LAYERS)
-        shape = self.policy_layers, self.policy_width
-        if "ppo" in self.gain and shape != PPO_SHAPE:
-            layers, width = PPO_SHAPE
-            raise InputError(
-                f"the policy of PPO has {layers} layers of {width} units, not {shape[0]} of {shape[1]}"
-            )

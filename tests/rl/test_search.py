@@ -88,7 +88,7 @@ def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tm
 
 
 def test_a_method_without_a_grid_is_refused_and_those_with_one_are_named():
-    message = "agent 'ram' has no settings to search; valid: lstm, gru, tcn, ssm, kalman-net"
+    message = "agent 'ram' has no settings to search; valid: bias-kalman-net-twins, gru-twins, "
     with pytest.raises(ValueError, match=re.escape(message)):
         grid_of("ram")
 
