@@ -12,8 +12,8 @@ from twin.estimation.learned.ram_memory import RAM_MEMORY, TRAINING
 
 WIDTHS = (HIDDEN, 72)
 """Sizes of its memory that a search tries, those of its rivals."""
-SETTINGS = NetworkTraining(learning_rate=1e-2, width=72)
-"""Settings of its training: what the search took, see docs/ram_twins.md."""
+SETTINGS = NetworkTraining(width=72)
+"""Settings of its training; width and learning rate are what the search took, see docs/ram_twins.md."""
 
 
 def untrained(settings: NetworkTraining) -> MemoryStep:

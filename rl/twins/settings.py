@@ -67,7 +67,7 @@ class SimulatedTraining:
     updates: int = 1800
     interval_sequences: int = 1536
     interval_updates: int = 1500
-    learning_rate: float = 3e-3
+    learning_rate: float = 1e-2
     linear_penalty: float = 0.3
     bias_weight: float = 0.05
     noises: tuple[str, ...] = tuple(FAMILIES)
@@ -147,7 +147,7 @@ class TwinsTraining(SimulatedTraining):
         moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
         policy_layers: of the policy; 0 for one that is linear in what it sees.
-        policy_width: units of each; what the search took, as the learning rate.
+        policy_width: units of each; what a search took, as the learning rate: docs/ram_twins.md.
         with_error: whether what no member does is estimated.
         with_recogniser: whether the recogniser of the noise is asked.
         recogniser_sequences: records that the recogniser learns from first.
@@ -170,7 +170,6 @@ class TwinsTraining(SimulatedTraining):
     rank: int = 28
     policy_layers: int = 2
     policy_width: int = 96
-    learning_rate: float = 1e-2
     with_error: bool = True
     with_recogniser: bool = True
     recogniser_sequences: int = 4096

@@ -71,6 +71,7 @@ NOT_RUN = {
     "python docs/examples": "the same",
     "--dask tcp://": "names a cluster: tests/workers/test_dask_cluster.py runs on one",
     "python -m scripts.match_paper": "an hour: tests/calibration/test_published.py holds what it made",
+    "python -m scripts.ablate": "half an hour: tests/suite/test_ablation.py runs it at a small size",
 }
 """Lines that are printed and not run here, by a part of them, and why."""
 
