@@ -76,7 +76,7 @@ class Variant:
 
 VARIANTS = (
     Variant(WHOLE, "nothing: the whole"),
-    Variant("ram-memory", "no twins online: RAM (memory)", agent=ram_memory.AGENT),
+    Variant("no-twins", "no twins online: RAM (memory)", agent=ram_memory.AGENT),
     Variant("few-members", "a quarter of the members", settings={"members": 10, "moving": 4, "rank": 7}),
     Variant("still-members", "no member's sheath moves", settings={"moving": 0}),
     Variant("no-error", "no model-error state", settings={"with_error": False}),

@@ -14,7 +14,6 @@ from rl.twins.beside_model import train_beside_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step
 from rl.twins.learning import filter_sequences, learn_gain
-from rl.twins.settings import NetworkTraining
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_method, method_specs
 from twin.hysteresis import model_to_dict
@@ -41,7 +40,7 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
 
 def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_path):
     rival = RIVALS["KalmanNet (twins)"]
-    tiny = NetworkTraining(**dataclasses.asdict(TINY_MEMORY), width=8)
+    tiny = dataclasses.replace(TINY_MEMORY, width=8)
     training = rival.spec.training
     path = train_beside_model(training, rival.untrained, export_recurrent_step, *twins(), tiny, tmp_path)
     assert read_trained_file(path).description["training"]["seed"] == TINY_MEMORY.seed

@@ -328,7 +328,6 @@ def mistakes(workspace):
             "--search are for several trainings",
         ),
         ("train data/train --model m.json --seeds 2 --search --out x", "--search is for --protocol twins"),
-        ("train --protocol twins --search --seeds 2 --out x", "agent 'ram-twins' has no settings to search"),
         ("train --protocol twins --stroke 4 -4 --out x", "stroke [4, -4] mm: must rise"),
         ("train --protocol twins --sample-times 0.05 --out x", "sample times 0.05 s: valid are 0.1, 0.04"),
         ("train --protocol twins --gain sac --out x", "gain sac: valid are analytic; ppo; analytic ppo"),

@@ -140,7 +140,7 @@ def test_the_command_writes_what_it_found(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--variants", "no-such"], "unknown variant 'no-such'; valid: whole, ram-memory"),
+        (["--variants", "no-such"], "unknown variant 'no-such'; valid: whole, no-twins"),
         (["--seeds", "0"], "--seeds 0: must be at least 1"),
         (["--draws", "0"], "--draws"),
         (["--episodes", "0"], "--episodes"),
