@@ -8,7 +8,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class Simulated:
         stroke_mm: that the commands lie within; the training's own, if None.
         gain: how the policy learns; the training's own way, if empty.
         sample_times: T that are met, the most frequent first; the training's own, if empty [s].
-        settings: values of settings of the training, by name, in place of the method's own.
+        settings: values of any settings of the training, by name, in place of all others.
     """
 
     preset: "Preset"
@@ -55,7 +55,7 @@ class Simulated:
     stroke_mm: tuple[float, float] | None = None
     gain: tuple[str, ...] = ()
     sample_times: tuple[float, ...] = ()
-    settings: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

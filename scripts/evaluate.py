@@ -218,11 +218,11 @@ def _paper(args: Evaluate) -> Summary:
     for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
         write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
     draws = "recorded measurements" if recorded else f"{args.seeds} noise seeds"
-    more = f"; estimates in {args.out}/estimates" if result.estimates else ""
-    line = (
-        f"{args.out}/evaluation.json: {len(result.methods)} methods, {result.records} records, {draws}{more}"
-    )
-    values = {"out": str(args.out / "evaluation.json"), "methods": result.methods}
+    path = args.out / "evaluation.json"
+    line = f"{path}: {len(result.methods)} methods, {result.records} records, {draws}"
+    if result.estimates:
+        line += f"; estimates in {args.out}/estimates"
+    values = {"out": str(path), "methods": result.methods}
     return Summary(line, values, table=shown)
 
 
@@ -246,8 +246,8 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
         return variance
     variance, told = common_variance(args.data)
     if not told:
-        told_by = "--sensor-variance sets it"
-        _say(f"not every record tells the noise of its sensor: R = {variance:g} deg^2 ({told_by})")
+        unknown = "not every record tells the noise of its sensor"
+        _say(f"{unknown}: R = {variance:g} deg^2 (--sensor-variance sets it)")
     return variance
 
 

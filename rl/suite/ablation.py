@@ -21,12 +21,11 @@ from twin.estimation.estimator import Estimator
 from twin.estimation.learned import ram_memory, ram_twins
 from twin.estimation.registry import find_training
 from twin.evaluation.compare import ScoredRuns, evaluate
+from twin.evaluation.means import mean_coverage, rmse_by
 from twin.evaluation.method import Filtering, Method
-from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.ranking import times_reference
 from twin.evaluation.reading import evaluation_records
-from twin.evaluation.score import Score
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.report.ablation import AblationRow
@@ -45,33 +44,15 @@ class Variant:
         name: of its folder.
         change: in words, for the table.
         agent: that is trained.
-        settings: of the training that differ from the whole's.
-        noises: that the training meets; all, if empty.
-        gain: how the policy learns; as the whole's, if empty.
-        sample_times: that the training meets; all, if empty [s].
+        settings: of the training that differ from the whole's, by name.
         parts: of a trained file that act, where nothing is trained anew; `twin.estimation.learned.ram_twins`.
     """
 
     name: str
     change: str
     agent: str = ram_twins.AGENT
-    settings: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    noises: tuple[str, ...] = ()
-    gain: tuple[str, ...] = ()
-    sample_times: tuple[float, ...] = ()
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     parts: tuple[float, float] | None = None
-
-    def material(self, preset: Preset, ranges: Ranges) -> Material:
-        """Return what it learns from."""
-        simulated = Simulated(
-            preset,
-            ranges,
-            noises=self.noises,
-            gain=self.gain,
-            sample_times=self.sample_times,
-            settings=self.settings,
-        )
-        return Material(simulated=simulated)
 
 
 VARIANTS = (
@@ -85,11 +66,11 @@ VARIANTS = (
     Variant("filter-alone", "neither of them (filter alone)", parts=ram_twins.FILTER_ALONE),
     Variant("linear-policy", "a linear policy", settings={"policy_layers": 0}),
     Variant("no-penalty", "no penalty for leaving the linear update", settings={"linear_penalty": 0.0}),
-    Variant("ppo", "policy by PPO, from scratch", gain=("ppo",)),
-    Variant("analytic-ppo", "policy by gradient, then PPO", gain=("analytic", "ppo")),
-    Variant("gaussian", "trained under Gaussian noise alone", noises=("gaussian",)),
-    Variant("symmetric", "trained under symmetric noises alone", noises=SYMMETRIC),
-    Variant("one-sample-time", "trained at T = 0.1 s alone", sample_times=(0.1,)),
+    Variant("ppo", "policy by PPO, from scratch", settings={"gain": ("ppo",)}),
+    Variant("analytic-ppo", "policy by gradient, then PPO", settings={"gain": ("analytic", "ppo")}),
+    Variant("gaussian", "trained under Gaussian noise alone", settings={"noises": ("gaussian",)}),
+    Variant("symmetric", "trained under symmetric noises alone", settings={"noises": SYMMETRIC}),
+    Variant("one-sample-time", "trained at T = 0.1 s alone", settings={"sample_times": (0.1,)}),
 )
 """The whole first, then what is left where a part of it is missing or another."""
 
@@ -164,7 +145,7 @@ def run_ablation(
     records = evaluation_records(paths, protocol.sample_time_s)
     methods = [_method(ablation, variant) for variant in ablation.variants]
     found = evaluate(records, methods, protocol, progress("evaluate", "group"), executor)
-    return ablation_rows(found, random_stream(ablation.seed, SeedUse.ABLATION))
+    return _rows(found, ablation.variants, random_stream(ablation.seed, SeedUse.ABLATION))
 
 
 def _runs(ablation: Ablation) -> list[TrainingRun]:
@@ -172,7 +153,7 @@ def _runs(ablation: Ablation) -> list[TrainingRun]:
     for variant in ablation.variants:
         if variant.parts:
             continue
-        material = variant.material(ablation.preset, ablation.ranges)
+        material = Material(simulated=Simulated(ablation.preset, ablation.ranges, settings=variant.settings))
         for seed in ablation.seeds:
             options = dataclasses.replace(ablation.options, agent=variant.agent, seed=seed)
             runs.append(TrainingRun(material, options, folder_of(ablation.folder_of(variant), seed)))
@@ -191,36 +172,27 @@ def _method(ablation: Ablation, variant: Variant) -> Method:
     return Method(variant.name, first, others=tuple(others))
 
 
-def ablation_rows(found: ScoredRuns, rng: np.random.Generator) -> list[AblationRow]:
-    """Return a row for each method of a comparison, which has one that is called `whole`."""
+def _rows(found: ScoredRuns, variants: Sequence[Variant], rng: np.random.Generator) -> list[AblationRow]:
+    """Return a row for each variant of a comparison."""
     groups: dict[Any, dict[str, list[Any]]] = {}
     for score, squares in zip(found.scores, found.squares, strict=True):
-        groups.setdefault((score.stroke_mm, score.twin), {}).setdefault(score.method, []).append(squares)
+        groups.setdefault(score.group, {}).setdefault(score.method, []).append(squares)
     together = [{name: np.stack(of, axis=1) for name, of in group.items()} for group in groups.values()]
     times = times_reference(together, WHOLE, rng)
-    changes = {variant.name: variant.change for variant in VARIANTS}
     rows = []
-    for name, (ratio, interval) in times.items():
-        scores = [score for score in found.scores if score.method == name]
-        coverage = [score.coverage95 for score in scores if score.coverage95 is not None]
+    for variant in variants:
+        scores = [score for score in found.scores if score.method == variant.name]
+        ratio, interval = times[variant.name]
         rows.append(
             AblationRow(
-                name=name,
-                change=changes.get(name, name),
-                by_twin_deg=_means(scores, lambda score: score.twin),
-                by_noise_deg=_means(scores, lambda score: score.condition),
+                name=variant.name,
+                change=variant.change,
+                by_twin_deg=rmse_by(scores, lambda score: score.twin),
+                by_noise_deg=rmse_by(scores, lambda score: score.condition),
                 times_whole=ratio,
                 times_whole_ci95=interval,
-                coverage95=float(np.mean(coverage)) if coverage else None,
-                trainings=max(len(scores[0].training_rmse_deg), 1),
+                coverage95=mean_coverage(scores),
+                trainings=scores[0].trainings,
             )
         )
     return rows
-
-
-def _means(scores: Sequence[Score], key: Any) -> dict[Any, float]:
-    """Return the geometric mean of the RMSE [deg] of the scores of each kind."""
-    kinds: dict[Any, list[float]] = {}
-    for score in scores:
-        kinds.setdefault(key(score), []).append(score.rmse_deg)
-    return {kind: float(geometric_mean(np.array(of))) for kind, of in kinds.items()}

@@ -115,9 +115,7 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         for knowledge in known:
             T = knowledge.sample_time
             records = evaluation_records(data, T)
-            if ensembles:
-                first, *further = ensembles
-                knowledge = dataclasses.replace(knowledge, ensembles=first, further_ensembles=tuple(further))
+            knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
             methods = [build_method(spec, knowledge) for spec in suite.specs]
             costs = costs or sample_costs(methods, records[0])
             shown = progress(f"evaluate T = {T:g} s", "group")

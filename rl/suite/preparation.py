@@ -111,12 +111,12 @@ def episodes_at(trainer: Trainer, episodes: int, sample_time: float) -> int:
 
 def ensembles_along(
     suite: FullSuite, data: Sequence[Path], preset: Preset, ranges: Ranges, progress: NewProgress
-) -> list[tuple[Path, ...]]:
+) -> tuple[tuple[Path, ...], ...]:
     """Simulate ensembles along the commands of the test, where a method needs them: of other twins, each."""
     if not any(spec.ensembles for spec in suite.specs):
-        return []
+        return ()
     pulls = {episode.pull.tobytes(): episode.pull for episode in read_episodes(data, SAMPLE_TIME)}
-    return [
+    return tuple(
         tuple(
             make_ensembles(
                 preset,
@@ -131,7 +131,7 @@ def ensembles_along(
             )
         )
         for number in range(suite.ensembles)
-    ]
+    )
 
 
 def wait_for(futures: Sequence[Any], progress: OnProgress) -> None:

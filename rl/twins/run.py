@@ -206,15 +206,14 @@ def scaled_to_options(
         folder: Path,
         on_progress: OnProgress | None = None,
     ) -> Path:
-        given: dict[str, Any] = dict(simulated.settings)
-        chosen = dataclasses.replace(
-            settings.scaled(options),
-            noises=simulated.noises or settings.noises,
-            stroke_mm=simulated.stroke_mm or settings.stroke_mm,
-            gain=simulated.gain or settings.gain,
-            sample_times=simulated.sample_times or settings.sample_times,
-            **given,
-        )
+        given: dict[str, Any] = {
+            "noises": simulated.noises,
+            "stroke_mm": simulated.stroke_mm,
+            "gain": simulated.gain,
+            "sample_times": simulated.sample_times,
+        }
+        given = {name: value for name, value in given.items() if value} | dict(simulated.settings)
+        chosen = dataclasses.replace(settings.scaled(options), **given)
         return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 
     return run

@@ -256,28 +256,6 @@ def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
     assert "is test data too" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        ("--policy p.onnx", "no trained file p.onnx"),
-        ("--sample-time 0.03", "--sample-time 0.03 s: must be a multiple of 0.02 s"),
-        ("--members 3", "--members 3: an ensemble needs at least 8"),
-        ("--ensembles 0", "--ensembles 0: must be from 1 to 100"),
-        ("--episodes 0", "--episodes 0"),
-        ("--preset none", "none"),
-        ("--seeds 0", "--seeds 0"),
-        ("--seconds 2", "--seconds 2: must be from 5 to 100000 s"),
-        ("nowhere", "nowhere"),
-    ],
-)
-def test_a_mistake_is_one_line_before_any_work(flags, message, tmp_path, capsys):
-    assert main(["--suite", "full", "--out", str(tmp_path / "out"), *flags.split()]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not list(tmp_path.glob("out/*"))
-
-
 def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
     words = [*few_words, "Ensemble", "--ensembles", "2", "--sample-time", "0.1", "--workers", "1"]
     assert main([*words, "--out", str(tmp_path)]) == 0

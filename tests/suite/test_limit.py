@@ -69,7 +69,7 @@ def test_a_record_may_begin_later_than_its_command_and_be_padded(ensembles):
 
 def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles, test_set):
     protocol = Protocol("full", seeds=4)
-    known = Knowledge(0.1, {}, ensembles=tuple(ensembles))
+    known = Knowledge(0.1, {}, ensembles=(tuple(ensembles),))
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
     names = ["Ensemble", "Ensemble with bias", "Ensemble (limit)", "Particles (limit)"]
     assert [method.name for method in methods] == names
@@ -112,16 +112,16 @@ def test_gaps_of_a_record_are_bridged(ensembles, test_set):
 
 
 def test_further_ensembles_have_other_members_and_are_a_spread(ensembles, test_set):
-    """What an ensemble is uncertain by is seen as the spread of several, which have no twin in common."""
+    """The spread of ensembles that have no twin in common is the uncertainty of each."""
     folder = ensembles[0].parent
     further = make_ensembles(PRESET, RANGES, PULLS, folder, count=20, seed=1, first=40)
-    known = Knowledge(0.1, {}, ensembles=tuple(ensembles), further_ensembles=(tuple(further),))
+    known = Knowledge(0.1, {}, ensembles=(tuple(ensembles), tuple(further)))
     spec = find_method("Ensemble (limit)")
     assert spec is not None
     protocol = Protocol("full", seeds=2)
     rows, *_ = evaluate(test_set, [build_method(spec, known)], protocol)
     alone = [
-        evaluate(test_set, [build_method(spec, Knowledge(0.1, {}, ensembles=tuple(of)))], protocol)[0]
+        evaluate(test_set, [build_method(spec, Knowledge(0.1, {}, ensembles=(tuple(of),)))], protocol)[0]
         for of in (ensembles, further)
     ]
     for row, *single in zip(rows, *alone, strict=True):

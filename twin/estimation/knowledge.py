@@ -43,8 +43,8 @@ class Knowledge:
         fits: what each `TrainingFit` has found, by its key.
         trained: files of each trained agent, one for each training of it.
         training: place among them, or among the ensembles, of the one that a method is built from.
-        ensembles: files of twins along the test's commands.
-        further_ensembles: the same of other twins, each: what an ensemble of so many members is uncertain by.
+        ensembles: files of twins along the test's commands, of each ensemble: all of other twins, so that
+            they differ by what one of them is uncertain by.
         smallest_wire_offset: that a twin may have [m].
         twins: preset and ranges of twins that may be simulated for a training.
     """
@@ -56,8 +56,7 @@ class Knowledge:
     fits: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     trained: Mapping[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
     training: int = 0
-    ensembles: tuple[Path, ...] = ()
-    further_ensembles: tuple[tuple[Path, ...], ...] = ()
+    ensembles: tuple[tuple[Path, ...], ...] = ()
     smallest_wire_offset: float | None = None
     twins: "tuple[Preset, Ranges] | None" = None
 
@@ -78,7 +77,7 @@ class Knowledge:
     @property
     def ensemble_files(self) -> tuple[Path, ...]:
         """Files of the ensemble that a method is built from."""
-        return (self.ensembles, *self.further_ensembles)[self.training]
+        return self.ensembles[self.training]
 
     def found(self, fit: TrainingFit) -> dict[str, Any]:
         """Return what a fit has found, or find it now."""

@@ -92,7 +92,7 @@ def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
     """
     count = len(knowledge.trained[spec.agent]) if spec.agent else 1
     if spec.ensembles:
-        count = 1 + len(knowledge.further_ensembles)
+        count = len(knowledge.ensembles)
     built = [spec.build(dataclasses.replace(knowledge, training=place)) for place in range(count)]
     first, *others = [Filtering(each) if isinstance(each, Estimator) else each for each in built]
     return Method(spec.name, first, spec.oracle, tuple(others))

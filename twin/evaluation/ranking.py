@@ -165,24 +165,23 @@ def times_reference(
         nothing can be drawn anew.
     """
     names = list(groups[0])
-    found = np.array([[geometric_mean(_rmse(of[name])) for name in names] for of in groups])
-    ratio = _over(found, names.index(reference))
-    once = all(of[name].size == of[name].shape[1] for of in groups for name in names)
-    drawn = np.empty((0 if once else RESAMPLES, len(groups), len(names)))
-    for again in drawn:
+    place = names.index(reference)
+
+    def over_all(errors: list[Array]) -> Array:
+        """Return (methods,) ratios of the geometric means of errors (methods, C) on each group."""
+        whole = geometric_mean(np.concatenate(errors, axis=1), axis=1)
+        ratios: Array = whole / whole[place]
+        return ratios
+
+    found = over_all([np.stack([_rmse(of) for of in group.values()]) for group in groups])
+    if all(of.size == of.shape[1] for group in groups for of in group.values()):
+        return {name: (float(ratio), None) for name, ratio in zip(names, found, strict=True)}
+    drawn = []
+    for _ in range(RESAMPLES):
         trainings = [rng.integers(len(of), size=len(of)) for of in groups[0].values()]
-        for place, squares in enumerate(groups):
-            again[place] = geometric_mean(_drawn_anew(squares, rng, trainings), axis=1)
-    ratios = [_over(again, names.index(reference)) for again in drawn]
-    intervals = [None] * len(names) if once else [_interval(of) for of in np.array(ratios).T]
-    return {name: (float(ratio[place]), intervals[place]) for place, name in enumerate(names)}
-
-
-def _over(errors: Array, reference: int) -> Array:
-    """Return (methods,) geometric means of (groups, methods) errors in units of one of them."""
-    whole = geometric_mean(errors, axis=0)
-    ratio: Array = whole / whole[reference]
-    return ratio
+        drawn.append(over_all([_drawn_anew(group, rng, trainings) for group in groups]))
+    intervals = map(_interval, np.array(drawn).T)
+    return {name: (float(of), interval) for name, of, interval in zip(names, found, intervals, strict=True)}
 
 
 def _resampled(squares: Mapping[str, Array], rng: np.random.Generator) -> Array:

@@ -107,6 +107,11 @@ class Score:
         return self.noise, self.level
 
     @property
+    def trainings(self) -> int:
+        """Number of trainings, or of ensembles, that the figures are means over."""
+        return max(len(self.training_rmse_deg), 1)
+
+    @property
     def group(self) -> Group:
         """Stroke [mm] and kind of twin."""
         return self.stroke_mm, self.twin

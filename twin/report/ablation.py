@@ -6,11 +6,12 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
-from tabulate import tabulate
 
 from twin.evaluation.paper import noise_label
 from twin.evaluation.protocol import Condition
 from twin.report.figures import INK, MUTED, clean_axes
+from twin.report.ranks import in_brackets
+from twin.report.tables import aligned_table, twin_name
 
 COLOUR = "#a3195b"
 SHOWN = (("gaussian", 1.0), ("poisson", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))
@@ -60,23 +61,21 @@ def ablation_table(rows: Sequence[AblationRow]) -> str:
             row.change,
             *(f"{row.by_twin_deg[twin]:.2f}" for twin in twins),
             *(f"{row.by_noise_deg[noise]:.2f}" for noise in noises),
-            f"{row.times_whole:.2f}" + _between(row.times_whole_ci95),
+            f"{row.times_whole:.2f}" + in_brackets(row.times_whole_ci95, ".2f"),
             "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f}",
             str(row.trainings),
         ]
         for row in rows
     ]
-    named = ["the preset" if twin == "nominal" else twin for twin in twins]
     headers = [
         "what is changed",
-        *named,
+        *map(twin_name, twins),
         *(noise_label(*noise) for noise in noises),
         "times the whole",
         "coverage [%]",
         "trainings",
     ]
-    align = ("left", *["right"] * (len(headers) - 1))
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers)
 
 
 def ablation_figure(rows: Sequence[AblationRow]) -> Figure:
@@ -98,7 +97,3 @@ def ablation_figure(rows: Sequence[AblationRow]) -> Figure:
     axes.tick_params(labelsize=8)
     axes.set_xlabel("RMSE over that of the whole, paired 95 % interval", fontsize=8, color=INK)
     return figure
-
-
-def _between(interval: tuple[float, float] | None) -> str:
-    return "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-from tabulate import tabulate
-
 from twin.estimation.registry import method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
@@ -11,7 +9,7 @@ from twin.evaluation.score import Score
 from twin.files.ours import MADE_BY
 from twin.report.best import clear_best
 from twin.report.limit import chosen_scores, groups_of
-from twin.report.tables import group_name
+from twin.report.tables import aligned_table, group_name
 from twin.signals.noise import noise_variance
 
 
@@ -83,5 +81,4 @@ def _table(scores: Sequence[Score]) -> str:
         "coverage [%]",
         "width [deg]",
     ]
-    align = ("left", "left", *["right"] * 5)
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers, left=2)

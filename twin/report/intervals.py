@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
-from tabulate import tabulate
 
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.report.figures import INK, MUTED, clean_axes, own_style
+from twin.report.tables import aligned_table
 
 HONEST = (0.93, 0.97)
 """Coverage of a 95 % interval that is as sure as it says."""
@@ -54,8 +54,7 @@ def interval_table(scores: Sequence[Score]) -> str:
         )
     noise_labels = [noise_label(*noise) for noise in noises]
     headers = ["method", *noise_labels, "width [deg]", "NEES", "NIS", "CRPS [deg]"]
-    align = ("left", *["right"] * (len(headers) - 1))
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers)
 
 
 def interval_figure(scores: Sequence[Score]) -> Figure:

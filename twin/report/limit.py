@@ -111,12 +111,26 @@ def limit_figure(scores: Sequence[Score]) -> Figure:
 
 def by_ratio(scores: Sequence[Score], times: Sequence[float], groups: Sequence[Group]) -> list[str]:
     """Return the methods, the nearest to the limit first, by their mean over groups and sample times."""
+    ratios = times_over_groups(scores, times, groups)
+    return sorted(ratios, key=lambda method: ratios[method])
+
+
+def times_over_groups(
+    scores: Sequence[Score], times: Sequence[float], groups: Sequence[Group]
+) -> dict[str, float]:
+    """Return how many times the limit's RMSE each method has: the geometric mean over groups too.
+
+    Args:
+        scores: of an evaluation.
+        times: sample times [s].
+        groups: strokes [mm] and kinds of twins.
+    """
     ratios: dict[str, list[float]] = {}
     for T in times:
         for group in groups:
             for method, ratio in times_the_limit(scores, T, group).items():
-                ratios.setdefault(method, []).append(np.log(ratio))
-    return sorted(ratios, key=lambda method: float(np.mean(ratios[method])))
+                ratios.setdefault(method, []).append(ratio)
+    return {method: float(geometric_mean(np.array(of))) for method, of in ratios.items()}
 
 
 def chosen_scores(scores: Sequence[Score], sample_time_s: float, group: Group) -> list[Score]:

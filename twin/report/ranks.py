@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
-from tabulate import tabulate
 
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.figures import INK, MUTED, clean_axes, own_style
-from twin.report.tables import group_name
+from twin.report.tables import aligned_table, group_name
 
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 _PANELS = 3
@@ -20,15 +19,14 @@ def rank_table(ranking: Ranking) -> str:
     lines = [
         [
             of.method,
-            f"{of.rmse_deg:.3f}" + _between(of.rmse_ci95_deg, ".3f"),
-            "-" if of.rank is None else f"{of.rank}" + _between(of.rank_ci95, "d"),
+            f"{of.rmse_deg:.3f}" + in_brackets(of.rmse_ci95_deg, ".3f"),
+            "-" if of.rank is None else f"{of.rank}" + in_brackets(of.rank_ci95, "d"),
             "-" if of.to_best_ci95 is None else f"{of.to_best_ci95[0]:.2f} to {of.to_best_ci95[1]:.2f}",
         ]
         for of in _by_error(ranking)
     ]
     headers = ["method", "RMSE [deg]", "rank", "times the first"]
-    align = ("left", "right", "right", "right")
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers)
 
 
 def rankings_to_draw(rankings: Sequence[Ranking]) -> list[Ranking]:
@@ -96,5 +94,6 @@ def _by_error(ranking: Ranking) -> list[MethodRank]:
     return sorted(ranking.ranked, key=lambda of: of.rmse_deg)
 
 
-def _between(interval: tuple[float, float] | None, form: str) -> str:
+def in_brackets(interval: tuple[float, float] | None, form: str) -> str:
+    """Return an interval in a format, behind its figure; empty where there is none."""
     return "" if interval is None else f" ({interval[0]:{form}} to {interval[1]:{form}})"

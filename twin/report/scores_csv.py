@@ -53,7 +53,7 @@ def scores_csv(scores: Sequence[Score]) -> str:
             score.width95_deg,
             score.crps_deg,
             score.seeds,
-            max(len(score.training_rmse_deg), 1),
+            score.trainings,
         )
         writer.writerow(map(_short, values))
     return text.getvalue()

@@ -29,7 +29,7 @@ from twin.report.limit import (
 from twin.report.overall import overall_table
 from twin.report.paper_figures import paper_figures
 from twin.report.ranks import rank_figure, rank_table, rankings_to_draw
-from twin.report.tables import group_name, paper_tables
+from twin.report.tables import aligned_table, group_name, paper_tables
 from twin.report.trainings import training_table
 
 Array = NDArray[np.float64]
@@ -142,8 +142,7 @@ def _noise_table(scores: Sequence[Score], T: float, group: Group, index: str) ->
             cells.append(f"**{text}**" if best[noise] == score.label else text)
         lines.append([score.label, *cells])
     headers = ["method", *(noise_label(*noise) for noise in noises)]
-    align = ("left", *["right"] * len(noises))
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers)
 
 
 def _ratio_table(scores: Sequence[Score], T: float) -> str:
@@ -154,8 +153,7 @@ def _ratio_table(scores: Sequence[Score], T: float) -> str:
         for method in by_ratio(scores, [T], groups)
     ]
     headers = ["method", *(group_name(group) for group in groups)]
-    align = ("left", *["right"] * len(groups))
-    return str(tabulate(lines, headers, tablefmt="pipe", disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers)
 
 
 def _bound_table(scores: Sequence[Score], bounds: Sequence[Row]) -> str:

@@ -27,6 +27,26 @@ def ordered(methods: Iterable[str]) -> list[str]:
     return sorted(dict.fromkeys(methods), key=lambda name: places.get(name, len(places)))
 
 
+def aligned_table(
+    lines: Sequence[Sequence[str]], headers: Sequence[str], *, left: int = 1, fmt: str = "markdown"
+) -> str:
+    """Return a table whose first columns are words, to the left, and the others figures, to the right.
+
+    Args:
+        lines: cells, as they are to be read.
+        headers: of the columns.
+        left: how many columns are words.
+        fmt: one of `FORMATS`.
+    """
+    align = ("left",) * left + ("right",) * (len(headers) - left)
+    return str(tabulate(lines, headers, tablefmt=FORMATS[fmt], colalign=align, disable_numparse=True))
+
+
+def twin_name(twin: str) -> str:
+    """Return what a column of one kind of twin is called."""
+    return "the preset" if twin == "nominal" else twin
+
+
 def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None) -> list[Score]:
     """Return the scores of the paper's protocol: of the first stroke and twin, and of one sample time.
 
@@ -79,8 +99,7 @@ def paper_table(
     headers = ["noise", "index", *methods]
     if fmt == "html":
         headers = [escape(header) for header in headers]
-    align = ("left", "left", *["right"] * len(methods))
-    return str(tabulate(lines, headers, tablefmt=FORMATS[fmt], colalign=align, disable_numparse=True))
+    return aligned_table(lines, headers, left=2, fmt=fmt)
 
 
 def paper_tables(scores: Sequence[Score], fmt: str = "plain", *, sample_time_s: float | None = None) -> str:
@@ -112,8 +131,7 @@ def score_table(scores: Sequence[Score], fmt: str = "plain") -> str:
         for score in scores
     ]
     headers = ["records", "noise", "method", *INDEX_LABELS.values()]
-    align = ("left", "left", "left", *["right"] * len(INDEX_LABELS))
-    return str(tabulate(lines, headers, tablefmt=FORMATS[fmt], colalign=align, disable_numparse=True))
+    return aligned_table(lines, headers, left=3, fmt=fmt)
 
 
 def group_name(group: Group) -> str:

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from tabulate import tabulate
 
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.score import Score
-from twin.report.tables import FORMATS, group_name, ordered
+from twin.report.tables import aligned_table, group_name, ordered
 
 Array = NDArray[np.float64]
 
@@ -36,8 +35,7 @@ def training_table(scores: Sequence[Score], fmt: str = "plain") -> str:
     if not lines:
         return ""
     headers = ["method", "records", "T", "trainings", "mean", "deviation", "best", "worst", "worst over mean"]
-    align = ("left", "left", *["right"] * (len(headers) - 2))
-    return str(tabulate(lines, headers, tablefmt=FORMATS[fmt], disable_numparse=True, colalign=align))
+    return aligned_table(lines, headers, left=2, fmt=fmt)
 
 
 def _figures(rows: Sequence[Score]) -> list[str]:
