@@ -13,7 +13,7 @@ import torch
 from rl.compiled_code import no_folder_of_compiled_code
 from twin.errors import InputError
 from twin.estimation.learned.reference import AFTER, REFERENCE, reference_to_dict
-from twin.estimation.learned.trained_file import METADATA_KEY
+from twin.estimation.learned.trained_file import METADATA_KEY, PARAMETERS
 from twin.files.atomic import write_whole
 
 
@@ -33,7 +33,8 @@ def export_module(
         inputs: an example of each, of any size from 2 on along its free axes.
         outputs: their names.
         free: by input, the axes along which any size may come.
-        description: plain values; `agent` says which method the file is of.
+        description: plain values; `agent` says which method the file is of. The file also says how many
+            numbers were learned.
         path: the file.
         reference: (steps, batch, ...) inputs whose outputs, as the module itself has them, are kept in the
             file: `endotwin gate` replays them. Inputs that are not among them are states.
@@ -59,7 +60,7 @@ def export_module(
             )
             assert program is not None
             graph = program.model_proto
-            told = dict(description)
+            told = dict(description) | {PARAMETERS: sum(part.numel() for part in module.parameters())}
             if reference is not None:
                 told[REFERENCE] = _reference(module, reference, inputs, outputs)
             onnx.helper.set_model_props(graph, {METADATA_KEY: json.dumps(told)})

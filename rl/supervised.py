@@ -19,6 +19,7 @@ from rl.run import run_configuration, with_deployment, write_curve
 from rl.trainers import Records
 from twin.errors import DivergedError
 from twin.estimation.active_model import ActiveModel
+from twin.files.run_cost import counted_cost
 from twin.files.run_folder import open_run
 
 Array = NDArray[np.float64]
@@ -90,7 +91,8 @@ def train_once(
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
             torch.manual_seed(training.seed)
-            curve, export = train()
+            with counted_cost(path.parent):
+                curve, export = train()
             write_curve(path.parent, curve)
             # The last: where the file is, the run is finished.
             export(with_deployment(configuration, records, active_model, training.seed))

@@ -35,6 +35,7 @@ from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
 from twin.estimation.task import TrainingTask, stack_records
+from twin.files.run_cost import counted_cost
 from twin.files.run_folder import CHECKPOINT_FILE, open_run, write_configuration
 from twin.files.state_file import state_key
 
@@ -94,7 +95,8 @@ def train_policy(
             run = _Run(folder, key, ppo, training, environment, on_progress)
             run.curve, run.update = load_checkpoint(checkpoint, key, ppo, environment)
             _check_goes_on(ppo, run, shorter)
-            _learn(ppo, run)
+            with counted_cost(folder):
+                _learn(ppo, run)
             run.save()  # what goes on from here is a longer training
             run.write()
             description = with_deployment(configuration, records, active_model, training.seed)

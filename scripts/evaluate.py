@@ -15,21 +15,12 @@ from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
 from scripts.repeat import command_of
-from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
     from twin.evaluation.score import Score
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
-_RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy", "runs.npz": "heads.npy"}
-_FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
-PAPER_FILES = _RESULTS | dict.fromkeys(["tables.md", "rmse.png", *_FIGURES], MADE_BY)
-FULL_FILES = {**_RESULTS, "scores.csv": "method,oracle,noise"} | dict.fromkeys(
-    ["benchmark.md", "rmse_by_noise.png", "times_the_limit.png", "ranks.png", "intervals.png", *_FIGURES],
-    MADE_BY,
-)
-"""Files that a suite may write, and the sign of each; beside these, a page for each condition."""
 PAPER_SAMPLE_TIME = 0.1
 
 
@@ -84,6 +75,9 @@ class Evaluate:
     """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at others)."""
     preset: str = "ureteroscope"
     """Full suite: the twin of records and ensembles, and the ranges that they are drawn from."""
+    trainings: int = 1
+    """Full suite: trainings of each learned method that is not given, with --seed and those that follow; a
+    row is the mean over them, with the spread."""
     members: int = 256
     """Full suite: twins in an ensemble."""
     ensembles: int = 1
@@ -122,9 +116,9 @@ def _full(args: Evaluate) -> Summary:
     from rl.suite.full import run_full_suite
     from rl.suite.given import given_files
     from rl.suite.settings import SAMPLE_TIMES, FullSuite
+    from rl.suite.written import full_files
     from twin.evaluation.recorded import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
-    from twin.report.condition_pages import page_names
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
     sample_times = tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True))
@@ -141,6 +135,7 @@ def _full(args: Evaluate) -> Summary:
         seeds=1 if recorded else args.seeds,
         initial_error_deg=args.initial_error_deg,
         episodes=args.episodes,
+        trainings=args.trainings,
         members=args.members,
         ensembles=args.ensembles,
         member_physics=args.member_physics,
@@ -152,7 +147,7 @@ def _full(args: Evaluate) -> Summary:
         suite=args.suite,
         origin=_origin(args, args.model),
     )
-    output_folder(args.out, FULL_FILES | dict.fromkeys(page_names(), MADE_BY))
+    output_folder(args.out, full_files())
     if args.data:
         _say(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
     result = run_full_suite(suite, Progress)
@@ -171,11 +166,13 @@ def _paper(args: Evaluate) -> Summary:
     from rl.options import LIMITS
     from rl.suite.given import given_files
     from rl.suite.paper import PaperSuite, run_paper_suite
+    from rl.suite.written import PAPER_FILES
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements
     from twin.files.atomic import write_whole
     from twin.files.bounds import check_between
+    from twin.files.ours import MADE_BY
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
     from twin.report.paper_figures import paper_figures

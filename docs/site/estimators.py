@@ -12,8 +12,8 @@ from twin.evaluation.paper import noise_label
 from twin.report.facts import agent_names
 
 EQUATIONS = Path(__file__).with_name("equations.md")
-SCORES = Path(__file__).parents[1] / "benchmark" / "scores.csv"
-"""Published scores on the frozen test set, as `endotwin evaluate --suite full` writes them."""
+PUBLISHED = Path(__file__).parents[1] / "benchmark"
+"""Published scores and costs on the frozen test set, as `endotwin evaluate --suite full` writes them."""
 MODELS = ("coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii")
 
 
@@ -75,7 +75,7 @@ def _page(spec: MethodSpec) -> str:
         facts.append(("deployable", "no: it knows what no device tells"))
     if spec.paper_column is not None:
         facts.append(("in the paper", "Tables II and III"))
-    facts.append(("code", f"`{place}`"))
+    facts += [*_costs(spec), ("code", f"`{place}`")]
     table = "| what | this method |\n|---|---|\n" + "\n".join(
         f"| {name} | {value} |" for name, value in facts
     )
@@ -91,19 +91,33 @@ def _page(spec: MethodSpec) -> str:
 
 
 @functools.cache
-def _scores() -> dict[str, list[dict[str, str]]]:
-    """Return the published scores of each method; none, before they are published."""
+def _published(name: str) -> dict[str, list[dict[str, str]]]:
+    """Return the lines of each method in a published table; none, before it is published."""
     found: dict[str, list[dict[str, str]]] = {}
-    if SCORES.is_file():
-        with SCORES.open() as file:
+    path = PUBLISHED / name
+    if path.is_file():
+        with path.open() as file:
             for row in csv.DictReader(file):
                 found.setdefault(row["method"], []).append(row)
     return found
 
 
+def _costs(spec: MethodSpec) -> list[tuple[str, str]]:
+    """Return what a method was seen to cost: learned parameters, time of a training and of a sample."""
+    costs = _published("costs.csv").get(spec.name, [{}])[0]
+    facts = []
+    if costs.get("parameters"):
+        facts.append(("learned parameters", costs["parameters"]))
+    if costs.get("training_s"):
+        facts.append(("a training", f"{float(costs['training_s']) / 60:.1f} min of one core"))
+    if costs.get("sample_us"):
+        facts.append(("a sample", f"{float(costs['sample_us']):.0f} µs of one core, in Python"))
+    return facts
+
+
 def _figures(spec: MethodSpec) -> str:
     """Return what a method reaches on the frozen test set, a line for each noise."""
-    scores = _scores().get(spec.name, [])
+    scores = _published("scores.csv").get(spec.name, [])
     if not scores:
         return ""
     groups = list(dict.fromkeys(map(_group, scores)))

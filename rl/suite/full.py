@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from rl.suite.preparation import agents_to_train, ensembles_along, learn, train_all, training_records
 from rl.suite.settings import FullSuite, NewProgress
+from rl.suite.written import COSTS, SCORES
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.method_file import load_method_files
 from twin.estimation.registry import find_training
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
-from twin.evaluation.costs import sample_costs
+from twin.evaluation.costs import Cost, method_costs
 from twin.evaluation.method import build_method
 from twin.evaluation.ranking import Ranking
 from twin.evaluation.reading import evaluation_records, true_records
@@ -36,6 +37,7 @@ from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.condition_pages import condition_pages
+from twin.report.costs_csv import costs_csv
 from twin.report.scores_csv import scores_csv
 from twin.report.summary import benchmark_figures, benchmark_tables
 from twin.suite.frozen import frozen_name
@@ -48,7 +50,6 @@ from twin.workers.choice import choose_workers
 Array = NDArray[np.float64]
 
 
-SCORES = "scores.csv"
 RECORDS = {"full": ("records", scenarios), "untrained": ("records_untrained", untrained_scenarios)}
 """Folder of the records of each suite, and what says what they are."""
 
@@ -110,14 +111,14 @@ def run_full_suite(suite: FullSuite, progress: NewProgress) -> FullResult:
         limits: list[dict[str, Any]] = []
         sets: list[dict[str, Any]] = []
         tracks: list[list[Track]] = []
-        costs: dict[str, float | None] = {}
+        costs: dict[str, Cost] = {}
         records: list[EvaluationRecord] = []
         for knowledge in known:
             T = knowledge.sample_time
             records = evaluation_records(data, T)
             knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
             methods = [build_method(spec, knowledge) for spec in suite.specs]
-            costs = costs or sample_costs(methods, records[0])
+            costs = costs or method_costs(methods, records[0], _files(suite, knowledge))
             shown = progress(f"evaluate T = {T:g} s", "group")
             found = evaluate(records, methods, suite.protocol(T), shown, executor)
             scores += found.scores
@@ -159,6 +160,11 @@ def _claim(suite: FullSuite, preset: Preset, ranges: Ranges) -> None:
     claim_folder(suite.folder, json.loads(json.dumps(configuration)))
 
 
+def _files(suite: FullSuite, knowledge: Knowledge) -> dict[str, tuple[Path, ...]]:
+    """Trained files, by the name of the method that runs on them."""
+    return {spec.name: knowledge.trained[spec.agent] for spec in suite.specs if spec.agent}
+
+
 def _bounded(suite: FullSuite, knowledge: Knowledge) -> dict[str, SetMembershipFilter]:
     """Filters that state an interval, by name."""
     built = {spec.name: spec.build(knowledge) for spec in suite.specs if "set" in spec.family}
@@ -173,7 +179,7 @@ def _write(
     rankings: Sequence[Ranking],
     tracks: Sequence[Track],
     records: Sequence[EvaluationRecord],
-    costs: Mapping[str, float | None],
+    costs: Mapping[str, Cost],
 ) -> FullResult:
     folder = suite.folder
     test_set = frozen_name(records, suite.sample_times[-1])
@@ -190,6 +196,7 @@ def _write(
         "ensembles": suite.ensembles,
         "member_physics": suite.member_physics,
         "episodes": suite.episodes,
+        "trainings": suite.trainings,
         "data": [str(path) for path in suite.data],
         "train": str(suite.train or folder / "train"),
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
@@ -202,13 +209,14 @@ def _write(
         "ranks": [ranking.to_dict() for ranking in rankings],
         "bounds": limits,
         "intervals": sets,
-        "sample_us": costs,
+        "costs": {method: dataclasses.asdict(cost) for method, cost in costs.items()},
         "origin": dict(suite.origin),
     }
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
     tables = benchmark_tables(scores, limits, sets, rankings, costs)
     write_whole(folder / SCORES, scores_csv(scores))
+    write_whole(folder / COSTS, costs_csv(costs))
     write_whole(folder / "benchmark.md", f"{tables}\n<!-- {MADE_BY} -->\n")
     for name, page in condition_pages(scores).items():
         write_whole(folder / name, page)

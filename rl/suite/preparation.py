@@ -8,6 +8,7 @@ from typing import Any
 
 from rl.options import TRAINING_STROKE_MM, TrainingOptions
 from rl.suite.settings import PAPER_SAMPLE_TIME, FullSuite, NewProgress, OnProgress
+from rl.sweep import folder_of
 from rl.trainers import Trainer, find_trainer, material_of
 from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
@@ -63,11 +64,17 @@ def learn(
         knowledge = dataclasses.replace(knowledge, fits=fits)
     trained = {
         # What is trained on twins is told T: one serves all sample times.
-        agent: ((suite.folder if training.on_twins else folder) / agent / training.file,)
+        agent: _files(suite, (suite.folder if training.on_twins else folder) / agent, training.file)
         for agent, training in trainings().items()
         if agent in agents_of(suite)
     }
     return dataclasses.replace(knowledge, trained=trained | suite.trained)
+
+
+def _files(suite: FullSuite, folder: Path, name: str) -> tuple[Path, ...]:
+    """Return the files of the trainings of an agent: that with the suite's seed is in its own folder."""
+    further = range(suite.seed + 1, suite.seed + suite.trainings)
+    return (folder / name, *(folder_of(folder, seed) / name for seed in further))
 
 
 def agents_of(suite: FullSuite) -> list[str]:
@@ -87,12 +94,14 @@ def train_all(
     # PPO takes longest: what begins last would leave the other workers idle.
     agents = sorted(agents_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
     jobs = [
-        executor.submit(train_one, agent, knowledge, suite.episodes, suite.seed)
+        executor.submit(train_one, agent, at, suite.episodes, suite.seed + number)
         for agent in agents
         for knowledge in (known[:1] if find_training(agent).on_twins else known)
+        for number in range(suite.trainings)
+        for at in [dataclasses.replace(knowledge, training=number)]
     ]
     if jobs:
-        wait_for(jobs, progress("train", "method"))
+        wait_for(jobs, progress("train", "training"))
 
 
 def train_one(agent: str, knowledge: Knowledge, episodes: int, seed: int) -> None:

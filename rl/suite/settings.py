@@ -10,6 +10,7 @@ from rl.options import LIMITS, TrainingOptions
 from twin.errors import InputError
 from twin.estimation.registry import MethodSpec, method_specs
 from twin.evaluation.protocol import Protocol
+from twin.evaluation.score import MOST_TRAININGS
 from twin.files.bounds import LONGEST_SECONDS, MOST_WORKERS, check_between
 from twin.simulation import check_physics
 from twin.suite.scenarios import SAMPLE_TIME
@@ -44,6 +45,8 @@ class FullSuite:
         seeds: draws of the noise.
         initial_error_deg: how far the initial estimate is off [deg].
         episodes: of PPO at T = 0.1 s; at another T as many samples.
+        trainings: of each learned method that is not given, with this seed and those that follow; its row is
+            the mean over them.
         members: twins in an ensemble.
         ensembles: of other twins, each; a row of one is the mean over them.
         member_physics: what they are: `reduced` twins, or such in `mujoco`, as the records are.
@@ -68,6 +71,7 @@ class FullSuite:
     seeds: int = 20
     initial_error_deg: float = 20.0
     episodes: int = TrainingOptions.episodes
+    trainings: int = 1
     members: int = 256
     ensembles: int = 1
     member_physics: str = "reduced"
@@ -96,6 +100,7 @@ class FullSuite:
         check_physics(self.member_physics)
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
         check_between("episodes", self.episodes, *LIMITS["episodes"])
+        check_between("trainings", self.trainings, 1, MOST_TRAININGS)
         check_between("workers", self.workers, 1, MOST_WORKERS)
         if self.train and os.path.realpath(self.train) in map(os.path.realpath, self.data):
             raise InputError(

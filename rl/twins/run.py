@@ -22,6 +22,7 @@ from rl.twins.settings import SimulatedTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
 from twin.estimation.registry import Training
+from twin.files.run_cost import counted_cost
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
 from twin.files.state_file import state_key
 from twin.identification.nominal import nominal_records
@@ -115,7 +116,8 @@ def train_on_twins(
             torch.set_flush_denormal(True)
             try:
                 shown = _Shown(on_progress, learner.parts(settings.gain))
-                _train(learner, preset, ranges, settings, configuration, path, shown)
+                with counted_cost(folder):
+                    _train(learner, preset, ranges, settings, configuration, path, shown)
             finally:
                 torch.set_flush_denormal(False)
     return path

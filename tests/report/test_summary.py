@@ -4,6 +4,7 @@ import itertools
 import numpy as np
 import pytest
 
+from twin.evaluation.costs import Cost
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
 from twin.report.limit import times_the_limit
@@ -90,14 +91,19 @@ def test_the_whole_is_a_line_for_each_method_the_least_error_on_top(rows):
         else of
         for of in held
     ]
-    lines = overall_table(held, 0.1, {"RAM": 12.4, "AM": None}).splitlines()
+    lines = overall_table(held, 0.1, {"RAM": Cost(12.4, 4321, 90.0), "AM": Cost()}).splitlines()
     cells = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in lines}
     assert list(cells)[2:] == ["RAM (oracle)", LIMIT, "Ensemble", "RAM", "AM"]
     assert cells["method"][:4] == ["the preset", "randomized", "all", "times the limit"]
     preset, randomised = np.sqrt(4 * 8), 4 * np.sqrt(4 * 8)
     whole = np.sqrt(preset * randomised)
-    assert cells["AM"] == [*(f"{of:.2f}" for of in (preset, randomised, whole, whole / 0.5)), "-", "1", "-"]
-    assert cells["RAM"] == ["1.41", "1.41", "1.41", "2.83", "90", "1", "12"]
+    assert cells["AM"] == [
+        *(f"{of:.2f}" for of in (preset, randomised, whole, whole / 0.5)),
+        "-",
+        "1",
+        *"---",
+    ]
+    assert cells["RAM"] == ["1.41", "1.41", "1.41", "2.83", "90", "1", "1.5", "4321", "12"]
     without = [of for of in rows if of.method != LIMIT]
     assert "limit" not in overall_table(without, 0.1, {})
 

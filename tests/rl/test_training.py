@@ -16,6 +16,7 @@ from rl.policy import AGENTS, export_policy, load_policy
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.task import TrainingTask, stack_records
+from twin.files.run_cost import COST_FILE, read_cost
 
 SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
 
@@ -43,7 +44,9 @@ def test_run_folder_holds_policy_configuration_and_curve(run_folder):
         "config.yaml",
         "progress.csv",
         "checkpoint.state",
+        "cost.json",
     }
+    assert read_cost(run_folder) > 0
     samples = [count for count, _ in returns(run_folder)]
     assert samples == sorted(set(samples))
 
@@ -87,6 +90,8 @@ def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     train_policy(records, active_model, SHORT, tmp_path / "run")
     for path in run_folder.iterdir():
+        if path.name == COST_FILE:  # what it took, no two runs have the same of
+            continue
         assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes(), path.name
     assert not [path for path in Path(tempfile.gettempdir()).iterdir() if path.name.startswith("SB3")]
 

@@ -267,6 +267,18 @@ def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
         assert row["rmse_deg"] == pytest.approx(np.mean([one, *others]))
 
 
+def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_path):
+    words = [*few_words[: few_words.index("--methods")], "--methods", "AM", "GRU"]
+    assert main([*words, "--trainings", "2", "--sample-time", "0.1", "--out", str(tmp_path)]) == 0
+    evaluation = json.loads((tmp_path / "evaluation.json").read_text())
+    assert evaluation["protocol"]["trainings"] == 2
+    for row in evaluation["rows"]:
+        assert (row["method"] == "GRU") == (len(row["training_rmse_deg"]) == 2)
+    first, second = (tmp_path / "T_0.1/gru" / name for name in ("gru.onnx", "seed_2/gru.onnx"))
+    assert first.read_bytes() == (folder / "T_0.1/gru/gru.onnx").read_bytes()  # the suite's seed is 1
+    assert first.read_bytes() != second.read_bytes()
+
+
 def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = [*few_words, "--sample-time", "0.1"]
@@ -323,13 +335,23 @@ def test_the_table_of_scores_is_the_rows(folder, evaluation):
         assert (line["coverage95"] == "") == (row["coverage95"] is None)
 
 
-def test_each_method_that_runs_on_a_stream_says_what_a_sample_takes(folder, evaluation):
-    costs = evaluation["sample_us"]
+def test_each_method_says_what_it_costs(folder, evaluation):
+    costs = evaluation["costs"]
     assert list(costs) == METHODS
-    whole = {name for name, cost in costs.items() if cost is None}
+    whole = {name for name, cost in costs.items() if cost["sample_us"] is None}
     assert whole == {"RAM (oracle)", "Ensemble", "Ensemble (limit)"}
-    assert all(cost > 0 for cost in costs.values() if cost is not None)
-    assert costs["RAM (twins)"] > costs["C-H"]
+    assert all(cost["sample_us"] > 0 for name, cost in costs.items() if name not in whole)
+    assert costs["RAM (twins)"]["sample_us"] > costs["C-H"]["sample_us"]
+    learned = {name for name, cost in costs.items() if cost["parameters"]}
+    assert {"LSTM", "RAM", "RAM (oracle)"} <= learned
+    assert not learned & {"C-H", "AM", "Ensemble (limit)"}
+    trained = {name for name, cost in costs.items() if cost["training_s"]}
+    assert trained == learned
+    with (folder / "costs.csv").open() as file:
+        lines = {line["method"]: line for line in csv.DictReader(file)}
+    assert list(lines) == METHODS
+    assert int(lines["LSTM"]["parameters"]) == costs["LSTM"]["parameters"]
+    assert lines["C-H"]["training_s"] == ""
     whole = (folder / "benchmark.md").read_text().split("###")[1]
     assert "a sample [µs]" in whole
     assert "| RAM (twins)" in whole

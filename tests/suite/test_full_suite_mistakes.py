@@ -13,6 +13,7 @@ from scripts.evaluate import main
         ("--members 3", "--members 3: an ensemble needs at least 8"),
         ("--ensembles 0", "--ensembles 0: must be from 1 to 100"),
         ("--episodes 0", "--episodes 0"),
+        ("--trainings 0", "--trainings 0: must be from 1 to 100"),
         ("--preset none", "none"),
         ("--seeds 0", "--seeds 0"),
         ("--seconds 2", "--seconds 2: must be from 5 to 100000 s"),

@@ -1,14 +1,18 @@
-"""Costs of methods: the time of one sample of one stream, as a device waits for it."""
+"""Costs of methods: time of a sample, learned parameters, and time of a training."""
 
+import dataclasses
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from twin.estimation.estimator import Sensor
+from twin.estimation.learned.trained_file import learned_parameters, read_trained_file
 from twin.evaluation.method import Filtering, Method
 from twin.evaluation.record import EvaluationRecord
+from twin.files.run_cost import read_cost
 
 SAMPLES = 200
 """Samples that are timed of a record."""
@@ -16,16 +20,55 @@ VARIANCE_DEG2 = 1.0
 """R of the noise that they have [deg^2]."""
 
 
-def sample_costs(
-    methods: Sequence[Method], record: EvaluationRecord, seed: int = 0
-) -> dict[str, float | None]:
-    """Return the median time of a sample [us] of each method; None for what needs a whole record.
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """What a method costs.
 
-    Times are of this process and machine, one stream on one core; they are no part of what repeats.
+    Attributes:
+        sample_us: median time of a sample of one stream on one core, as a device waits for it [us]; None for
+            what needs a whole record. It is of this process and machine, and no part of what repeats.
+        parameters: that were learned; None where nothing is learned, or the file does not say it.
+        training_s: processor time of a training, the mean of its files [s]; None where they do not say it.
+    """
+
+    sample_us: float | None = None
+    parameters: int | None = None
+    training_s: float | None = None
+
+
+def method_costs(
+    methods: Sequence[Method],
+    record: EvaluationRecord,
+    files: Mapping[str, Sequence[Path]] | None = None,
+    seed: int = 0,
+) -> dict[str, Cost]:
+    """Return the costs of each method, by its name.
+
+    Args:
+        methods: to run along the record.
+        record: of which the first samples are timed.
+        files: trained files of those that run on some, by the name of the method.
+        seed: of the noise.
+
+    Raises:
+        ValueError: the `cost.json` beside a trained file is none.
     """
     noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.bend_deg))
     pull, measured = record.pull_mm.tolist(), (record.bend_deg + noise).tolist()
-    return {method.name: _microseconds(method, pull, measured) for method in methods}
+    trained = files or {}
+    return {
+        method.name: Cost(_microseconds(method, pull, measured), *_learned(trained.get(method.name, ())))
+        for method in methods
+    }
+
+
+def _learned(files: Sequence[Path]) -> tuple[int | None, float | None]:
+    """Return the learned parameters and the mean time of a training [s]."""
+    if not files:
+        return None, None
+    took = [seconds for path in files if (seconds := read_cost(path.parent)) is not None]
+    mean = statistics.fmean(took) if len(took) == len(files) else None
+    return learned_parameters(read_trained_file(files[0])), mean
 
 
 def _microseconds(method: Method, pull: list[float], measured: list[float]) -> float | None:

@@ -101,12 +101,14 @@ class TrainedDescription(BaseModel):
     Attributes:
         agent: word that it was trained under.
         hidden: units of the recurrent layer.
+        parameters: how many numbers were learned.
     """
 
     model_config = ConfigDict(frozen=True, strict=True)
 
     agent: Annotated[str, Field(max_length=40)]
     hidden: Annotated[int, Field(ge=1, le=LARGEST_HIDDEN)] | None = None
+    parameters: Annotated[int, Field(ge=0, le=10**9)] | None = None
 
 
 class TrackingFile(BaseModel):

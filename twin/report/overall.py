@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from twin.evaluation.costs import Cost
 from twin.evaluation.means import mean_coverage, rmse_by
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.score import Score
@@ -11,7 +12,7 @@ from twin.report.limit import groups_of, has_limit, times_over_groups
 from twin.report.tables import aligned_table, twin_name
 
 
-def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[str, float | None]) -> str:
+def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[str, Cost]) -> str:
     """Return the methods in Markdown, the least error on top.
 
     Errors are geometric means of the RMSE [deg] over noises and strokes, for each kind of twin and for all
@@ -21,7 +22,7 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
     Args:
         scores: of a comparison.
         sample_time_s: which sample time [s].
-        costs: time of one sample of each method [us]; None for what needs a whole record.
+        costs: of each method.
     """
     chosen = [score for score in scores if score.sample_time_s == sample_time_s]
     twins = list(dict.fromkeys(score.twin for score in chosen))
@@ -34,7 +35,7 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
     lines = []
     for method in sorted(methods, key=lambda name: over[name]):
         mine = methods[method]
-        coverage, cost = mean_coverage(mine), costs.get(method)
+        coverage, cost = mean_coverage(mine), costs.get(method, Cost())
         lines.append(
             [
                 mine[0].label,
@@ -43,7 +44,9 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
                 *([f"{limits[method]:.2f}"] if limits else []),
                 "-" if coverage is None else f"{100 * coverage:.0f}",
                 str(mine[0].trainings),
-                "-" if cost is None else f"{cost:.0f}",
+                "-" if cost.training_s is None else f"{cost.training_s / 60:.1f}",
+                "-" if cost.parameters is None else f"{cost.parameters}",
+                "-" if cost.sample_us is None else f"{cost.sample_us:.0f}",
             ]
         )
     headers = [
@@ -53,6 +56,8 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
         *(["times the limit"] if limits else []),
         "coverage [%]",
         "trainings",
+        "a training [min]",
+        "parameters",
         "a sample [µs]",
     ]
     return aligned_table(lines, headers)

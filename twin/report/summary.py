@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tabulate import tabulate
 
 from twin.estimation.registry import method_specs
+from twin.evaluation.costs import Cost
 from twin.evaluation.paper import noise_label
 from twin.evaluation.ranking import Ranking
 from twin.evaluation.score import Group, Score
@@ -42,7 +43,7 @@ def benchmark_tables(
     bounds: Sequence[Row],
     intervals: Sequence[Row] = (),
     rankings: Sequence[Ranking] = (),
-    costs: Mapping[str, float | None] = MappingProxyType({}),
+    costs: Mapping[str, Cost] = MappingProxyType({}),
 ) -> str:
     """Return the benchmark in Markdown.
 
@@ -51,7 +52,7 @@ def benchmark_tables(
         bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
         intervals: how often the set-membership filters held the truth.
         rankings: of every sample time and group.
-        costs: time of one sample of each method [us]; None for what needs a whole record.
+        costs: of each method.
     """
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     first = groups_of(scores)[0]

@@ -18,6 +18,8 @@ from twin.files.shown import cut, shown
 
 METADATA_KEY = "endotwin"
 """Key of the description, as JSON, among the metadata of the ONNX file."""
+PARAMETERS = "parameters"
+"""Key of the number of learned parameters in the description."""
 LARGEST = 32 * MEBIBYTE
 """Size that no trained file of ours comes near [bytes]."""
 MOST_METADATA = MEBIBYTE
@@ -100,6 +102,14 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
         raise InputError(f"{path} holds the agent {shown(found)}, not {agent!r}")
     description = {name: value for name, value in values.items() if name != "agent"}
     return TrainedFile(session, found, description, path)
+
+
+def learned_parameters(file: TrainedFile) -> int | None:
+    """Return how many numbers were learned; None where the file does not say it."""
+    from twin.files.schema import validated
+    from twin.files.trained_schema import TrainedDescription
+
+    return validated(TrainedDescription, {**file.description, "agent": file.agent}).parameters
 
 
 def check_network(
