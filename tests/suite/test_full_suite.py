@@ -269,6 +269,7 @@ def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
 
 def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_path):
     words = [*few_words[: few_words.index("--methods")], "--methods", "AM", "GRU"]
+    shutil.copytree(folder / "T_0.1", tmp_path / "T_0.1")  # what is trained already is taken up
     assert main([*words, "--trainings", "2", "--sample-time", "0.1", "--out", str(tmp_path)]) == 0
     evaluation = json.loads((tmp_path / "evaluation.json").read_text())
     assert evaluation["protocol"]["trainings"] == 2

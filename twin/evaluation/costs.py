@@ -22,7 +22,7 @@ VARIANCE_DEG2 = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """What a method costs.
+    """Costs of a method: of a sample, and of its training.
 
     Attributes:
         sample_us: median time of a sample of one stream on one core, as a device waits for it [us]; None for
