@@ -71,9 +71,9 @@ class Familiarity(torch.nn.Module):
         between = (end - begin) / (count - 1)
         place = (log_variance / 2).clamp(min=begin, max=end)[:, None]
         near = (1 - (place - self.centres).abs() / between).clamp(min=0)  # (B, levels)
-        # A product with one row each, as the exported graph has no operator that changes shapes.
-        laws = torch.softmax((near[:, None, None, :] @ histograms)[:, :, 0, :], dim=-1)
-        believed = torch.bmm(weights[:, None, :], laws)[:, 0, :]
+        # By law, and the batch within: ONNX Runtime is slow at many products of a row each.
+        laws = torch.softmax(near[None] @ histograms, dim=-1)  # (LAWS, B, BINS)
+        believed = (weights.T[:, :, None] * laws).sum(dim=0)
         share = counts / counts.sum(dim=-1, keepdim=True).clamp(min=LEAST_COUNTS)
         return (share * torch.log((share + _UNLIKELY) / (believed + _UNLIKELY))).sum(dim=-1)
 

@@ -14,6 +14,7 @@ from twin.evaluation.record import EvaluationRecord
 from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_variance
 
 Array = NDArray[np.float64]
+Chosen = NDArray[np.bool_]
 
 
 def make_case(
@@ -55,9 +56,20 @@ def make_case(
     )
 
 
-def first_draws(case: Case, seeds: int) -> Case:
-    """Return the runs of the first draw of each noise on each record."""
-    runs = np.arange(0, len(case.pull_mm), seeds)
+def first_draws(case: Case, seeds: int) -> Chosen:
+    """Return which of the B runs of a case are those of the first draw of each noise on each record."""
+    chosen: Chosen = np.arange(len(case.pull_mm)) % seeds == 0
+    return chosen
+
+
+def runs_of(case: Case, chosen: Chosen) -> Case:
+    """Return some runs of a case, without the truth.
+
+    Args:
+        case: B runs.
+        chosen: (B,) which.
+    """
+    runs = np.flatnonzero(chosen)
     sensor = Sensor(*(np.asarray(of)[runs] for of in (case.sensor.variance, case.sensor.bound)))
     return Case(
         case.pull_mm[runs],

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError
-from twin.evaluation.case import first_draws, group_records, make_case
-from twin.evaluation.method import Filtering, Method
+from twin.evaluation.case import group_records, make_case
+from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 from twin.evaluation.paper import INSTRUMENT, paper_value
 from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
@@ -98,11 +98,10 @@ def _evaluate_group(
     scores: dict[tuple[Condition, str], Score] = {}
     squares: dict[str, Array] = {}
     tracks: dict[str, Array] = {}
-    once = first_draws(case, protocol.seeds)
     late = max(round(STEADY_SECONDS / protocol.sample_time_s), 1)
     for method in methods:
-        nis = method.estimate.nis(once, late) if isinstance(method.estimate, Filtering) else None
-        estimates, half_widths = zip(*method.run(shown if method.oracle else case), strict=True)
+        given = shown if method.oracle else case
+        estimates, half_widths, (nis, *_) = zip(*method.run(given, protocol.seeds, late), strict=True)
         tracks[method.name] = estimates[0][tracked]
         shape = (len(estimates), len(records), len(conditions), protocol.seeds, -1)
         errors = (np.array(estimates) - truth).reshape(shape)

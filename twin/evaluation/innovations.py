@@ -1,6 +1,6 @@
 """Innovations in units of what prediction and sensor together state: 1 in the mean where both hold (NIS)."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,20 @@ from twin.estimation.gaussian import DEVIATIONS_OF_95
 Array = NDArray[np.float64]
 
 
+class Innovated(NamedTuple):
+    """Estimates of N samples of B runs, and their innovations.
+
+    Attributes:
+        bend_deg: (N, B) [deg].
+        half_width_deg: (N, B) half of the 95 % intervals [deg].
+        squares: (N - first, B) squared innovations over their stated variance, NaN where none is.
+    """
+
+    bend_deg: Array
+    half_width_deg: Array
+    squares: Array
+
+
 def squared_innovations(
     estimator: Estimator[Any],
     pull_mm: Array,
@@ -19,7 +33,19 @@ def squared_innovations(
     variance: Array,
     first: int = 1,
 ) -> Array:
-    """Return squared innovations over their stated variance (Bar-Shalom et al. 2001), NaN where none is.
+    """Return the `squares` of `with_innovations`, which has the same arguments."""
+    return with_innovations(estimator, pull_mm, measurement_deg, initial_bend_deg, variance, first).squares
+
+
+def with_innovations(
+    estimator: Estimator[Any],
+    pull_mm: Array,
+    measurement_deg: Array,
+    initial_bend_deg: Array,
+    variance: Array,
+    first: int = 1,
+) -> Innovated:
+    """Filter whole records, and square innovations over their stated variance (Bar-Shalom et al. 2001).
 
     What an estimator says where no measurement comes is its prediction, with an interval of its own.
 
@@ -30,11 +56,10 @@ def squared_innovations(
         initial_bend_deg: (B,) initial estimate [deg].
         variance: (B,) R of the sensor [deg^2].
         first: sample that the result begins at, 1 at least.
-
-    Returns:
-        (N - first, B) of each sample.
     """
     state = estimator.start(pull_mm[0], initial_bend_deg)
+    bend, half_width = np.empty_like(measurement_deg), np.empty_like(measurement_deg)
+    bend[0], half_width[0] = initial_bend_deg, estimator.half_width_deg(state)
     squares = np.empty((max(len(pull_mm) - first, 0), pull_mm.shape[1]))
     missing = np.full(pull_mm.shape[1], np.nan)
     for k in range(1, len(pull_mm)):
@@ -43,4 +68,5 @@ def squared_innovations(
             stated = (estimator.half_width_deg(unseen) / DEVIATIONS_OF_95) ** 2 + variance
             squares[k - first] = (measurement_deg[k] - estimator.bend_deg(unseen)) ** 2 / stated
         state = estimator.step(state, pull_mm[k], pull_mm[k - 1], measurement_deg[k])
-    return squares
+        bend[k], half_width[k] = estimator.bend_deg(state), estimator.half_width_deg(state)
+    return Innovated(bend, half_width, squares)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from twin.estimation.case import Case, CaseEstimator, IntervalEstimator
 from twin.estimation.estimator import Estimator
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec
-from twin.evaluation.innovations import squared_innovations
+from twin.evaluation.case import first_draws, runs_of
+from twin.evaluation.innovations import with_innovations
 
 Array = NDArray[np.float64]
 
@@ -32,13 +33,36 @@ class Method:
     oracle: bool = False
     others: tuple[CaseEstimator, ...] = ()
 
-    def run(self, case: Case) -> Iterator[tuple[Array, Array | None]]:
-        """Yield (B, N) estimated angles and half of their 95 % intervals [deg], or None, of each training."""
-        for estimate in (self.estimate, *self.others):
-            if isinstance(estimate, IntervalEstimator):
-                yield estimate.with_interval(case)
+    def run(self, case: Case, seeds: int, first: int) -> Iterator["Ran"]:
+        """Yield what each training makes of a case, the first with its innovations.
+
+        Args:
+            case: of runs; under each noise on each record `seeds` draws, one after the other.
+            seeds: draws.
+            first: sample that innovations begin at, 1 at least.
+        """
+        for place, estimate in enumerate((self.estimate, *self.others)):
+            if place == 0 and isinstance(estimate, Filtering):
+                yield estimate.with_innovations(case, seeds, first)
+            elif isinstance(estimate, IntervalEstimator):
+                yield Ran(*estimate.with_interval(case))
             else:
-                yield estimate(case), None
+                yield Ran(estimate(case))
+
+
+class Ran(NamedTuple):
+    """Estimates of the B runs of a case.
+
+    Attributes:
+        bend_deg: (B, N) [deg].
+        half_width_deg: (B, N) half of the 95 % intervals [deg]; None where none are stated.
+        nis: mean squared innovation of each first draw of a noise on a record (`first_draws`), in units of
+            what is stated, NaN where none is; None where it is not known.
+    """
+
+    bend_deg: Array
+    half_width_deg: Array | None = None
+    nis: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,21 +87,35 @@ class Filtering:
             return filter_.estimate_with_interval(*of_case)
         return filter_.estimate(*of_case), None
 
-    def nis(self, case: Case, first: int) -> Array | None:
-        """Return the (B,) mean squared innovations of runs from a sample on; None where none are stated."""
-        filter_ = self.estimator.with_sensor(case.sensor)
-        if not filter_.states_interval:
-            return None
-        variance = np.broadcast_to(np.asarray(case.sensor.variance, dtype=float), len(case.pull_mm))
-        measured = case.measurement_deg.T
-        initial = np.asarray(case.initial_bend_deg)
-        squares = squared_innovations(filter_, case.pull_mm.T, measured, initial, variance, first)
-        seen = ~np.isnan(squares)
-        nothing = np.full(len(case.pull_mm), np.nan)
-        mean: Array = np.divide(
-            np.nansum(squares, axis=0), seen.sum(axis=0), out=nothing, where=seen.any(axis=0)
-        )
-        return mean
+    def with_innovations(self, case: Case, seeds: int, first: int) -> Ran:
+        """Return the estimates of a case, with the innovations of the first draws.
+
+        An innovation takes a further step of the estimator, so that the first draws alone have one.
+
+        Args:
+            case: as `Method.run` takes it.
+            seeds: draws of each noise on each record.
+            first: sample that innovations begin at, 1 at least.
+        """
+        told = self.estimator.with_sensor(case.sensor)
+        if not told.states_interval:
+            return Ran(*self.with_interval(case))
+        once = first_draws(case, seeds)
+        drawn_first = runs_of(case, once)
+        variance = np.broadcast_to(np.asarray(drawn_first.sensor.variance, dtype=float), once.sum())
+        pull, measured = drawn_first.pull_mm.T, drawn_first.measurement_deg.T
+        initial = np.asarray(drawn_first.initial_bend_deg)
+        filter_ = self.estimator.with_sensor(drawn_first.sensor)
+        found = with_innovations(filter_, pull, measured, initial, variance, first)
+        bend, half_width = np.empty_like(case.measurement_deg), np.empty_like(case.measurement_deg)
+        bend[once], half_width[once] = found.bend_deg.T, found.half_width_deg.T
+        if not once.all():
+            bend[~once], half_width[~once] = self.with_interval(runs_of(case, ~once))
+        seen = ~np.isnan(found.squares)
+        nothing = np.full(len(variance), np.nan)
+        total = np.nansum(found.squares, axis=0)
+        nis = np.divide(total, seen.sum(axis=0), out=nothing, where=seen.any(axis=0))
+        return Ran(bend, half_width, nis)
 
 
 def as_method(name: str, estimator: Estimator[Any]) -> Method:
