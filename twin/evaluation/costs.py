@@ -28,7 +28,7 @@ class Cost:
         sample_us: median time of a sample of one stream on one core, as a device waits for it [us]; None for
             what needs a whole record. It is of this process and machine, and no part of what repeats.
         parameters: that were learned; None where nothing is learned, or the file does not say it.
-        training_s: processor time of a training, the mean of its files [s]; None where they do not say it.
+        training_s: processor time of a training, the mean of those that say it [s]; None where none does.
     """
 
     sample_us: float | None = None
@@ -63,12 +63,11 @@ def method_costs(
 
 
 def _learned(files: Sequence[Path]) -> tuple[int | None, float | None]:
-    """Return the learned parameters and the mean time of a training [s]."""
-    if not files:
-        return None, None
+    """Return the learned parameters and the mean time of a training [s], as far as the files say it."""
     took = [seconds for path in files if (seconds := read_cost(path.parent)) is not None]
-    mean = statistics.fmean(took) if len(took) == len(files) else None
-    return learned_parameters(read_trained_file(files[0])), mean
+    counted = (learned_parameters(read_trained_file(path)) for path in files)
+    parameters = next((count for count in counted if count is not None), None)
+    return parameters, statistics.fmean(took) if took else None
 
 
 def _microseconds(method: Method, pull: list[float], measured: list[float]) -> float | None:
