@@ -12,6 +12,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
 from twin.evaluation.score import MOST_TRAININGS
+from twin.files.run_cost import read_cost
 from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon
 
@@ -32,7 +33,7 @@ def given_files(
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: two of one agent differ in more than their seed, one is of another sample time, or was
-            trained beside another filter.
+            trained beside another filter, or the `cost.json` beside one is none.
     """
     files: dict[str, tuple[Path, ...]] = {}
     first: dict[str, TrainedFile] = {}
@@ -51,6 +52,7 @@ def given_files(
         if len(files.get(agent, ())) >= MOST_TRAININGS:
             raise InputError(f"{path}: more than {MOST_TRAININGS} policies of the agent {agent!r}")
         estimator: Any = training.load(path)
+        read_cost(path.parent)  # a mistake is told now, not after the training of others
         for sample_time in sample_times:
             if training.on_twins:
                 estimator.at(sample_time)  # it is told T, which its twins must be able to follow

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from twin.evaluation.case import make_case
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
+from twin.files.run_cost import COST_FILE
 from twin.workers.processes import local_workers, shared_table
 
 OPTIONS = TrainingOptions(agent="gru", episodes=7)
@@ -85,6 +87,13 @@ def test_files_of_several_seeds_are_one_method(alone, records):
         ((expected, *_),) = only.run(case, 1, 1)
         np.testing.assert_array_equal(estimate, expected)
     assert np.abs(both[0] - both[1]).max() > 1e-3
+
+
+def test_a_damaged_cost_beside_a_file_is_told_before_any_work(alone, tmp_path):
+    shutil.copytree(alone[0].parent, tmp_path / "run")
+    (tmp_path / "run" / COST_FILE).write_text('{"processor_s": "long"}')
+    with pytest.raises(ValueError, match=r"run/cost\.json: processor_s = 'long': must be"):
+        given_files([tmp_path / "run" / alone[0].name], None, [0.1])
 
 
 def test_files_that_are_no_trainings_of_one_method_are_refused(material, alone, tmp_path):
