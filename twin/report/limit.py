@@ -12,6 +12,9 @@ from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Group, Score
 from twin.report.figures import INK, MUTED, clean_axes, own_style
 
+MOST_COLUMNS = 6
+"""Panels of noises side by side."""
+
 
 def times_the_limit(scores: Sequence[Score], sample_time_s: float, group: Group) -> dict[str, float]:
     """Return how many times the limit's RMSE each method has: the geometric mean over noises.
@@ -36,9 +39,9 @@ def noise_figure(scores: Sequence[Score]) -> Figure:
     ratios = times_the_limit(scores, scores[0].sample_time_s, scores[0].group)
     methods = sorted(ratios, key=lambda method: -ratios[method])
     methods = methods or list(dict.fromkeys(score.method for score in reversed(scores)))  # without a limit
-    columns = 5
-    lines = -(-len(noises) // columns)
-    figure = Figure(figsize=(11, 0.22 * len(methods) * lines + 1.4), layout="constrained")
+    lines = -(-len(noises) // MOST_COLUMNS)
+    columns = -(-len(noises) // lines)
+    figure = Figure(figsize=(12, 0.22 * len(methods) * lines + 1.4), layout="constrained")
     grid = np.atleast_1d(figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False)).ravel()
     values = {(score.condition, score.method): score for score in scores}
     limits = {score.condition: score.rmse_deg for score in scores if is_limit(score.method)}
@@ -58,7 +61,7 @@ def noise_figure(scores: Sequence[Score]) -> Figure:
         axes.xaxis.set_major_locator(FixedLocator([0.1, 0.3, 1, 3, 10]))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_locator(NullLocator())
-        axes.set_title(noise_label(*noise), fontsize=8.5, color=INK, loc="left")
+        axes.set_title(noise_label(*noise), fontsize=7.5, color=INK, loc="left")
         axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
         axes.tick_params(labelsize=7.5, labelbottom=True)
         axes.set_xlim(0.05, 30)
