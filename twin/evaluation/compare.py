@@ -23,6 +23,9 @@ from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 
+INNOVATION_SECONDS = 0.1
+"""Time from one sample whose innovation is found to the next, as each takes a further step [s]."""
+
 
 class ScoredRuns(NamedTuple):
     """Result of a comparison.
@@ -98,10 +101,11 @@ def _evaluate_group(
     scores: dict[tuple[Condition, str], Score] = {}
     squares: dict[str, Array] = {}
     tracks: dict[str, Array] = {}
-    late = max(round(STEADY_SECONDS / protocol.sample_time_s), 1)
+    late, every = (max(round(of / protocol.sample_time_s), 1) for of in (STEADY_SECONDS, INNOVATION_SECONDS))
+    samples = range(late, case.pull_mm.shape[1], every)
     for method in methods:
         given = shown if method.oracle else case
-        estimates, half_widths, (nis, *_) = zip(*method.run(given, protocol.seeds, late), strict=True)
+        estimates, half_widths, (nis, *_) = zip(*method.run(given, protocol.seeds, samples), strict=True)
         tracks[method.name] = estimates[0][tracked]
         shape = (len(estimates), len(records), len(conditions), protocol.seeds, -1)
         errors = (np.array(estimates) - truth).reshape(shape)

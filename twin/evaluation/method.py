@@ -33,17 +33,17 @@ class Method:
     oracle: bool = False
     others: tuple[CaseEstimator, ...] = ()
 
-    def run(self, case: Case, seeds: int, first: int) -> Iterator["Ran"]:
+    def run(self, case: Case, seeds: int, samples: range) -> Iterator["Ran"]:
         """Yield what each training makes of a case, the first with its innovations.
 
         Args:
             case: of runs; under each noise on each record `seeds` draws, one after the other.
             seeds: draws.
-            first: sample that innovations begin at, 1 at least.
+            samples: at which innovations are found, from 1 on.
         """
         for place, estimate in enumerate((self.estimate, *self.others)):
             if place == 0 and isinstance(estimate, Filtering):
-                yield estimate.with_innovations(case, seeds, first)
+                yield estimate.with_innovations(case, seeds, samples)
             elif isinstance(estimate, IntervalEstimator):
                 yield Ran(*estimate.with_interval(case))
             else:
@@ -87,7 +87,7 @@ class Filtering:
             return filter_.estimate_with_interval(*of_case)
         return filter_.estimate(*of_case), None
 
-    def with_innovations(self, case: Case, seeds: int, first: int) -> Ran:
+    def with_innovations(self, case: Case, seeds: int, samples: range) -> Ran:
         """Return the estimates of a case, with the innovations of the first draws.
 
         An innovation takes a further step of the estimator, so that the first draws alone have one.
@@ -95,7 +95,7 @@ class Filtering:
         Args:
             case: as `Method.run` takes it.
             seeds: draws of each noise on each record.
-            first: sample that innovations begin at, 1 at least.
+            samples: at which innovations are found, from 1 on.
         """
         told = self.estimator.with_sensor(case.sensor)
         if not told.states_interval:
@@ -106,7 +106,7 @@ class Filtering:
         pull, measured = drawn_first.pull_mm.T, drawn_first.measurement_deg.T
         initial = np.asarray(drawn_first.initial_bend_deg)
         filter_ = self.estimator.with_sensor(drawn_first.sensor)
-        found = with_innovations(filter_, pull, measured, initial, variance, first)
+        found = with_innovations(filter_, pull, measured, initial, variance, samples)
         bend, half_width = np.empty_like(case.measurement_deg), np.empty_like(case.measurement_deg)
         bend[once], half_width[once] = found.bend_deg.T, found.half_width_deg.T
         if not once.all():
