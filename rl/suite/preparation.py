@@ -94,11 +94,16 @@ def train_all(
     # PPO takes longest: what begins last would leave the other workers idle.
     agents = sorted(agents_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
     jobs = [
-        executor.submit(train_one, agent, at, suite.episodes, suite.seed + number)
+        executor.submit(
+            train_one,
+            agent,
+            dataclasses.replace(knowledge, training=number),
+            suite.episodes,
+            suite.seed + number,
+        )
         for agent in agents
         for knowledge in (known[:1] if find_training(agent).on_twins else known)
         for number in range(suite.trainings)
-        for at in [dataclasses.replace(knowledge, training=number)]
     ]
     if jobs:
         wait_for(jobs, progress("train", "training"))

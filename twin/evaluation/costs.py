@@ -39,7 +39,7 @@ class Cost:
 def method_costs(
     methods: Sequence[Method],
     record: EvaluationRecord,
-    files: Mapping[str, Sequence[Path]] | None = None,
+    files: Mapping[str, Sequence[Path]],
     seed: int = 0,
 ) -> dict[str, Cost]:
     """Return the costs of each method, by its name.
@@ -55,9 +55,8 @@ def method_costs(
     """
     noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.bend_deg))
     pull, measured = record.pull_mm.tolist(), (record.bend_deg + noise).tolist()
-    trained = files or {}
     return {
-        method.name: Cost(_microseconds(method, pull, measured), *_learned(trained.get(method.name, ())))
+        method.name: Cost(_microseconds(method, pull, measured), *_learned(files.get(method.name, ())))
         for method in methods
     }
 

@@ -14,9 +14,10 @@ from twin.episode import Episode
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import Case
-from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.estimator import Estimator
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.load import load_estimator_at
+from twin.evaluation.case import first_draws, runs_of
 from twin.evaluation.reading import at_sample_time, evaluation_record
 from twin.evaluation.record import EvaluationRecord
 from twin.files.bounds import SAMPLE_TIMES, check_between
@@ -221,15 +222,8 @@ class GateMaterial:
 def _first_draws(case: Case, draws: int) -> Case:
     """Return the first draw of the noise of each unit of a case."""
     assert case.truth_deg is not None
-    return dataclasses.replace(
-        case,
-        pull_mm=case.pull_mm[::draws],
-        measurement_deg=case.measurement_deg[::draws],
-        initial_bend_deg=case.initial_bend_deg[::draws],
-        sensor=Sensor(np.asarray(case.sensor.variance)[::draws], np.asarray(case.sensor.bound)[::draws]),
-        noises=case.noises[::draws],
-        truth_deg=case.truth_deg[::draws],
-    )
+    once = first_draws(case, draws)
+    return dataclasses.replace(runs_of(case, once), truth_deg=case.truth_deg[once])
 
 
 def _hidden(case: Case, seen: NDArray[np.bool_]) -> Case:

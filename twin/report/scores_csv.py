@@ -1,10 +1,9 @@
 """The scores of a comparison as a CSV table, for those who compare theirs by other tools."""
 
-import csv
-import io
 from collections.abc import Sequence
 
 from twin.evaluation.score import Score
+from twin.report.csv_table import csv_table
 
 COLUMNS = (
     "method",
@@ -32,32 +31,26 @@ COLUMNS = (
 
 def scores_csv(scores: Sequence[Score]) -> str:
     """Return the scores, a line each; what is not known is left empty."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for score in scores:
-        stroke = score.stroke_mm if len(score.stroke_mm) == 2 else (None, None)
-        values = (
-            score.method,
-            str(score.oracle).lower(),
-            score.noise,
-            score.level,
-            score.sample_time_s,
-            *stroke,
-            score.twin,
-            score.rmse_deg,
-            *score.rmse_ci95_deg,
-            score.rmse_steady_deg,
-            *(score.to_best_ci95 or (None, None)),
-            score.coverage95,
-            score.width95_deg,
-            score.crps_deg,
-            score.seeds,
-            score.trainings,
-        )
-        writer.writerow(map(_short, values))
-    return text.getvalue()
+    return csv_table(COLUMNS, map(_row, scores))
 
 
-def _short(value: object) -> object:
-    return f"{value:.4g}" if isinstance(value, float) else "" if value is None else value
+def _row(score: Score) -> tuple[object, ...]:
+    stroke = score.stroke_mm if len(score.stroke_mm) == 2 else (None, None)
+    return (
+        score.method,
+        str(score.oracle).lower(),
+        score.noise,
+        score.level,
+        score.sample_time_s,
+        *stroke,
+        score.twin,
+        score.rmse_deg,
+        *score.rmse_ci95_deg,
+        score.rmse_steady_deg,
+        *(score.to_best_ci95 or (None, None)),
+        score.coverage95,
+        score.width95_deg,
+        score.crps_deg,
+        score.seeds,
+        score.trainings,
+    )
