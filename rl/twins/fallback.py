@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 
 from rl.twins.familiarity import LEAST_COUNTS
+from rl.twins.products import along
 from rl.twins.recogniser import BINS, LARGEST_RESIDUAL
 
 Tensor = torch.Tensor
@@ -68,8 +69,8 @@ class Fallback(torch.nn.Module):
         """
         total = counts.sum(dim=-1)
         some = total.clamp(min=LEAST_COUNTS)
-        logarithm = counts @ self.logarithm / some
-        ratio = torch.exp(2 * (logarithm - NORMAL_LOG)) / (counts @ self.square / some + self.least)
+        logarithm = along(counts, self.logarithm) / some
+        ratio = torch.exp(2 * (logarithm - NORMAL_LOG)) / (along(counts, self.square) / some + self.least)
         share: Tensor = (1 + total / (total + BEFORE) * (ratio - 1)) / HEAVY
         return share.clamp(min=0, max=1)
 

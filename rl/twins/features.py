@@ -4,6 +4,7 @@ import torch
 
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import log_scale
+from rl.twins.products import along
 from rl.twins.recogniser import HISTORY
 
 Tensor = torch.Tensor
@@ -52,7 +53,7 @@ class Features(torch.nn.Module):
         angles = [
             innovation / root,
             innovation / torch.sqrt(doubt + variance),
-            mean @ self.of_error / root,
+            along(mean, self.of_error) / root,
             way_mm,
         ]
         positive = [

@@ -11,8 +11,9 @@ from rl.export import export_module
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import FilterStep
 from rl.twins.memory_step import MemoryState, MemoryStep
+from rl.twins.products import along
 from rl.twins.recurrent_step import RecurrentState, RecurrentStep
-from rl.twins.step import TwinsStep, column
+from rl.twins.step import TwinsStep
 from twin.estimation.learned import networks_on_twins, ram_memory, ram_twins
 from twin.estimation.learned.model_step import PREDICTED_BY
 from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
@@ -49,7 +50,7 @@ class TwinsGraph(torch.nn.Module):
     ) -> tuple[Tensor, ...]:
         """Return estimate, half of its interval, and the arrays of the state after the sample."""
         step = self.step
-        begins = 1 - torch.sign(column(covariance, step.of_error) @ step.of_error)
+        begins = 1 - torch.sign(along(along(covariance, step.of_error), step.of_error))
         covariance = covariance + begins[:, None, None] * step.first_covariance(variance)
         first_weights, first_bias, first_variance = step.first_noise(variance)
         state = FilterState(

@@ -34,6 +34,7 @@ from rl.twins.features import SCALARS, Features, recent
 from rl.twins.filter_state import STATISTICS, FilterState, Predicted
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output
 from rl.twins.networks import last_layer, network
+from rl.twins.products import along
 from rl.twins.recogniser import BINS, HISTORY, LAWS, Recogniser
 
 ACTIONS = 4  # on the total gain, on R for the covariance, on the growth of d, on that of c
@@ -168,7 +169,7 @@ class TwinsStep(FilterStep):
             state,
             mean.detach(),
             (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach(),
-            column(covariance.detach(), self.of_error) @ self.of_error,
+            along(along(covariance.detach(), self.of_error), self.of_error),
             innovation.detach(),
             way_mm,
             variance,
@@ -239,22 +240,14 @@ class TwinsStep(FilterStep):
         samples = state.samples + prior.seen
         after = FilterState(mean, covariance, counts, samples, statistics, weights, bias, bias_variance)
 
-        with_b = column(covariance, self.of_bias)  # covariance of the state with b, and with the angle:
+        with_b = along(covariance, self.of_bias)  # covariance of the state with b, and with the angle:
         trust = towards * (1 - doubt[:, None] * shrink) - with_b
-        with_bias, own = trust @ self.of_bias, with_b @ self.of_bias
+        with_bias, own = along(trust, self.of_bias), along(with_b, self.of_bias)
         sure = prior.hears.clamp(min=UNHEARD) ** 2 / bias_variance
         heard = with_bias / (own + variance / (sure + certain))
         believed = bias * root * sure / (sure + certain)
-        bend = prior.middle + (angle * mean).sum(dim=1) + heard * (believed - mean @ self.of_bias)
+        bend = prior.middle + (angle * mean).sum(dim=1) + heard * (believed - along(mean, self.of_bias))
         left = ((angle * trust).sum(dim=1) - heard * with_bias).clamp(min=LEAST_VARIANCE)
         deviation = torch.sqrt(left)
         half_width = deviation * self.widen(prior.features)
         return Output(bend, half_width, bias, bias_variance, said, deviation, prior.features), after
-
-
-def column(matrices: Tensor, unit: Tensor) -> Tensor:
-    """Return the (B, n) columns of (B, n, n) matrices that a unit vector (n,) picks.
-
-    A sum of products, and none of matrices: ONNX Runtime is eight times slower at that.
-    """
-    return (matrices * unit).sum(dim=-1)

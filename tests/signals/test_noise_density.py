@@ -93,6 +93,12 @@ def test_scores_are_finite_however_far_the_innovation():
             assert density.information(spread) > 0
 
 
+def test_a_density_is_rough_where_the_dither_counts_or_errors_depend_on_the_angle():
+    rough = [("poisson", 0.1), ("stereo-vision", 1.0)]
+    exact = [("poisson", 1.0), ("poisson-dithered", 0.1), ("gaussian", 0.01), ("gamma", 1.0)]
+    assert [noise_density(*noise).rough for noise in rough + exact] == [True] * 2 + [False] * 4
+
+
 def test_integer_noise_is_not_read_off_its_lattice():
     plain, dithered = noise_density("poisson", 1.0), noise_density("poisson-dithered", 1.0)
     innovation = np.linspace(-2, 4, 25)

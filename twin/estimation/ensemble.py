@@ -135,11 +135,16 @@ class EnsembleFilter(Estimator[EnsembleState]):
         return density.score(innovation, spread), density.information(spread)
 
     def log_likelihood(self, innovation: Array, spread: float) -> Array:
-        """Return the log-density of innovations, but for a constant, for a belief of this deviation."""
-        if self.density is None:
-            found: Array = -0.5 * innovation**2 / (spread**2 + self.measurement_variance)
-            return found
-        return self.density.log_density(innovation, spread)
+        """Return the log-density of innovations, but for a constant, for a belief of this deviation.
+
+        Where the density of the noise is rough, it is a normal one of the same mean and variance.
+        """
+        density = self.density
+        if density is not None and not density.rough:
+            return density.log_density(innovation, spread)
+        mean, variance = (density.mean, density.variance) if density else (0.0, self.measurement_variance)
+        found: Array = -0.5 * (innovation - mean) ** 2 / (spread**2 + variance)
+        return found
 
     def mean_and_anomaly(self, sample: int) -> tuple[float, Array]:
         """Return the mean of the members at a sample [deg], and what each is off by, over sqrt(M - 1)."""

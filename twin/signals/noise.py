@@ -20,6 +20,7 @@ OUTLIER_DEG = 10.0  # magnitude of an outlier of salt-and-pepper noise [deg]
 BACKGROUND_DEG2 = 0.1  # variance of the Gaussian noise that outliers are added to, as in training [deg^2]
 STUDENT_FREEDOM = 3  # degrees of freedom: heavy tails that still have a variance
 GAMMA_SHAPE = 2.0
+DITHER_DEG2 = 1 / 12  # variance of what dithers counts: even over their step of a degree [deg^2]
 
 
 def _never(level: float) -> float:
@@ -193,7 +194,7 @@ def _level(level: float) -> float:
 NOISES: dict[str, _Kind] = {
     "gaussian": _Kind(_gaussian, _level, information=lambda level: 1 / level),
     "poisson": _Kind(_poisson, _level),
-    "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + 1 / 12),
+    "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + DITHER_DEG2),
     "laplace": _Kind(_laplace, _level, information=lambda level: 2 / level),
     "student-t": _Kind(_student, _level, information=_student_information),
     "uniform": _Kind(_uniform, _level, bound=lambda level: float(np.sqrt(3 * level))),

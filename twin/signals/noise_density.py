@@ -17,6 +17,7 @@ from scipy import integrate, special, stats
 from twin.errors import InputError
 from twin.signals.noise import (
     BACKGROUND_DEG2,
+    DITHER_DEG2,
     GAMMA_SHAPE,
     OUTLIER_DEG,
     STUDENT_FREEDOM,
@@ -27,6 +28,7 @@ from twin.signals.stereo_noise import STEREO, stereo_noise
 Array = NDArray[np.float64]
 
 _SPREADS = np.geomspace(0.03, 60.0, 30)  # s [deg]
+_MOST_DITHER = 0.1  # share of the variance up to which a dithered density is that of the noise
 _INNOVATIONS = 150 * np.sinh(np.linspace(-7, 7, 2001)) / np.sinh(7)  # [deg], dense about zero
 
 
@@ -40,6 +42,8 @@ class NoiseDensity:
         scores: (R + s^2) times the score (minus the slope of the log-density), (spreads, innovations) [deg].
         informations: (R + s^2) times the Fisher information of an innovation about the angle, (spreads,).
         log_densities: (R + s^2) times the log-density of an innovation but for a constant, as `scores`.
+        rough: whether it only stands for what the sensor does: counts whose dither is not small beside them,
+            errors that depend on the angle.
     """
 
     mean: float
@@ -47,6 +51,7 @@ class NoiseDensity:
     scores: Array
     informations: Array
     log_densities: Array
+    rough: bool = False
 
     def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
         """Return the log-density of innovations, but for a constant; arguments as of `score`."""
@@ -100,7 +105,13 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
     mean = float(np.sum(weights * places))
     scores *= unit[:, None]
     logs = -integrate.cumulative_trapezoid(scores, _INNOVATIONS, axis=1, initial=0.0)
-    return NoiseDensity(mean, variance, scores, informations * unit, logs)
+    return NoiseDensity(mean, variance, scores, informations * unit, logs, _is_rough(kind, level))
+
+
+def _is_rough(kind: str, level: float) -> bool:
+    if kind == "poisson":
+        return DITHER_DEG2 > _MOST_DITHER * (level + DITHER_DEG2)
+    return kind == STEREO
 
 
 def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
