@@ -110,7 +110,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
 
 def _is_rough(kind: str, level: float) -> bool:
     if kind == "poisson":
-        return DITHER_DEG2 > _MOST_DITHER * (level + DITHER_DEG2)
+        return _MOST_DITHER * (level + DITHER_DEG2) < DITHER_DEG2
     return kind == STEREO
 
 
