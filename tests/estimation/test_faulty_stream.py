@@ -25,7 +25,8 @@ from twin.hysteresis import PrandtlIshlinskii
 T = 0.1
 SENSOR = Sensor(0.1, 1.0)
 NO_LIVE_FORM = {
-    *("RAM (oracle)", "Ensemble", "Ensemble with bias", "Ensemble (limit)", "Particles (limit)"),
+    *("RAM (oracle)", "Ensemble", "Ensemble with bias"),
+    *("Particles (families)", "Ensemble (limit)", "Particles (limit)"),
 }
 """Functions of a whole case: one is shown the truth, the others were simulated along the whole command."""
 PLAY = PrandtlIshlinskii((5.0, 5.0, 5.0, 5.0), (0.0, 0.3, 0.6, 1.0))

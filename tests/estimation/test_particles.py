@@ -5,26 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from twins_of_two_kinds import SAMPLES, estimates, family
 
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.particles import ParticleFilter
 from twin.signals.noise import draw_noise
 from twin.signals.noise_density import noise_density
-
-SAMPLES = 60
-
-
-def family(count, seed):
-    """Angles of members that are no normal law: of slow and of quick ones."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(SAMPLES) / 10
-    rate = rng.choice([0.3, 1.0], count) * rng.uniform(0.9, 1.1, count)
-    size = rng.uniform(5, 15, count)
-    return size[:, None] * (1 - np.exp(-rate[:, None] * time))
-
-
-def estimates(filter_, measured):
-    return filter_.estimate_with_interval(np.zeros(measured.shape), measured, 0.0)
 
 
 @given(st.integers(3, 7), st.floats(0.05, 0.95), st.integers(0, 99))
@@ -45,6 +31,11 @@ def test_estimate_is_the_exact_mean_of_the_mixture(count, bandwidth, seed):
     each = places[:, -1] + (measured[0, 1:] - places[:, 1:]) @ gain
     found, half = estimates(ParticleFilter(EnsembleFilter(members, variance), bandwidth), measured)
     assert found[0, -1] == pytest.approx(weights @ each, abs=1e-7)
+    filter_ = ParticleFilter(EnsembleFilter(members, variance), bandwidth)
+    state = filter_.start(np.zeros(1), np.zeros(1))
+    for of_sample in measured.T[1:]:
+        state = filter_.step(state, np.zeros(1), np.zeros(1), of_sample)
+    assert state.log_evidence[0] == pytest.approx(np.logaddexp.reduce(logs) - np.log(count), abs=1e-6)
     left = covariance[-1, -1] - gain @ covariance[1:, -1]
     spread = left + weights @ each**2 - (weights @ each) ** 2
     assert half[0, -1] == pytest.approx(1.96 * np.sqrt(max(spread, 0)), rel=1e-3, abs=1e-5)

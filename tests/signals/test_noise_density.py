@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from twin.signals.noise import NOISES, draw_noise, fisher_information
-from twin.signals.noise_density import noise_density
+from twin.signals.noise import BACKGROUND_DEG2, NOISES, draw_noise, fisher_information
+from twin.signals.noise_density import family_densities, noise_density
 
 LEVELS = {"salt-and-pepper": 0.05}
 
@@ -91,6 +93,22 @@ def test_scores_are_finite_however_far_the_innovation():
         for spread in (0.0, 0.01, 1.0, 1e3):
             assert np.isfinite(density.score(np.array([-1e6, -20.0, 0.0, 20.0, 1e6]), spread)).all()
             assert density.information(spread) > 0
+
+
+@pytest.mark.parametrize("kind", sorted(NOISES))
+@pytest.mark.parametrize("spread", [0.07, 0.5, 4.0])
+def test_every_density_adds_up_to_one(kind, spread):
+    innovation = np.linspace(-60, 60, 200_001)
+    density = np.exp(noise_density(kind, LEVELS.get(kind, 1.0)).log_density(innovation, spread))
+    assert integrate.trapezoid(density, innovation) == pytest.approx(1, abs=0.02)
+
+
+@given(st.floats(0.02, 50.0))
+def test_families_have_the_variance_that_is_told(variance):
+    found = family_densities(variance)
+    assert len(found) == (7 if variance > BACKGROUND_DEG2 else 6)
+    for density in found:
+        assert density.variance == pytest.approx(variance)
 
 
 def test_a_density_is_rough_where_the_dither_counts_or_errors_depend_on_the_angle():

@@ -135,7 +135,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
         return density.score(innovation, spread), density.information(spread)
 
     def log_likelihood(self, innovation: Array, spread: float) -> Array:
-        """Return the log-density of innovations, but for a constant, for a belief of this deviation.
+        """Return the log-density of innovations [of 1 / deg] for a belief of this deviation.
 
         Where the density of the noise is rough, it is a normal one of the same mean and variance.
         """
@@ -143,7 +143,8 @@ class EnsembleFilter(Estimator[EnsembleState]):
         if density is not None and not density.rough:
             return density.log_density(innovation, spread)
         mean, variance = (density.mean, density.variance) if density else (0.0, self.measurement_variance)
-        found: Array = -0.5 * (innovation - mean) ** 2 / (spread**2 + variance)
+        whole = spread**2 + variance
+        found: Array = -0.5 * ((innovation - mean) ** 2 / whole + np.log(2 * np.pi * whole))
         return found
 
     def mean_and_anomaly(self, sample: int) -> tuple[float, Array]:

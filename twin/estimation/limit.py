@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,17 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.estimation.case import Case
 from twin.estimation.ensemble import EnsembleFilter
+from twin.estimation.estimator import Estimator
+from twin.estimation.families import FamilyFilter
 from twin.estimation.particles import ParticleFilter
 from twin.estimation.registry import MethodSpec, register_method
 from twin.files.arrays import read_arrays
 from twin.files.bounded import MEBIBYTE
 
 Array = NDArray[np.float64]
+Noise = tuple[str, float]
+"""Kind and level of a noise."""
+Build = Callable[[Array, float, Noise], Estimator[Any]]
 MOST_BYTES = 1024 * MEBIBYTE
 """Size of a file of an ensemble [bytes]: thousands of members along minutes."""
 BIAS_DEVIATIONS = 1.0
@@ -32,16 +38,12 @@ class Ensembles:
     Attributes:
         paths: files of ensembles, one for each command.
         sample_time: T of the cases, a multiple of that of the files [s].
-        knows_density: whether it is told the density of the noise, or its variance alone.
-        bias_deviations: standard deviation of the mean of the noise, where it is estimated too [sqrt(R)].
-        particles: whether its belief is a mixture, a law for each member.
+        build: returns the filter on members, by R and by the noise, of which it may take what it is told.
     """
 
     paths: tuple[Path, ...]
     sample_time: float
-    knows_density: bool = True
-    bias_deviations: float = 0.0
-    particles: bool = False
+    build: Build
 
     def __call__(self, case: Case) -> Array:
         """Return (B, N) estimated angles [deg], as `with_interval` does."""
@@ -53,15 +55,10 @@ class Ensembles:
         Raises:
             ValueError: a run follows a command that there is no ensemble of.
         """
-        from twin.signals.noise_density import noise_density  # SciPy: imported when used
-
         found = np.empty((2, *case.measurement_deg.shape))
         for runs, members_deg in self._alike(case):
-            kind, level = case.noises[runs[0]]
-            density = noise_density(kind, level) if self.knows_density else None
             variance = float(np.atleast_1d(case.sensor.variance)[runs[0]])
-            linear = EnsembleFilter(members_deg, variance, density, self.bias_deviations)
-            filters = ParticleFilter(linear) if self.particles else linear
+            filters = self.build(members_deg, variance, case.noises[runs[0]])
             samples = members_deg.shape[1]
             estimate, half_width = filters.estimate_with_interval(
                 case.pull_mm[runs, :samples],
@@ -124,33 +121,50 @@ class Ensembles:
         return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
 
 
-def _register(
-    name: str,
-    rank: float,
-    *,
-    density: bool,
-    bias: float = 0.0,
-    particles: bool = False,
-    on_request: bool = False,
-    is_limit: bool = False,
-) -> None:
-    """Add a row of the method table; it is told R, or the density of the noise."""
+def _told_variance(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    return EnsembleFilter(members_deg, variance)
+
+
+def _with_bias(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    return EnsembleFilter(members_deg, variance, bias_deviations=BIAS_DEVIATIONS)
+
+
+def told_density(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    """Return the ensemble that knows the density of the noise: the limit."""
+    from twin.signals.noise_density import noise_density  # SciPy: imported when used
+
+    return EnsembleFilter(members_deg, variance, noise_density(*noise))
+
+
+def _particles(members_deg: Array, variance: float, noise: Noise) -> ParticleFilter:
+    return ParticleFilter(told_density(members_deg, variance, noise))
+
+
+def _families(members_deg: Array, variance: float, noise: Noise) -> FamilyFilter:
+    from twin.signals.noise_density import family_densities
+
+    linear = [EnsembleFilter(members_deg, variance, density) for density in family_densities(variance)]
+    return FamilyFilter(tuple(map(ParticleFilter, linear)))
+
+
+def _register(name: str, rank: float, told: str, build: Build, **of_spec: Any) -> None:
+    """Add a row of the method table."""
     register_method(
         MethodSpec(
             name=name,
             rank=rank,
             family="ensemble",
-            told="the density of the noise" if density else "R",
-            build=lambda known: Ensembles(known.ensemble_files, known.sample_time, density, bias, particles),
+            told=told,
+            build=lambda known: Ensembles(known.ensemble_files, known.sample_time, build),
             ensembles=True,
-            needs_density=density,
-            on_request=on_request,
-            is_limit=is_limit,
+            **of_spec,
         )
     )
 
 
-_register("Ensemble", 60, density=False)
-_register("Ensemble with bias", 60.5, density=False, bias=BIAS_DEVIATIONS, on_request=True)
-_register("Ensemble (limit)", 61, density=True, is_limit=True)
-_register("Particles (limit)", 62, density=True, particles=True, on_request=True)
+_DENSITY = "the density of the noise"
+_register("Ensemble", 60, "R", _told_variance)
+_register("Ensemble with bias", 60.5, "R", _with_bias, on_request=True)
+_register("Particles (families)", 60.7, "R, the families of the noise", _families, on_request=True)
+_register("Ensemble (limit)", 61, _DENSITY, told_density, needs_density=True, is_limit=True)
+_register("Particles (limit)", 62, _DENSITY, _particles, needs_density=True, on_request=True)

@@ -38,7 +38,7 @@ class ParticleState(NamedTuple):
         centre: (M, B) coefficients that the places of the laws are counted from.
         places: (M, M) of the law of each member about the centre, a column each.
         covariance: (M, M) of each law.
-        log_weights: (M, B) of the laws, but for a constant.
+        log_weights: (M, B) of the laws: the logarithm of how likely each made what was measured.
     """
 
     sample: int
@@ -46,6 +46,13 @@ class ParticleState(NamedTuple):
     places: Array
     covariance: Array
     log_weights: Array
+
+    @property
+    def log_evidence(self) -> Array:
+        """Logarithm (B,) of how likely all laws together made what was measured."""
+        top = self.log_weights.max(axis=0)
+        found: Array = top + np.log(np.mean(np.exp(self.log_weights - top), axis=0))
+        return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +108,7 @@ class ParticleFilter(Estimator[ParticleState]):
         spread = float(np.sqrt(max(float(anomaly @ towards), 0.0)))
         away = anomaly @ state.places  # (M,) angle of each law about the centre's
         innovation = measurement_deg - mean - anomaly @ state.centre
-        middle = away @ _weights(state.log_weights)
+        middle = away @ normed(state.log_weights)
         score, information = of.weigh(innovation - middle, spread)
         likelihood = of.log_likelihood(innovation - away[:, None], spread)
         taken = information * towards
@@ -117,7 +124,7 @@ class ParticleFilter(Estimator[ParticleState]):
         """Return the (B,) mean of the angle [deg]."""
         mean, anomaly = self.ensemble.mean_and_anomaly(state.sample)
         away = anomaly @ state.places
-        return mean + anomaly @ state.centre + away @ _weights(state.log_weights)
+        return mean + anomaly @ state.centre + away @ normed(state.log_weights)
 
     @property
     def states_interval(self) -> bool:
@@ -127,13 +134,13 @@ class ParticleFilter(Estimator[ParticleState]):
     def half_width_deg(self, state: ParticleState) -> Array:
         """Return half of the (B,) 95 % intervals of a normal law of the mixture's variance [deg]."""
         _, anomaly = self.ensemble.mean_and_anomaly(state.sample)
-        away, weights = anomaly @ state.places, _weights(state.log_weights)
+        away, weights = anomaly @ state.places, normed(state.log_weights)
         between = away**2 @ weights - (away @ weights) ** 2
         return half_width_of(anomaly @ state.covariance @ anomaly + np.maximum(between, 0.0))
 
 
-def _weights(log_weights: Array) -> Array:
-    """Return (M, B) weights that add up to one."""
+def normed(log_weights: Array) -> Array:
+    """Return (n, B) weights that add up to one, by their logarithms."""
     weights = np.exp(log_weights - log_weights.max(axis=0))
     normed: Array = weights / weights.sum(axis=0)
     return normed

@@ -41,7 +41,8 @@ class NoiseDensity:
         variance: variance R of the noise [deg^2].
         scores: (R + s^2) times the score (minus the slope of the log-density), (spreads, innovations) [deg].
         informations: (R + s^2) times the Fisher information of an innovation about the angle, (spreads,).
-        log_densities: (R + s^2) times the log-density of an innovation but for a constant, as `scores`.
+        log_densities: (R + s^2) times the log-density of an innovation under its largest, as `scores`.
+        log_peaks: largest log-density of an innovation, (spreads,).
         rough: whether it only stands for what the sensor does: counts whose dither is not small beside them,
             errors that depend on the angle.
     """
@@ -51,13 +52,15 @@ class NoiseDensity:
     scores: Array
     informations: Array
     log_densities: Array
+    log_peaks: Array
     rough: bool = False
 
     def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
-        """Return the log-density of innovations, but for a constant; arguments as of `score`."""
+        """Return the log-density of innovations [of 1 / deg]; arguments as of `score`."""
         lower, share = _place(spread_deg)
         row = (1 - share) * self.log_densities[lower] + share * self.log_densities[lower + 1]
-        found: Array = np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
+        peak = (1 - share) * self.log_peaks[lower] + share * self.log_peaks[lower + 1]
+        found: Array = peak + np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
         return found
 
     def score(self, innovation_deg: Array, spread_deg: float) -> Array:
@@ -88,7 +91,7 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         raise InputError(f"no density of {kind!r} noise; valid: {', '.join(_MIXTURES)}")
     weights, places, variances, widths = np.broadcast_arrays(*_MIXTURES[kind](level))
     scores = np.empty((len(_SPREADS), len(_INNOVATIONS)))
-    informations = np.empty(len(_SPREADS))
+    informations, peaks = np.empty(len(_SPREADS)), np.empty(len(_SPREADS))
     for row, spread in enumerate(_SPREADS):
         density, slope = _mixture(_INNOVATIONS[:, None] - places, variances + spread**2, widths)
         density, slope = density @ weights, slope @ weights
@@ -100,12 +103,20 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         # Outside of the support the score is extended by its last value.
         scores[row, :first], scores[row, last + 1 :] = scores[row, first], scores[row, last]
         informations[row] = integrate.trapezoid(scores[row] ** 2 * density, _INNOVATIONS)
+        peaks[row] = np.log(density.max())
     variance = noise_variance(kind, level)
     unit = variance + _SPREADS**2
     mean = float(np.sum(weights * places))
     scores *= unit[:, None]
     logs = -integrate.cumulative_trapezoid(scores, _INNOVATIONS, axis=1, initial=0.0)
-    return NoiseDensity(mean, variance, scores, informations * unit, logs, _is_rough(kind, level))
+    logs -= logs.max(axis=1, keepdims=True)
+    return NoiseDensity(mean, variance, scores, informations * unit, logs, peaks, _is_rough(kind, level))
+
+
+def family_densities(variance: float) -> list[NoiseDensity]:
+    """Return the density of each family that has a law of this variance [deg^2]."""
+    levels = {kind: level_of(variance) for kind, level_of in _LEVELS.items()}
+    return [noise_density(kind, level) for kind, level in levels.items() if level > 0]
 
 
 def _is_rough(kind: str, level: float) -> bool:
@@ -188,3 +199,11 @@ _MIXTURES: dict[str, Callable[[float], _Mixture]] = {
     "gamma": _gamma,
     STEREO: _stereo,
 }
+
+_LEVELS: dict[str, Callable[[float], float]] = {
+    **dict.fromkeys(
+        ("gaussian", "poisson", "laplace", "student-t", "uniform", "gamma"), lambda variance: variance
+    ),
+    "salt-and-pepper": lambda variance: min((variance - BACKGROUND_DEG2) / OUTLIER_DEG**2, 1.0),
+}
+"""Level of a family by its variance [deg^2]; not positive where it has none."""
