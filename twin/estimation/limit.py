@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Noise = tuple[str, float]
 """Kind and level of a noise."""
 Build = Callable[[Array, float, Noise], Estimator[Any]]
+"""Filter of members (M, N) [deg] under a noise of variance R [deg^2]."""
 MOST_BYTES = 1024 * MEBIBYTE
 """Size of a file of an ensemble [bytes]: thousands of members along minutes."""
 BIAS_DEVIATIONS = 1.0
