@@ -9,6 +9,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.video.reformatter import Interpolation
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -24,6 +25,8 @@ CODEC = "libx264"
 _OPTIONS = {"crf": "20", "threads": "1"}  # one thread: the bytes do not depend on the machine
 LARGEST_FRAMES = 1_000_000
 """Frames of a film at most: eleven hours at 25 per second."""
+_COLOURS = "yuv420p"
+_EXACT = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
 _GIF_COLOURS = 255  # and one for the paper
 
 
@@ -61,14 +64,24 @@ def write_video(
         with film:
             film.metadata["comment"] = MADE_BY
             stream = film.add_stream(CODEC, rate=fps, options=_OPTIONS)
-            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            stream.width, stream.height, stream.pix_fmt = width, height, _COLOURS
             for frame in frames:
-                film.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+                film.mux(stream.encode(_coded(frame)))
                 count += 1
             film.mux(stream.encode(None))
         written = count_frames(Path(whole.open_path))
         if written != count:
             raise OSError(f"{path}: {written} of {count} frames were written")
+
+
+def _coded(frame: Picture) -> Any:
+    """Return a picture in the colours of the film.
+
+    Rounded exactly: the quick way rounds by where in memory the picture happens to lie, and the same pictures
+    would not always make the same bytes.
+    """
+    picture = av.VideoFrame.from_ndarray(frame, format="rgb24")
+    return picture.reformat(format=_COLOURS, interpolation=_EXACT, threads=1)
 
 
 def _write_gif(
