@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from twins_of_two_kinds import SAMPLES, estimates, family
+from twins_of_two_kinds import SAMPLES, estimates, family, last_state
 
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.families import FamilyFilter
@@ -44,10 +44,7 @@ def test_family_is_recognised_and_its_mean_with_it(kind):
     members, truth = family(150, 1), family(60, 2)
     seen = measured(truth, kind, 3)
     filter_ = bank(members)
-    state = filter_.start(np.zeros(60), np.zeros(60))
-    for of_sample in seen.T[1:]:
-        state = filter_.step(state, np.zeros(60), np.zeros(60), of_sample)
-    weights = filter_.weights(state)
+    weights = filter_.weights(last_state(filter_, seen))
     np.testing.assert_allclose(weights.sum(axis=0), 1)
     told = noise_density(kind, VARIANCE)
     right = [each.ensemble.density is told for each in filter_.filters].index(True)

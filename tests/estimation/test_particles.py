@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from twins_of_two_kinds import SAMPLES, estimates, family
+from twins_of_two_kinds import SAMPLES, estimates, family, last_state
 
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.particles import ParticleFilter
@@ -31,10 +31,7 @@ def test_estimate_is_the_exact_mean_of_the_mixture(count, bandwidth, seed):
     each = places[:, -1] + (measured[0, 1:] - places[:, 1:]) @ gain
     found, half = estimates(ParticleFilter(EnsembleFilter(members, variance), bandwidth), measured)
     assert found[0, -1] == pytest.approx(weights @ each, abs=1e-7)
-    filter_ = ParticleFilter(EnsembleFilter(members, variance), bandwidth)
-    state = filter_.start(np.zeros(1), np.zeros(1))
-    for of_sample in measured.T[1:]:
-        state = filter_.step(state, np.zeros(1), np.zeros(1), of_sample)
+    state = last_state(ParticleFilter(EnsembleFilter(members, variance), bandwidth), measured)
     assert state.log_evidence[0] == pytest.approx(np.logaddexp.reduce(logs) - np.log(count), abs=1e-6)
     left = covariance[-1, -1] - gain @ covariance[1:, -1]
     spread = left + weights @ each**2 - (weights @ each) ** 2

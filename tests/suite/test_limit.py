@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.limit import Ensembles, told_density
+from twin.estimation.limit import Ensembles
 from twin.estimation.registry import find_method, method_specs
 from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate
@@ -50,7 +50,7 @@ def test_ensembles_are_kept_and_found_again(ensembles):
 
 
 def test_a_run_is_weighed_by_the_ensemble_of_its_command(ensembles, test_set):
-    method = Ensembles(tuple(ensembles), 0.1, told_density)
+    method = Ensembles(tuple(ensembles), 0.1)
     for pull in PULLS:
         members_deg = method.along(pull[::5] * 1e3)
         assert np.corrcoef(members_deg.mean(axis=0), pull[::5])[0, 1] > 0.8
@@ -59,7 +59,7 @@ def test_a_run_is_weighed_by_the_ensemble_of_its_command(ensembles, test_set):
 
 
 def test_a_record_may_begin_later_than_its_command_and_be_padded(ensembles):
-    method, pull = Ensembles(tuple(ensembles), 0.1, told_density), PULLS[1][::5] * 1e3
+    method, pull = Ensembles(tuple(ensembles), 0.1), PULLS[1][::5] * 1e3
     whole = method.along(pull)
     padded = np.concatenate([pull[7:], np.full(30, pull[-1])])
     np.testing.assert_array_equal(method.along(padded), whole[:, 7:])
@@ -91,7 +91,7 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
 
 
 def test_runs_of_a_case_are_what_each_would_be_alone(ensembles, test_set):
-    method, protocol = Ensembles(tuple(ensembles), 0.1, told_density), Protocol("full", seeds=2)
+    method, protocol = Ensembles(tuple(ensembles), 0.1), Protocol("full", seeds=2)
     both = make_case([(0, test_set[0]), (4, test_set[4])], protocol)
     estimate = method(both)
     half = len(estimate) // 2
@@ -104,9 +104,7 @@ def test_gaps_of_a_record_are_bridged(ensembles, test_set):
     seen = np.ones(len(record.bend_deg), bool)
     seen[30:50] = False
     gap = EvaluationRecord(record.pull_mm, record.bend_deg, seen, record.stroke_mm, "r", "gap")
-    estimate = Ensembles(tuple(ensembles), 0.1, told_density)(
-        make_case([(0, gap)], Protocol("full", seeds=2))
-    )
+    estimate = Ensembles(tuple(ensembles), 0.1)(make_case([(0, gap)], Protocol("full", seeds=2)))
     assert np.isfinite(estimate).all()
     error = np.abs(estimate[:2] - record.bend_deg)  # under Gaussian noise
     assert error[:, 30:50].max() < 0.5 * np.ptp(record.bend_deg)  # the ensemble goes on with the command

@@ -14,5 +14,14 @@ def family(count, seed):
     return size[:, None] * (1 - np.exp(-rate[:, None] * time))
 
 
+def last_state(filter_, measured):
+    """State of a filter after measurements (B, N)."""
+    pull = np.zeros(len(measured))
+    state = filter_.start(pull, pull)
+    for of_sample in measured.T[1:]:
+        state = filter_.step(state, pull, pull, of_sample)
+    return state
+
+
 def estimates(filter_, measured):
     return filter_.estimate_with_interval(np.zeros(measured.shape), measured, 0.0)

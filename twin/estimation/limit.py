@@ -32,6 +32,31 @@ _SAME = 1e-9  # two pulls that differ by less are one [mm]
 _LEAST = 10  # samples for which a record must follow a command
 
 
+def _told_variance(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    return EnsembleFilter(members_deg, variance)
+
+
+def _with_bias(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    return EnsembleFilter(members_deg, variance, bias_deviations=BIAS_DEVIATIONS)
+
+
+def _told_density(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+    from twin.signals.noise_density import noise_density  # SciPy: imported when used
+
+    return EnsembleFilter(members_deg, variance, noise_density(*noise))
+
+
+def _particles(members_deg: Array, variance: float, noise: Noise) -> ParticleFilter:
+    return ParticleFilter(_told_density(members_deg, variance, noise))
+
+
+def _families(members_deg: Array, variance: float, noise: Noise) -> FamilyFilter:
+    from twin.signals.noise_density import family_densities
+
+    linear = [EnsembleFilter(members_deg, variance, density) for density in family_densities(variance)]
+    return FamilyFilter(tuple(map(ParticleFilter, linear)))
+
+
 @dataclasses.dataclass(frozen=True)
 class Ensembles:
     """Ensembles along the commands of a test, as one function of a case.
@@ -39,12 +64,13 @@ class Ensembles:
     Attributes:
         paths: files of ensembles, one for each command.
         sample_time: T of the cases, a multiple of that of the files [s].
-        build: returns the filter on members, by R and by the noise, of which it may take what it is told.
+        build: returns the filter on members, by R and by the noise, of which it may take what it is told; if
+            not given, the limit's.
     """
 
     paths: tuple[Path, ...]
     sample_time: float
-    build: Build
+    build: Build = _told_density
 
     def __call__(self, case: Case) -> Array:
         """Return (B, N) estimated angles [deg], as `with_interval` does."""
@@ -122,32 +148,6 @@ class Ensembles:
         return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
 
 
-def _told_variance(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
-    return EnsembleFilter(members_deg, variance)
-
-
-def _with_bias(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
-    return EnsembleFilter(members_deg, variance, bias_deviations=BIAS_DEVIATIONS)
-
-
-def told_density(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
-    """Return the ensemble that knows the density of the noise: the limit."""
-    from twin.signals.noise_density import noise_density  # SciPy: imported when used
-
-    return EnsembleFilter(members_deg, variance, noise_density(*noise))
-
-
-def _particles(members_deg: Array, variance: float, noise: Noise) -> ParticleFilter:
-    return ParticleFilter(told_density(members_deg, variance, noise))
-
-
-def _families(members_deg: Array, variance: float, noise: Noise) -> FamilyFilter:
-    from twin.signals.noise_density import family_densities
-
-    linear = [EnsembleFilter(members_deg, variance, density) for density in family_densities(variance)]
-    return FamilyFilter(tuple(map(ParticleFilter, linear)))
-
-
 def _register(name: str, rank: float, told: str, build: Build, **of_spec: Any) -> None:
     """Add a row of the method table."""
     register_method(
@@ -167,5 +167,5 @@ _DENSITY = "the density of the noise"
 _register("Ensemble", 60, "R", _told_variance)
 _register("Ensemble with bias", 60.5, "R", _with_bias, on_request=True)
 _register("Particles (families)", 60.7, "R, the families of the noise", _families, on_request=True)
-_register("Ensemble (limit)", 61, _DENSITY, told_density, needs_density=True, is_limit=True)
+_register("Ensemble (limit)", 61, _DENSITY, _told_density, needs_density=True, is_limit=True)
 _register("Particles (limit)", 62, _DENSITY, _particles, needs_density=True, on_request=True)

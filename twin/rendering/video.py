@@ -74,7 +74,7 @@ def write_video(
             raise OSError(f"{path}: {written} of {count} frames were written")
 
 
-def _coded(frame: Picture) -> Any:
+def _coded(frame: Picture) -> av.VideoFrame:
     """Return a picture in the colours of the film.
 
     Rounded exactly: the quick way rounds by where in memory the picture happens to lie, and the same pictures

@@ -115,8 +115,11 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
 
 def family_densities(variance: float) -> list[NoiseDensity]:
     """Return the density of each family that has a law of this variance [deg^2]."""
-    levels = {kind: level_of(variance) for kind, level_of in _LEVELS.items()}
-    return [noise_density(kind, level) for kind, level in levels.items() if level > 0]
+    levels = dict.fromkeys(_BY_VARIANCE, variance)
+    outliers = (variance - BACKGROUND_DEG2) / OUTLIER_DEG**2
+    if 0 < outliers <= 1:
+        levels["salt-and-pepper"] = outliers
+    return [noise_density(*family) for family in levels.items()]
 
 
 def _is_rough(kind: str, level: float) -> bool:
@@ -200,10 +203,5 @@ _MIXTURES: dict[str, Callable[[float], _Mixture]] = {
     STEREO: _stereo,
 }
 
-_LEVELS: dict[str, Callable[[float], float]] = {
-    **dict.fromkeys(
-        ("gaussian", "poisson", "laplace", "student-t", "uniform", "gamma"), lambda variance: variance
-    ),
-    "salt-and-pepper": lambda variance: min((variance - BACKGROUND_DEG2) / OUTLIER_DEG**2, 1.0),
-}
-"""Level of a family by its variance [deg^2]; not positive where it has none."""
+_BY_VARIANCE = ("gaussian", "poisson", "laplace", "student-t", "uniform", "gamma")
+"""Families whose level is their variance."""

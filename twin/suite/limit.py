@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.estimation.ensemble import posterior_bound
-from twin.estimation.limit import Ensembles, told_density
+from twin.estimation.limit import Ensembles
 from twin.evaluation.protocol import RECORDED
 from twin.evaluation.record import EvaluationRecord
 from twin.files.atomic import write_whole
@@ -87,7 +87,7 @@ def bounds(
     `rmse_deg` is its root mean square over a stroke's commands. It is a mean over twins as the ensemble has
     them; a single twin may be better or worse known.
     """
-    ensembles = Ensembles(tuple(paths), sample_time, told_density)
+    ensembles = Ensembles(tuple(paths), sample_time)
     strokes: dict[tuple[float, float], dict[bytes, EvaluationRecord]] = {}
     for record in records:
         strokes.setdefault(record.stroke_mm, {}).setdefault(record.pull_mm.tobytes(), record)
