@@ -119,24 +119,25 @@ def test_kept_stages_are_not_worked_out_again(problem, whole, tmp_path, monkeypa
     same(calibrate(*problem, seed=3, starts=2, state_file=state), whole)
 
 
-def test_a_hop_ends_in_the_lower_of_two_valleys(problem, monkeypatch):
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_walk_ends_in_the_lower_of_two_valleys(problem, monkeypatch, side):
     """The second valley is out of reach of a descent: a ridge of residuals lies between."""
     (free,), logs = problem
-    ends = []
+    told = []
 
-    def penalised(free, points, *args, **options):
-        x, y = (np.array(points) - free.start).T * 40
-        high = np.cos(np.pi * x) ** 2 + 0.1 * (x - 2) ** 2  # lowest at 1.5, which is told within a ridge
-        return np.stack([np.sqrt(high + 0.05), 30 * y, *np.full((6, len(x)), 1e-2)], axis=1)
+    def penalised(fitted, points, *args, **options):
+        x, y = (np.array([free.encode(fitted.decode(point)) for point in points]) - free.start).T
+        high = 0.1 * np.cos(np.pi * x / 0.3) ** 2 + 0.5 * (x - 0.45 * side) ** 2
+        return np.stack([np.sqrt(high + 0.3), 3 * y, *np.full((6, len(x)), 1e-3)], axis=1)
 
     for module in ("search", "descent"):
         monkeypatch.setattr(f"twin.calibration.{module}.penalised", penalised)
-    hopping = search._Search([free], logs, 2, {}, None, "", lambda *news: ends.append(news))
-    start = free.start - np.array([2.5, 0.0]) / 40
+    searching = search._Search([free], logs, 2, {}, None, "", lambda *news: told.append(news))
+    start = free.start - np.array([0.15 * side, 0.0])
     before = float((penalised(free, [start])[0] ** 2).sum())
-    cost, found = hopping.hop(0, before, start, 0.0, seed=0)
-    assert cost < 0.5 * before
-    assert (found - free.start)[0] * 40 > -0.6
+    cost, found = searching.walk(0, 0, start, weight=0.0)
+    assert cost < 0.7 * before
+    assert (found - free.start)[0] * side == pytest.approx(0.45, abs=0.02)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

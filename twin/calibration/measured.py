@@ -46,6 +46,8 @@ class MeasuredLoop:
         timed: whether its times were recorded; a log of phases has none.
         lateral_pull: commanded pulling distance of wire c, (N,) [m]; (0,) with one bending plane.
         lateral_bend: measured bending angle in that plane, (N,) [rad]; (0,) if there is none.
+        scales: error of each channel that costs 1, its angles before its tensions, (C,) [rad, N]; (0,)
+            for the usual ones.
     """
 
     name: str
@@ -60,6 +62,7 @@ class MeasuredLoop:
     timed: bool = False
     lateral_pull: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     lateral_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    scales: Array = dataclasses.field(default_factory=lambda: np.empty(0))
 
     def only_predicted(self) -> "MeasuredLoop":
         """Return the log with no fitted sample, for prediction only."""

@@ -1,5 +1,6 @@
 """Residuals of candidate presets against logs: all candidates times all logs in one batch simulation."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -117,6 +118,26 @@ def penalised(
     return np.hstack([off, departure])
 
 
+def scales_of(loop: MeasuredLoop) -> Array:
+    """Return the scale of each channel of a log, of its angles and then of its tensions (C,) [rad, N]."""
+    if loop.scales.size:
+        return loop.scales
+    planes = 1 + (loop.lateral_bend.size > 0)
+    force = np.sqrt(2) * TENSION_SHARE * loop.tension_range
+    return np.array([BEND_SCALE] * planes + [force] * loop.tension.shape[1])
+
+
+def channels(loops: Sequence[MeasuredLoop]) -> list[list[slice]]:
+    """Return where the residuals of each channel of each log are, in the order of `scales_of`."""
+    places, begin = [], 0
+    for loop in loops:
+        planes, count = 1 + (loop.lateral_bend.size > 0), np.count_nonzero(loop.fitted)
+        ends = begin + count * np.arange(planes + loop.tension.shape[1] + 1)
+        places.append([slice(int(one), int(other)) for one, other in itertools.pairwise(ends)])
+        begin = int(ends[-1]) + planes  # of the offsets
+    return places
+
+
 def prior_weight(cost: float) -> float:
     """Return the weight of the first guess beside logs that a fit leaves at a cost: `PRIOR` at most."""
     return PRIOR * min(1.0, cost / COMMON_COST) ** 2
@@ -145,9 +166,9 @@ def _of_log(episode: Episode | None, loop: MeasuredLoop, weight: float) -> Array
         return np.full(count * parts + planes, _HOPELESS / np.sqrt(count))
     errors = bend_errors(episode, loop)
     offsets = np.array([offset_of(error, loop) for error in errors])
-    off = [(error - offset)[loop.fitted] / BEND_SCALE for error, offset in zip(errors, offsets, strict=True)]
+    off = [(error - offset)[loop.fitted] for error, offset in zip(errors, offsets, strict=True)]
     if loop.tension.size:
-        scale = np.sqrt(2) * TENSION_SHARE * loop.tension_range
-        off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T / scale)
+        off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T)
+    off = [error / scale for error, scale in zip(off, scales_of(loop), strict=True)]
     weighted: Array = np.concatenate(off) / np.sqrt(count)
     return np.concatenate([weighted, weight * offsets / OFFSET_SPREAD])

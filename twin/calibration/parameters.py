@@ -1,4 +1,4 @@
-"""Free parameters of a calibration: selection, initial guess, and scaling of the search space."""
+"""Free parameters of a calibration: selection, and scaling of the search space."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.calibration.first_guess import FROM_NOTHING, first_guess
 from twin.calibration.measured import MeasuredLoop
 from twin.errors import InputError
 from twin.preset.preset import Preset, parameter_limits
@@ -143,7 +144,7 @@ def free_parameters(
             raise InputError(f"parameter {name!r} may be negative and has no scale to be searched on")
     if len(set(names)) < len(names):
         raise InputError(f"parameters {', '.join(names)}: one is named twice")
-    guess = {name: value for name, value in _guess(base, loops).items() if name in names}
+    guess = {name: value for name, value in first_guess(base, loops).items() if name in names}
     for name in names:
         if name not in SIGNED and not guess.get(name, getattr(base, name)) > 0:
             raise InputError(f"parameter {name!r} is 0 in the preset: give it a value to start from")
@@ -158,38 +159,8 @@ def with_slack(free: FreeParameters) -> FreeParameters:
     names = [name for name in free.names if name != "pretension"]
     zeros = ("command_zero", "lateral_command_zero")[: free.base.bending_planes]
     return FreeParameters(
-        free.base.replace(wire_slack=_FROM_NOTHING["wire_slack"]), (*names, "wire_slack", *zeros)
+        free.base.replace(wire_slack=FROM_NOTHING["wire_slack"]), (*names, "wire_slack", *zeros)
     )
-
-
-def _guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
-    """Return initial guesses from the slopes and ranges of the logs; all positive parameters above zero."""
-    guess = {name: value for name, value in _FROM_NOTHING.items() if getattr(base, name) == 0}
-    if len({loop.sheath_bend for loop in loops}) > 2:
-        guess["sheath_friction_exponent"] = 2 / 3
-    loop = max(loops, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
-    speed = np.diff(loop.pull)
-    moving = np.abs(speed) > 0.3 * np.abs(speed).max()
-    slope = np.abs(np.diff(loop.bend)[moving] / speed[moving])
-    guess["wire_offset"] = _inside("wire_offset", 1 / np.percentile(slope, 80))
-    with_tension = [loop for loop in loops if loop.tension.size]
-    if with_tension:
-        at_start = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
-        guess["pretension"] = _inside("pretension", max(at_start, 0.1))
-        loop = with_tension[0]
-        steps, pulls = np.abs(np.diff(loop.tension[:, 0])), np.abs(np.diff(loop.pull))
-        slopes = steps[pulls > 0] / pulls[pulls > 0]
-        guess["wire_stiffness"] = _inside("wire_stiffness", np.percentile(slopes, 80))
-        moment = np.ptp(loop.tension[:, 0] - loop.tension[:, 1]) * guess["wire_offset"]
-        guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.bend))
-        guess["joint_friction"] = _inside("joint_friction", max(0.05 * moment, 1e-6))
-        guess["sheath_friction_floor"] = 0.1 * guess["pretension"]
-    return guess
-
-
-def _inside(name: str, value: float) -> float:
-    low, high = parameter_limits(name)
-    return float(np.clip(value, 2 * low, high / 2))
 
 
 DEFAULT = (
@@ -211,21 +182,6 @@ DEFAULT = (
     "command_delay",
 )
 """Parameters that can be identified from loops at several sheath bends with measured tensions."""
-_FROM_NOTHING = {
-    "joint_friction": 1e-3,
-    "wire_stiffening": 0.1,
-    "pretension": 3.0,
-    "sheath_friction": 0.2,
-    "sheath_bend_offset": 0.5,
-    "sheath_friction_floor": 0.5,
-    "section_stiffening": 0.3,
-    "routing_friction": 0.05,
-    "sheath_friction_growth": 0.5,
-    "backlash": 1e-4,
-    "wire_slack": 2e-4,
-    "servo_gain": 20.0,
-    "command_delay": 0.02,
-}
 _NOT_PHYSICAL = (
     *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
     "time_step",

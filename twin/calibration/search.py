@@ -1,5 +1,6 @@
 """Fit of a preset to logs: many starts of least squares on the reduced twin, then the twin in MuJoCo."""
 
+import dataclasses
 import functools
 import threading
 import time
@@ -7,7 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,11 @@ from twin import __version__
 from twin.calibration.confirm import confirmed
 from twin.calibration.descent import descend, over_what_is_told
 from twin.calibration.fit import Fit
-from twin.calibration.hops import EACH, WIDTHS, points_about
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
 from twin.calibration.parameters import FreeParameters
-from twin.calibration.secants import variance_of
+from twin.calibration.walk import FARTHEST, STRIDES, parameter_along, walk
+from twin.calibration.weights import weighed
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.state_file import damaged_state, read_state, state_key, write_state
@@ -34,21 +35,21 @@ STARTS = 8
 """Starts of least squares: valleys are many, and the best one by the fitted samples is taken."""
 FINISHED = 2
 """The best starts that are followed to the bottom."""
-HOPS = 2
-"""Most hops into another valley; after one that finds none there is no other."""
-LOWER = 0.998
+LOWER = 0.9999
 """Share of the cost below which another valley is lower."""
 TURNS = 3
 """Most times that the first guess is given less weight, where the logs leave little unexplained."""
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
-USUAL_STEPS, USUAL_HOPS, TRIALS = 15, 2, 8  # of one that is finished; hops; simulations that are timed
+USUAL_STEPS, USUAL_WALK, TRIALS = 15, 6, 8  # of one finished, of a walk to a side; simulations that are timed
 STATE = "calibration state"
 """Kind of the state that an interrupted calibration leaves."""
 MOST_STARTS = 1000
 MOST_SEED = 2**32 - 1
 
 OnProgress = Callable[[int, int, float], None]
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def calibrate(
@@ -63,8 +64,9 @@ def calibrate(
     """Fit a preset to logs.
 
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
-    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Hops then look for a
-    lower valley nearby. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
+    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks
+    along its valley then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees
+    with the logs.
 
     Args:
         structures: the fitted parameters and their first guess; of several sets the one that fits best is
@@ -102,16 +104,23 @@ def calibrate(
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
             search.tell(cost)
-    cost, numbers = search.hop(which, cost, numbers, weight, seed)
+    for number in range(len(STRIDES)):
+        if weight < PRIOR:
+            search.weigh(free, numbers)
+        cost, numbers = search.walk(number, which, numbers, weight)
     fit = confirmed(
         free,
-        loops,
+        search.loops,
         numbers,
         weight,
-        jacobian=lambda at, around: over_what_is_told(free, loops, at, weight, around),
+        jacobian=lambda at, around: over_what_is_told(free, search.loops, at, weight, around),
     )
     search.tell(cost)
-    return fit
+    return dataclasses.replace(
+        fit,
+        cost=float((residuals([fit.preset], loops) ** 2).sum()),
+        reduced_cost=float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum()),
+    )
 
 
 def check_effort(starts: int, seed: int) -> None:
@@ -135,8 +144,8 @@ def foreseen_seconds(
     each = (time.perf_counter() - begun) / TRIALS
     step = len(free.names) + 2
     descents = STEPS * step * starts + USUAL_STEPS * 2 * step * min(FINISHED, starts)
-    hops = USUAL_HOPS * (len(WIDTHS) * (EACH + STEPS * step) + USUAL_STEPS * 2 * step)
-    return each * (SCREENED * starts + descents + hops)
+    walks = len(STRIDES) * (2 * USUAL_WALK * STEPS * step + USUAL_STEPS * 2 * step)
+    return each * (SCREENED * starts + descents + walks)
 
 
 class _Search:
@@ -152,11 +161,12 @@ class _Search:
         key: str,
         on_progress: OnProgress | None,
     ) -> None:
-        self._structures, self._loops, self._starts = structures, loops, starts
+        self._structures, self._starts = structures, starts
+        self.loops = list(loops)
         self._kept = dict(saved)
         self._state_file, self._key, self._on_progress = state_file, key, on_progress
         self._total = len(structures) + starts + min(FINISHED, starts) + TURNS + 1
-        self._total += HOPS * (len(WIDTHS) + 1)
+        self._total += 4 * len(STRIDES)
         self._lowest, self._lock = np.inf, threading.Lock()
         self._done = 0
 
@@ -191,17 +201,16 @@ class _Search:
         *,
         smooth: bool = True,
     ) -> list[tuple[float, int, Array]]:
-        """Return the cost, structure and place that least squares reaches from each start, two at a time."""
-        stopped = threading.Event()
+        """Return the cost, structure and place that least squares reaches from each start."""
 
-        def reach(number: int) -> tuple[float, int, Array]:
+        def reach(number: int, stopped: threading.Event) -> tuple[float, int, Array]:
             which, start = begun[number]
             found = self._once(
                 f"{stage} {number}",
                 (len(start) + 1,),
                 lambda: descend(
                     self._structures[which],
-                    self._loops,
+                    self.loops,
                     start,
                     steps,
                     weight,
@@ -212,52 +221,65 @@ class _Search:
             )
             return float(found[0]), which, found[1:]
 
+        return self._side_by_side(reach, range(len(begun)), lambda reached: reached[0])
+
+    def _side_by_side(
+        self,
+        work: Callable[[T, threading.Event], R],
+        items: Sequence[T],
+        cost_of: Callable[[R], float],
+    ) -> list[R]:
+        """Return the work on each item, one on each core; each that is done is told."""
+        stopped = threading.Event()
         with ThreadPoolExecutor() as pool:
-            waiting = [pool.submit(reach, number) for number in range(len(begun))]
+            waiting = [pool.submit(work, item, stopped) for item in items]
             try:
-                reached = []
+                done = []
                 for one in waiting:
-                    reached.append(one.result())
-                    self.tell(reached[-1][0])
-                return reached
+                    done.append(one.result())
+                    self.tell(cost_of(done[-1]))
+                return done
             except BaseException:
                 stopped.set()
                 pool.shutdown(cancel_futures=True)
                 raise
 
-    def hop(self, which: int, cost: float, numbers: Array, weight: float, seed: int) -> tuple[float, Array]:
-        """Return the cost and place after hops into lower valleys, until one finds none.
+    def weigh(self, free: FreeParameters, numbers: Array) -> None:
+        """Weigh the channels of the logs by what a point leaves of each."""
+        self.loops = weighed(self.loops, residuals([free.decode(numbers)], self.loops, "reduced")[0])
 
-        Only where the logs leave so little unexplained that the first guess counts less than `PRIOR`.
+    def walk(self, number: int, which: int, numbers: Array, weight: float) -> tuple[float, Array]:
+        """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one.
+
+        Only where the logs leave so little unexplained that the first guess counts less than `PRIOR`: else
+        what the twin cannot explain outweighs what such valleys differ by.
         """
         free = self._structures[which]
-        if weight >= PRIOR:  # what the twin cannot explain outweighs what such valleys differ by
-            self._skip(HOPS * (len(WIDTHS) + 1), cost)
+        name = parameter_along(free)
+        cost = float(self._costs(free, numbers[None], weight)[0])
+        if weight >= PRIOR or name is None:
+            for _ in range(4):
+                self.tell(cost)
             return cost, numbers
-        for number in range(HOPS):
-            slope = over_what_is_told(free, self._loops, numbers, weight)
-            here = penalised(free, [numbers], self._loops, "reduced", weight)[0]
-            rng = np.random.default_rng([seed, number])
-            variance = variance_of(here, len(numbers))
-            drawn = points_about(numbers, slope, variance, (free.lower, free.upper), rng)
-            costs = np.array([self._costs(free, points, weight) for points in drawn])
-            begun = [
-                (which, points[place]) for points, place in zip(drawn, costs.argmin(axis=1), strict=True)
-            ]
-            reached = self.descend(f"hop {number}", begun, STEPS, weight, smooth=False)
-            lowest = min(reached, key=lambda one: one[0])
-            if not lowest[0] < LOWER * cost:
-                self._skip((HOPS - number) * (len(WIDTHS) + 1) - len(WIDTHS), cost)
-                break
-            cost, _, numbers = self.descend(f"landing {number}", [(which, lowest[2])], MOST_STEPS, weight)[0]
-        return cost, numbers
+        ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
 
-    def _skip(self, stages: int, cost: float) -> None:
-        for _ in range(stages):
-            self.tell(cost)
+        def side(stride: float, stopped: threading.Event) -> Array:
+            return self._once(
+                f"walk {number} {stride:+g}",
+                (FARTHEST, len(numbers) + 1),
+                lambda: walk(
+                    free, self.loops, cost, numbers, name, stride, STEPS, weight, threads=1, stopped=stopped
+                ),
+            )
+
+        strides = (-STRIDES[number], STRIDES[number])
+        met = np.concatenate(self._side_by_side(side, strides, lambda points: float(points[:, 0].min())))
+        lowest = met[met[:, 0].argmin(), 1:]
+        ((reached, _, end),) = self.descend(f"landing {number}", [(which, lowest)], MOST_STEPS, weight)
+        return (reached, end) if reached < LOWER * cost else (cost, numbers)
 
     def _costs(self, free: FreeParameters, candidates: Array, weight: float = PRIOR) -> Array:
-        off = penalised(free, list(candidates), self._loops, "reduced", weight)
+        off = penalised(free, list(candidates), self.loops, "reduced", weight)
         cost: Array = (off**2).sum(axis=1)
         return cost
 
