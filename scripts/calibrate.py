@@ -44,7 +44,8 @@ class Calibrate:
     pace: float | None = None
     """Play the logs this many times faster than recorded; a log of phases has a pace of its own."""
     sample_time: float | None = None
-    """Time between two samples that are compared [s]; if not given, some 900 samples of all logs are."""
+    """Time between two samples that are compared [s]; if not given, some 900 samples of all logs are; of
+    poses taken seldom, four times as many as there are."""
     rivals: tuple[Literal["coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii"], ...] = (
         "coleman-hodgdon",
         "prandtl-ishlinskii",

@@ -103,11 +103,25 @@ def test_log_of_a_whole_multiple_of_the_sample_time_has_one_grid(samples):
     assert len(loop.pull) == len(loop.bend) == len(loop.fitted) == len(loop.tension) == len(loop.seen)
 
 
+def lasting(seconds, interval):
+    """Return a log of so many seconds, a sample each interval [s]."""
+    count = round(seconds / interval) + 1
+    still = np.zeros(count)
+    nothing = np.zeros((count, 2, 0))
+    return Episode(np.arange(count) * interval, still, still, still, np.zeros((count, 1)), nothing, nothing)
+
+
 def test_logs_are_thinned_to_a_usual_number_of_samples():
-    episode = recorded(cycles=4.0)
-    long, hour = (dataclasses.replace(episode, time=episode.time * factor) for factor in (3, 100))
-    assert thinned([episode], TRUTH) == pytest.approx(0.01)
-    assert thinned([long], TRUTH) == pytest.approx(0.03)
-    assert thinned([episode] * 3, TRUTH) == pytest.approx(0.03)
-    assert thinned([hour], TRUTH) == pytest.approx(0.1)
-    assert thinned([episode] * 3, TRUTH, pace=3.0) == pytest.approx(0.01)
+    ten = lasting(10, 0.05)
+    assert thinned([ten], TRUTH) == pytest.approx(0.01)
+    assert thinned([lasting(30, 0.05)], TRUTH) == pytest.approx(0.03)
+    assert thinned([ten] * 3, TRUTH) == pytest.approx(0.03)
+    assert thinned([lasting(1000, 0.05)], TRUTH) == pytest.approx(0.1)
+    assert thinned([ten] * 3, TRUTH, pace=3.0) == pytest.approx(0.01)
+
+
+def test_seldom_logs_are_compared_a_few_times_as_often_as_they_were_taken():
+    poses = lasting(60, 1.0)
+    assert thinned([poses], TRUTH) == pytest.approx(0.25)
+    assert thinned([poses], TRUTH, pace=2.0) == pytest.approx(0.12)
+    assert thinned([poses, lasting(60, 0.1)], TRUTH) == pytest.approx(0.1)

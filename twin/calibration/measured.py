@@ -25,6 +25,8 @@ MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
 """Largest plausible values: beyond them squares of residuals overflow."""
 USUAL_SAMPLES, LONGEST_PERIODS = 900, 10
 """Samples that a calibration compares if not told how many, and their longest time in control periods."""
+BETWEEN = 4
+"""Most samples that are compared for each that was recorded: models of hysteresis step finely enough."""
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -86,14 +88,18 @@ class MeasuredLoop:
 def thinned(episodes: Sequence[Episode], preset: Preset, pace: float | None = None) -> float:
     """Return the sample time at which logs have about `USUAL_SAMPLES` together, whole control periods [s].
 
+    Logs that were recorded seldom, as poses are, are compared `BETWEEN` times as often, and no more.
+
     Args:
         episodes: the logs.
         preset: whose control period counts.
         pace: as of `measured_loop`.
     """
-    seconds = sum(float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in episodes)
+    seconds = [float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in episodes]
+    own = min(length / max(len(one.time) - 1, 1) for length, one in zip(seconds, episodes, strict=True))
     period = preset.control_period
-    return period * min(max(round(seconds / USUAL_SAMPLES / period), 1), LONGEST_PERIODS)
+    usual = min(max(round(sum(seconds) / USUAL_SAMPLES / period), 1), LONGEST_PERIODS)
+    return period * max(usual, math.floor(own / BETWEEN / period))
 
 
 def _pace(episode: Episode, pace: float | None) -> float:
