@@ -15,6 +15,8 @@ def test_known_parameters_come_back(fitted):
     for name in free.names:
         assert getattr(fit.preset, name) == pytest.approx(getattr(TRUTH, name), rel=0.02), name
     assert fit.cost < 1e-3
+    assert fit.beside.shape[1] == 1 + len(free.names)
+    assert fit.beside[:, 0].min() > -1e-5
     assert told[-1][0] == told[-1][1] == len(told)
     assert [news[2] for news in told] == sorted((news[2] for news in told), reverse=True)
 
@@ -53,6 +55,7 @@ def same(first, second):
     assert first.reduced_cost == second.reduced_cost
     assert first.jacobian.tobytes() == second.jacobian.tobytes()
     assert first.residual.tobytes() == second.residual.tobytes()
+    assert first.beside.tobytes() == second.beside.tobytes()
 
 
 @pytest.mark.parametrize("stages", [(1,), (1, 1), (3,), (5,)])

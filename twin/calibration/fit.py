@@ -23,6 +23,8 @@ class Fit:
         reduced_cost: the same of the reduced twin, on which the search was made.
         jacobian: derivative of the residuals with respect to the search space, (R, P).
         residual: weighted residuals, (R,).
+        beside: points of the search space beside the fit, as walks met them: how much more each costs on the
+            reduced twin, and where it is, (K, 1 + P).
     """
 
     free: FreeParameters
@@ -31,3 +33,4 @@ class Fit:
     reduced_cost: float
     jacobian: Array
     residual: Array
+    beside: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))

@@ -120,6 +120,7 @@ def calibrate(
         fit,
         cost=float((residuals([fit.preset], loops) ** 2).sum()),
         reduced_cost=float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum()),
+        beside=search.beside(which, numbers, weight),
     )
 
 
@@ -163,6 +164,7 @@ class _Search:
     ) -> None:
         self._structures, self._starts = structures, starts
         self.loops = list(loops)
+        self._met: list[Array] = []
         self._kept = dict(saved)
         self._state_file, self._key, self._on_progress = state_file, key, on_progress
         self._total = len(structures) + starts + min(FINISHED, starts) + TURNS + 1
@@ -274,9 +276,18 @@ class _Search:
 
         strides = (-STRIDES[number], STRIDES[number])
         met = np.concatenate(self._side_by_side(side, strides, lambda points: float(points[:, 0].min())))
+        self._met.append(met[:, 1:])
         lowest = met[met[:, 0].argmin(), 1:]
         ((reached, _, end),) = self.descend(f"landing {number}", [(which, lowest)], MOST_STEPS, weight)
         return (reached, end) if reached < LOWER * cost else (cost, numbers)
+
+    def beside(self, which: int, numbers: Array, weight: float) -> Array:
+        """Return the points that walks met, as `Fit.beside` has them."""
+        if not self._met:
+            return np.empty((0, 1 + len(numbers)))
+        points = np.unique(np.concatenate(self._met), axis=0)
+        here, *others = self._costs(self._structures[which], np.vstack([numbers, points]), weight)
+        return np.column_stack([np.array(others) - here, points])
 
     def _costs(self, free: FreeParameters, candidates: Array, weight: float = PRIOR) -> Array:
         off = penalised(free, list(candidates), self.loops, "reduced", weight)
