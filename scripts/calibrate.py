@@ -62,7 +62,8 @@ def run_calibration(args: Calibrate) -> Summary:
     require_extra("sim")
     from twin.calibration import calibrate, structures
     from twin.calibration.files import log_summary, read_loops, report_files, write_fit
-    from twin.calibration.search import STATE, check_effort, foreseen_seconds
+    from twin.calibration.search import check_effort, foreseen_seconds
+    from twin.calibration.stages import STATE
     from twin.files.origin import origin_of
     from twin.files.ours import MADE_BY
     from twin.files.state_file import remove_state

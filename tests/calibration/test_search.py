@@ -8,6 +8,7 @@ from calibrating import SAMPLE_TIME, TRUTH, loops, recorded, start_of
 from pickles import planted_pickle
 
 from twin.calibration import calibrate, free_parameters, measured_loop, search, with_slack
+from twin.calibration.stages import Stages
 
 
 def test_known_parameters_come_back(fitted):
@@ -135,7 +136,7 @@ def test_a_walk_ends_in_the_lower_of_two_valleys(problem, monkeypatch, side):
 
     for module in ("search", "descent"):
         monkeypatch.setattr(f"twin.calibration.{module}.penalised", penalised)
-    searching = search._Search([free], logs, 2, {}, None, "", lambda *news: told.append(news))
+    searching = search._Search([free], logs, 2, Stages(9, None, "", lambda *news: told.append(news)))
     start = free.start - np.array([0.15 * side, 0.0])
     before = float((penalised(free, [start])[0] ** 2).sum())
     cost, found = searching.walk(0, 0, start, weight=0.0)

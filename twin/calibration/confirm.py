@@ -37,6 +37,7 @@ def confirmed(
     numbers: Array,
     weight: float,
     jacobian: Callable[[Array, Array | None], Array],
+    counted: Sequence[MeasuredLoop],
 ) -> Fit:
     """Move a fit of the reduced twin to where the twin in MuJoCo agrees with the logs.
 
@@ -49,11 +50,12 @@ def confirmed(
         numbers: the fit, in the search space, (P,).
         weight: of the first guess, of `prior_weight`.
         jacobian: derivative of the residuals of the reduced twin at a point (R, P); it is given the last one.
+        counted: the logs with the scales by which costs are stated.
 
     Raises:
         FloatingPointError: MuJoCo diverges along a log even at a much smaller step.
     """
-    reduced = residuals([free.decode(numbers)], loops, "reduced")[0]
+    reduced = residuals([free.decode(numbers)], counted, "reduced")[0]
     told = len(reduced)  # what follows is the departure from the first guess
     base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
     free = dataclasses.replace(free, base=base)
@@ -75,7 +77,7 @@ def confirmed(
     return Fit(
         free=free,
         preset=free.decode(numbers),
-        cost=float(off[:told] @ off[:told]),
+        cost=float((residuals([free.decode(numbers)], counted) ** 2).sum()),
         reduced_cost=float(reduced @ reduced),
         jacobian=slope[:told],
         residual=off[:told],

@@ -4,11 +4,10 @@ import dataclasses
 import functools
 import threading
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +19,12 @@ from twin.calibration.fit import Fit
 from twin.calibration.measured import MeasuredLoop
 from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
 from twin.calibration.parameters import FreeParameters
+from twin.calibration.stages import OnProgress, Stages
 from twin.calibration.walk import FARTHEST, STRIDES, parameter_along, walk
 from twin.calibration.weights import weighed
 from twin.errors import InputError
 from twin.files.bounds import check_between
-from twin.files.state_file import damaged_state, read_state, state_key, write_state
+from twin.files.state_file import state_key
 from twin.physics import MUJOCO
 
 Array = NDArray[np.float64]
@@ -42,14 +42,8 @@ TURNS = 3
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
 USUAL_STEPS, USUAL_WALK, TRIALS = 15, 6, 8  # of one finished, of a walk to a side; simulations that are timed
-STATE = "calibration state"
-"""Kind of the state that an interrupted calibration leaves."""
 MOST_STARTS = 1000
 MOST_SEED = 2**32 - 1
-
-OnProgress = Callable[[int, int, float], None]
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 def calibrate(
@@ -64,9 +58,8 @@ def calibrate(
     """Fit a preset to logs.
 
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
-    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks
-    along its valley then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees
-    with the logs.
+    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks along its valley
+    then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
 
     Args:
         structures: the fitted parameters and their first guess; of several sets the one that fits best is
@@ -88,9 +81,10 @@ def calibrate(
     if not loops:
         raise InputError("no log to calibrate on")
     check_effort(starts, seed)
+    count = len(structures) + starts + min(FINISHED, starts) + TURNS + 4 * len(STRIDES) + 1
     key = _key(structures, loops, seed, starts) if state_file else ""
-    saved = (read_state(state_file, STATE, key) if state_file else None) or {}
-    search = _Search(structures, loops, starts, saved, state_file, key, on_progress)
+    stages = Stages(count, state_file, key, on_progress)
+    search = _Search(structures, loops, starts, stages)
     begun = search.screen(np.random.default_rng(seed))
     down = search.descend("start", begun, STEPS, smooth=False)
     best = sorted(down, key=lambda one: one[0])[:FINISHED]
@@ -103,7 +97,7 @@ def calibrate(
             weight = prior_weight(left)
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
-            search.tell(cost)
+            stages.tell(cost)
     for number in range(len(STRIDES)):
         if weight < PRIOR:
             search.weigh(free, numbers)
@@ -114,14 +108,10 @@ def calibrate(
         numbers,
         weight,
         jacobian=lambda at, around: over_what_is_told(free, search.loops, at, weight, around),
+        counted=loops,
     )
-    search.tell(cost)
-    return dataclasses.replace(
-        fit,
-        cost=float((residuals([fit.preset], loops) ** 2).sum()),
-        reduced_cost=float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum()),
-        beside=search.beside(which, numbers, weight),
-    )
+    stages.tell(cost)
+    return dataclasses.replace(fit, beside=search.beside(which, numbers, weight))
 
 
 def check_effort(starts: int, seed: int) -> None:
@@ -150,34 +140,18 @@ def foreseen_seconds(
 
 
 class _Search:
-    """Stages of a search, which are told, kept, and not done again."""
+    """Search of one calibration: its logs as they are weighed, and the points that its walks met."""
 
     def __init__(
         self,
         structures: Sequence[FreeParameters],
         loops: Sequence[MeasuredLoop],
         starts: int,
-        saved: dict[str, Array],
-        state_file: Path | None,
-        key: str,
-        on_progress: OnProgress | None,
+        stages: Stages,
     ) -> None:
-        self._structures, self._starts = structures, starts
+        self._structures, self._starts, self._stages = structures, starts, stages
         self.loops = list(loops)
         self._met: list[Array] = []
-        self._kept = dict(saved)
-        self._state_file, self._key, self._on_progress = state_file, key, on_progress
-        self._total = len(structures) + starts + min(FINISHED, starts) + TURNS + 1
-        self._total += 4 * len(STRIDES)
-        self._lowest, self._lock = np.inf, threading.Lock()
-        self._done = 0
-
-    def tell(self, cost: float) -> None:
-        """Tell that a stage is done."""
-        self._done += 1
-        self._lowest = min(self._lowest, cost)
-        if self._on_progress:
-            self._on_progress(self._done, self._total, self._lowest)
 
     def screen(self, rng: np.random.Generator) -> list[tuple[int, Array]]:
         """Return the best of random candidates: which structure, and where."""
@@ -187,11 +161,11 @@ class _Search:
             drawn = rng.normal(size=(max(share * SCREENED, 1), len(free.names)))
             drawn[0] = 0.0
             candidates = np.clip(free.start + SPREAD * drawn, free.lower, free.upper)
-            cost = self._once(
+            cost = self._stages.once(
                 f"screen {which}", (len(candidates),), functools.partial(self._costs, free, candidates)
             )
             begun += [(which, candidates[place]) for place in np.argsort(cost, kind="stable")[:share]]
-            self.tell(float(cost.min()))
+            self._stages.tell(float(cost.min()))
         return begun
 
     def descend(
@@ -207,7 +181,7 @@ class _Search:
 
         def reach(number: int, stopped: threading.Event) -> tuple[float, int, Array]:
             which, start = begun[number]
-            found = self._once(
+            found = self._stages.once(
                 f"{stage} {number}",
                 (len(start) + 1,),
                 lambda: descend(
@@ -223,28 +197,7 @@ class _Search:
             )
             return float(found[0]), which, found[1:]
 
-        return self._side_by_side(reach, range(len(begun)), lambda reached: reached[0])
-
-    def _side_by_side(
-        self,
-        work: Callable[[T, threading.Event], R],
-        items: Sequence[T],
-        cost_of: Callable[[R], float],
-    ) -> list[R]:
-        """Return the work on each item, one on each core; each that is done is told."""
-        stopped = threading.Event()
-        with ThreadPoolExecutor() as pool:
-            waiting = [pool.submit(work, item, stopped) for item in items]
-            try:
-                done = []
-                for one in waiting:
-                    done.append(one.result())
-                    self.tell(cost_of(done[-1]))
-                return done
-            except BaseException:
-                stopped.set()
-                pool.shutdown(cancel_futures=True)
-                raise
+        return self._stages.side_by_side(reach, range(len(begun)), lambda reached: reached[0])
 
     def weigh(self, free: FreeParameters, numbers: Array) -> None:
         """Weigh the channels of the logs by what a point leaves of each."""
@@ -261,12 +214,12 @@ class _Search:
         cost = float(self._costs(free, numbers[None], weight)[0])
         if weight >= PRIOR or name is None:
             for _ in range(4):
-                self.tell(cost)
+                self._stages.tell(cost)
             return cost, numbers
         ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
 
         def side(stride: float, stopped: threading.Event) -> Array:
-            return self._once(
+            return self._stages.once(
                 f"walk {number} {stride:+g}",
                 (FARTHEST, len(numbers) + 1),
                 lambda: walk(
@@ -275,7 +228,9 @@ class _Search:
             )
 
         strides = (-STRIDES[number], STRIDES[number])
-        met = np.concatenate(self._side_by_side(side, strides, lambda points: float(points[:, 0].min())))
+        met = np.concatenate(
+            self._stages.side_by_side(side, strides, lambda points: float(points[:, 0].min()))
+        )
         self._met.append(met[:, 1:])
         lowest = met[met[:, 0].argmin(), 1:]
         ((reached, _, end),) = self.descend(f"landing {number}", [(which, lowest)], MOST_STEPS, weight)
@@ -293,20 +248,6 @@ class _Search:
         off = penalised(free, list(candidates), self.loops, "reduced", weight)
         cost: Array = (off**2).sum(axis=1)
         return cost
-
-    def _once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
-        """Return the result of a stage: as it was kept, or worked out and kept."""
-        found = self._kept.get(name)
-        if found is not None:
-            if self._state_file and found.shape != shape:
-                raise damaged_state(self._state_file)
-            return found
-        found = work()
-        with self._lock:
-            self._kept[name] = found
-            if self._state_file is not None:
-                write_state(self._state_file, STATE, self._key, self._kept)
-        return found
 
 
 def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], seed: int, starts: int) -> str:
