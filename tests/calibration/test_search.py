@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from calibrating import SAMPLE_TIME, TRUTH, loops, recorded, start_of
+from calibrating import SAMPLE_TIME, TRUTH, loops, noisy, recorded, start_of
 from pickles import planted_pickle
 
 from twin.calibration import calibrate, free_parameters, measured_loop, search, with_slack
+from twin.calibration.objective import channels, residuals
 from twin.calibration.stages import Stages
 
 
@@ -121,6 +122,17 @@ def test_kept_stages_are_not_worked_out_again(problem, whole, tmp_path, monkeypa
 
     monkeypatch.setattr(search, "descend", worked)
     same(calibrate(*problem, seed=3, starts=2, state_file=state), whole)
+
+
+def test_channels_weigh_by_their_noise_where_nothing_else_is_left():
+    logs = noisy(5e-3, 5e-2)
+    free = free_parameters(start_of(wire_offset=2.2e-3), logs, ("wire_offset", "section_stiffness"))
+    fit = calibrate([free], logs, seed=0, starts=1)
+    left = [fit.residual[place] for of_log in channels(logs) for place in of_log]
+    power = [float(one @ one) for one in left]
+    assert max(power) < 1.5 * min(power)
+    usual = residuals([fit.preset], logs)
+    assert fit.cost == pytest.approx((usual**2).sum())
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

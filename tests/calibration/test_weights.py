@@ -1,27 +1,11 @@
 """Weights of channels: each costs the same by what is left of it, and noisy ones then count for less."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from calibrating import TRUTH, loops
+from calibrating import TRUTH, loops, noisy
 
 from twin.calibration.objective import channels, residuals, scales_of
 from twin.calibration.weights import MOST, weighed
-
-
-def noisy(angle: float, force: float):
-    """Return two logs of the truth whose channels have noise of these deviations [rad, N]."""
-    rng = np.random.default_rng(5)
-    return [
-        dataclasses.replace(
-            log,
-            bend=log.bend + angle * rng.standard_normal(log.bend.shape),
-            tension=log.tension + force * rng.standard_normal(log.tension.shape),
-            offset=True,
-        )
-        for log in loops(0.0, 1.0)
-    ]
 
 
 def test_scales_become_those_of_the_noise_and_the_cost_stays():

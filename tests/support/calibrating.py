@@ -1,5 +1,7 @@
 """A coarse endoscope with every friction, and logs of its loops to calibrate on."""
 
+import dataclasses
+
 import numpy as np
 
 from twin.calibration import MeasuredLoop, measured_loop
@@ -33,6 +35,20 @@ def recorded(preset: Preset = TRUTH, cycles: float = 1.3, **changes: float) -> E
 def loops(*bends: float) -> list[MeasuredLoop]:
     """One log for each bend of the sheath [rad]."""
     return [measured_loop(recorded(sheath_bend=bend), f"{bend:g} rad", SAMPLE_TIME) for bend in bends]
+
+
+def noisy(angle: float, force: float) -> list[MeasuredLoop]:
+    """Two logs of the truth whose channels have noise of these deviations [rad, N]."""
+    rng = np.random.default_rng(5)
+    return [
+        dataclasses.replace(
+            log,
+            bend=log.bend + angle * rng.standard_normal(log.bend.shape),
+            tension=log.tension + force * rng.standard_normal(log.tension.shape),
+            offset=True,
+        )
+        for log in loops(0.0, 1.0)
+    ]
 
 
 def start_of(**changes: float) -> Preset:
