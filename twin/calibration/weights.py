@@ -1,7 +1,7 @@
 """Weights of the channels of logs by the noise of each: generalised least squares, as far as it is known.
 
 An angle off by 1 deg is to cost as much as tensions off by a tenth of their range. That is what a user would
-call a good fit, but says nothing about noise: a load cell may tell a hundred times more. Where a fit leaves
+call a good fit, but says nothing about noise: a load cell may tell many times more. Where a fit leaves
 nothing but noise, each channel weighs by what is left in it (Zellner 1962), and parameters are known better.
 """
 
