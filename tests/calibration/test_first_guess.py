@@ -34,6 +34,13 @@ def test_first_guess_is_that_of_stiff_wires_where_the_load_cells_contradict():
     assert guess["wire_stiffness"] == pytest.approx(0.5 / 5e-3)
 
 
+def test_a_window_that_stands_still_tells_nothing():
+    bend = np.linspace(0, 1, 200)
+    moving = held(5e-3 * bend, bend, bend)
+    still = held(0 * bend, 3 * bend, bend)
+    assert first_guess(TRUTH, [still, moving]) == pytest.approx(first_guess(TRUTH, [moving]))
+
+
 def test_without_load_cells_no_force_is_guessed():
     bend = np.linspace(0, 1, 200)
     blind = dataclasses.replace(held(5e-3 * bend, bend, bend), tension=np.empty((200, 0)))

@@ -125,3 +125,8 @@ def test_seldom_logs_are_compared_a_few_times_as_often_as_they_were_taken():
     assert thinned([poses], TRUTH) == pytest.approx(0.25)
     assert thinned([poses], TRUTH, pace=2.0) == pytest.approx(0.12)
     assert thinned([poses, lasting(60, 0.1)], TRUTH) == pytest.approx(0.1)
+    assert thinned([poses], TRUTH, predicted=[lasting(60, 0.1)]) == pytest.approx(0.07)
+    assert thinned([lasting(12, 1.0)], TRUTH) == pytest.approx(0.25)
+    assert thinned([lasting(9, 1.0)], TRUTH) == pytest.approx(
+        0.22
+    )  # some forty samples, of which a part is fitted

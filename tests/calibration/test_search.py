@@ -121,6 +121,7 @@ def test_kept_stages_are_not_worked_out_again(problem, whole, tmp_path, monkeypa
         raise AssertionError("least squares again")
 
     monkeypatch.setattr(search, "descend", worked)
+    monkeypatch.setattr(search, "walk", worked)
     same(calibrate(*problem, seed=3, starts=2, state_file=state), whole)
 
 

@@ -47,7 +47,7 @@ def deviations(fit):
 @pytest.mark.parametrize("rise", [0.0, 0.02])
 def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
     away = np.array([0.5, -0.2])
-    other = np.concatenate([[rise], straight.free.start + away])[None]
+    other = np.concatenate([[rise], away])[None]
     share = np.exp(-rise / 0.02)  # of a variance of 0.01
     wide = deviations(dataclasses.replace(straight, beside=other)) ** 2
     expected = deviations(straight) ** 2 + away**2 * share / (1 + share)
@@ -57,6 +57,15 @@ def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
 def test_points_of_the_same_smooth_valley_add_nothing(straight):
     away = 0.006 * np.random.default_rng(3).standard_normal((30, 2))
     rise = ((away @ straight.jacobian.T) ** 2).sum(axis=1)
-    beside = np.column_stack([rise, straight.free.start + away])
+    beside = np.column_stack([rise, away])
     known = deviations(dataclasses.replace(straight, beside=beside))
     np.testing.assert_allclose(known, deviations(straight), rtol=1e-9)
+
+
+def test_a_parameter_that_nothing_tells_stays_so_whatever_a_walk_met(straight):
+    blind = dataclasses.replace(
+        straight, jacobian=straight.jacobian * [1.0, 0.0], beside=np.full((1, 3), 0.5)
+    )
+    known = uncertainty(blind)
+    assert np.isinf(known.deviation["wire_offset"])
+    assert np.abs(known.correlation).max() <= 1 + 1e-9

@@ -32,10 +32,10 @@ def free(monkeypatch):
     return free
 
 
-def steps(free, stride):
+def steps(free, stride, weight=0.0):
     """Return the distances (FARTHEST, P) from the start of the points that a walk meets, and their costs."""
     begin = free.start
-    options = {"steps": 30, "weight": 0.0, "threads": 1, "stopped": threading.Event()}
+    options = {"steps": 30, "weight": weight, "threads": 1, "stopped": threading.Event()}
     met = walk(free, [], cost_along(0.0), begin, NAME, stride, **options)
     return met[:, 1:] - begin, met[:, 0]
 
@@ -46,6 +46,11 @@ def test_a_walk_crosses_ridges_and_the_others_follow(free):
     np.testing.assert_allclose(away, np.stack([x, x**2, -0.5 * x], axis=1), atol=1e-4)
     np.testing.assert_allclose(cost, cost_along(x), atol=1e-4)
     assert cost[0] > cost_along(0.0) > cost[3] == cost.min()
+
+
+def test_what_departs_from_the_first_guess_costs_in_the_parameter_walked_along_too(free):
+    away, cost = steps(free, 0.1, weight=0.5)  # the residuals here have none for the others
+    np.testing.assert_allclose(cost, cost_along(away[:, 0]) + (0.5 * away[:, 0]) ** 2, atol=1e-4)
 
 
 def test_it_ends_where_the_cost_is_too_high(free):

@@ -65,7 +65,8 @@ def read_loops(
         raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
     records, last = first_windows(records, fraction)
     if sample_time is None:
-        sample_time = thinned([episode for _, episode in records], base, pace)
+        kept, rest = ([episode for _, episode in some] for some in (records, last + unseen))
+        sample_time = thinned(kept, base, pace, rest)
     origins = [origin_of(episode) for _, episode in records]
     loops = [
         measured_loop(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.measured import MeasuredLoop
+from twin.calibration.measured import LEAST_MOTION, MeasuredLoop
 from twin.preset.preset import Preset, parameter_limits
 
 Array = NDArray[np.float64]
@@ -33,8 +33,9 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
     guess = {name: value for name, value in FROM_NOTHING.items() if getattr(base, name) == 0}
     if len({loop.sheath_bend for loop in loops}) > 2:
         guess["sheath_friction_exponent"] = 2 / 3
-    with_tension = [loop for loop in loops if loop.tension.size]
-    loop = max(with_tension or loops, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
+    moved = [loop for loop in loops if np.ptp(loop.pull) > LEAST_MOTION] or loops  # a window may stand still
+    with_tension = [loop for loop in moved if loop.tension.size]
+    loop = max(with_tension or moved, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
     offset, stiffness = kinematics(loop)
     guess["wire_offset"] = _inside("wire_offset", offset)
     if with_tension:

@@ -22,9 +22,9 @@ class Fit:
             `TENSION_SHARE`.
         reduced_cost: the same of the reduced twin, on which the search was made.
         jacobian: derivative of the residuals with respect to the search space, (R, P).
-        residual: weighted residuals, (R,).
-        beside: points of the search space beside the fit, as walks met them: how much more each costs on the
-            reduced twin, and where it is, (K, 1 + P).
+        residual: residuals, weighted as the search had them at its end (`weights.py`), (R,).
+        beside: points that walks met beside the fit of the reduced twin: how much more each costs, and how
+            far away it is in the search space, (K, 1 + P).
     """
 
     free: FreeParameters

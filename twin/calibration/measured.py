@@ -24,9 +24,11 @@ MOST_SAMPLES = 1_000_000  # of a log, on the grid
 MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
 """Largest plausible values: beyond them squares of residuals overflow."""
 USUAL_SAMPLES, LONGEST_PERIODS = 900, 10
-"""Samples that a calibration compares if not told how many, and their longest time in control periods."""
-BETWEEN = 4
-"""Most samples that are compared for each that was recorded: models of hysteresis step finely enough."""
+"""Samples that a calibration compares if not told how many; the longest time between two, in control periods,
+where as many were recorded."""
+BETWEEN, FEWEST = 4, 40
+"""Most samples that are compared for each that was recorded seldom, so that models of hysteresis step finely
+enough; fewest samples of such a log."""
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -85,21 +87,31 @@ class MeasuredLoop:
         return float(np.ptp(self.tension)) if self.tension.size else math.nan
 
 
-def thinned(episodes: Sequence[Episode], preset: Preset, pace: float | None = None) -> float:
+def thinned(
+    episodes: Sequence[Episode],
+    preset: Preset,
+    pace: float | None = None,
+    predicted: Sequence[Episode] = (),
+) -> float:
     """Return the sample time at which logs have about `USUAL_SAMPLES` together, whole control periods [s].
 
-    Logs that were recorded seldom, as poses are, are compared `BETWEEN` times as often, and no more.
+    Logs that were recorded seldom, as poses are, are compared `BETWEEN` times as often, and no more, as long
+    as the shortest has `FEWEST` samples.
 
     Args:
         episodes: the logs.
         preset: whose control period counts.
         pace: as of `measured_loop`.
+        predicted: logs that are not fitted, but have the same samples.
     """
-    seconds = [float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in episodes]
-    own = min(length / max(len(one.time) - 1, 1) for length, one in zip(seconds, episodes, strict=True))
+    everything = [*episodes, *predicted]
+    seconds = [float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in everything]
+    own = min(length / max(len(one.time) - 1, 1) for length, one in zip(seconds, everything, strict=True))
     period = preset.control_period
-    usual = min(max(round(sum(seconds) / USUAL_SAMPLES / period), 1), LONGEST_PERIODS)
-    return period * max(usual, math.floor(own / BETWEEN / period))
+    fitted = sum(seconds[: len(episodes)])
+    usual = min(max(round(fitted / USUAL_SAMPLES / period), 1), LONGEST_PERIODS)
+    seldom = min(own / BETWEEN, min(seconds) / FEWEST)
+    return period * max(usual, math.floor(seldom / period))
 
 
 def _pace(episode: Episode, pace: float | None) -> float:

@@ -150,7 +150,7 @@ class _Search:
         stages: Stages,
     ) -> None:
         self._structures, self._starts, self._stages = structures, starts, stages
-        self.loops = list(loops)
+        self.loops = self._given = list(loops)
         self._met: list[Array] = []
 
     def screen(self, rng: np.random.Generator) -> list[tuple[int, Array]]:
@@ -201,7 +201,7 @@ class _Search:
 
     def weigh(self, free: FreeParameters, numbers: Array) -> None:
         """Weigh the channels of the logs by what a point leaves of each."""
-        self.loops = weighed(self.loops, residuals([free.decode(numbers)], self.loops, "reduced")[0])
+        self.loops = weighed(self._given, residuals([free.decode(numbers)], self._given, "reduced")[0])
 
     def walk(self, number: int, which: int, numbers: Array, weight: float) -> tuple[float, Array]:
         """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one.
@@ -212,11 +212,15 @@ class _Search:
         free = self._structures[which]
         name = parameter_along(free)
         cost = float(self._costs(free, numbers[None], weight)[0])
-        if weight >= PRIOR or name is None:
+        if weight >= PRIOR:
             for _ in range(4):
                 self._stages.tell(cost)
             return cost, numbers
         ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
+        if name is None:
+            for _ in range(3):
+                self._stages.tell(cost)
+            return cost, numbers
 
         def side(stride: float, stopped: threading.Event) -> Array:
             return self._stages.once(
@@ -237,12 +241,17 @@ class _Search:
         return (reached, end) if reached < LOWER * cost else (cost, numbers)
 
     def beside(self, which: int, numbers: Array, weight: float) -> Array:
-        """Return the points that walks met, as `Fit.beside` has them."""
+        """Return the points that walks met, of each shortest stride the lowest, as `Fit.beside` has them."""
         if not self._met:
             return np.empty((0, 1 + len(numbers)))
-        points = np.unique(np.concatenate(self._met), axis=0)
-        here, *others = self._costs(self._structures[which], np.vstack([numbers, points]), weight)
-        return np.column_stack([np.array(others) - here, points])
+        free = self._structures[which]
+        away = np.concatenate(self._met) - numbers
+        here, *others = self._costs(free, np.vstack([numbers, numbers + away]), weight)
+        lowest_first = np.argsort(others, kind="stable")
+        along = away[lowest_first, free.names.index(str(parameter_along(free)))]
+        _, chosen = np.unique(np.round(along / min(STRIDES)), return_index=True)
+        chosen = lowest_first[chosen]
+        return np.column_stack([np.array(others)[chosen] - here, away[chosen]])
 
     def _costs(self, free: FreeParameters, candidates: Array, weight: float = PRIOR) -> Array:
         off = penalised(free, list(candidates), self.loops, "reduced", weight)
@@ -259,4 +268,5 @@ def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], se
     for loop in loops:
         inputs += [loop.name, loop.sample_time, loop.sheath_bend, loop.offset]
         inputs += [loop.pull, loop.bend, loop.tension, loop.fitted, loop.lateral_pull, loop.lateral_bend]
+        inputs.append(loop.scales)
     return state_key(*inputs)

@@ -65,7 +65,7 @@ class Stages:
     def side_by_side(
         self, work: Callable[[T, threading.Event], R], items: Sequence[T], cost_of: Callable[[R], float]
     ) -> list[R]:
-        """Return the work on each item, one on each core; each that is done is told."""
+        """Return the work on each item, in threads of their own; each that is done is told."""
         stopped = threading.Event()
         with ThreadPoolExecutor() as pool:
             waiting = [pool.submit(work, item, stopped) for item in items]

@@ -48,8 +48,9 @@ def uncertainty(fit: Fit) -> Uncertainty:
     variance = variance_of(residual, jacobian.shape[1])
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) * variance
     if fit.beside.size and variance > 0:
-        covariance += _between(fit, jacobian, variance)
+        covariance += _between(fit.beside, jacobian, variance)
     blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
+    covariance[blind] = covariance[:, blind] = 0.0
     deviation = np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
     scale = np.where(np.isfinite(deviation) & (deviation > 0), deviation, 1.0)
     correlation = covariance / np.outer(scale, scale)
@@ -60,14 +61,20 @@ def uncertainty(fit: Fit) -> Uncertainty:
     )
 
 
-def _between(fit: Fit, jacobian: Array, variance: float) -> Array:
+def _between(beside: Array, jacobian: Array, variance: float) -> Array:
     """Return the mean square distance (P, P) of the fit from points beside it, by their likelihood.
 
     A point counts by its likelihood, exp(-rise / 2 s^2), less what the law about the fit has for it already,
-    exp(-|J d|^2 / 2 s^2): in a valley that is as smooth as linear theory takes it, nothing is added.
+    exp(-|J d|^2 / 2 s^2): in a valley that is as smooth as linear theory takes it, nothing is added. Each
+    stands for a valley as wide as that of the fit, which is a rule of thumb.
+
+    Args:
+        beside: as of `Fit`.
+        jacobian: derivative of the residuals (R, P).
+        variance: of a residual.
     """
-    away = fit.beside[:, 1:] - fit.free.encode(fit.preset)
-    likely = np.exp(-np.maximum(fit.beside[:, 0], 0.0) / (2 * variance))
+    away = beside[:, 1:]
+    likely = np.exp(-np.maximum(beside[:, 0], 0.0) / (2 * variance))
     known = np.exp(-((away @ jacobian.T) ** 2).sum(axis=1) / (2 * variance))
     missing = np.maximum(likely - known, 0.0)
     square: Array = (away.T * (missing / (1 + missing.sum()))) @ away

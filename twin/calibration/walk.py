@@ -82,6 +82,7 @@ def walk(
             rest, loops, here[others], steps, weight, smooth=False, threads=threads, stopped=stopped
         )
         here[others] = found
+        cost += (weight * (here[place] - free.start[place]) / free.spread[place]) ** 2
         met[number:] = cost, *here
         lowest = min(lowest, cost)
         if cost > TOO_HIGH * lowest:
