@@ -63,9 +63,7 @@ def test_points_of_the_same_smooth_valley_add_nothing(straight):
 
 
 def test_a_parameter_that_nothing_tells_stays_so_whatever_a_walk_met(straight):
-    blind = dataclasses.replace(
-        straight, jacobian=straight.jacobian * [1.0, 0.0], beside=np.full((1, 3), 0.5)
-    )
-    known = uncertainty(blind)
+    jacobian, far = straight.jacobian * [1.0, 0.0], np.array([[0.0, 3.0, 3.0]])
+    known = uncertainty(dataclasses.replace(straight, jacobian=jacobian, beside=far))
     assert np.isinf(known.deviation["wire_offset"])
     assert np.abs(known.correlation).max() <= 1 + 1e-9
