@@ -49,12 +49,12 @@ def compare(
         rivals: names of models without physics, of `MODELS`.
     """
     episodes = predict([preset], loops)[0]
-    planes = range(1 + any(loop.lateral_bend.size > 0 for loop in loops))
+    planes = range(max(loop.planes for loop in loops))
     theirs = {name: [rival_errors(name, loops, seed, plane) for plane in planes] for name in rivals}
     found = []
     for place, (loop, episode) in enumerate(zip(loops, episodes, strict=True)):
         errors, offsets = [], []
-        for plane in planes[: 1 + (loop.lateral_bend.size > 0)]:
+        for plane in planes[: loop.planes]:
             twin = None if episode is None else bend_errors(episode, loop)[plane]
             raw = {TWIN: twin} | {name: of_planes[plane][place] for name, of_planes in theirs.items()}
             offset = {name: _offset(error, loop) for name, error in raw.items()}

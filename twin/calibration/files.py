@@ -64,8 +64,9 @@ def read_loops(
     if not 0 < fraction <= 1:
         raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
     records, last = first_windows(records, fraction)
+    unseen = last + unseen
     if sample_time is None:
-        kept, rest = ([episode for _, episode in some] for some in (records, last + unseen))
+        kept, rest = ([episode for _, episode in some] for some in (records, unseen))
         sample_time = thinned(kept, base, pace, rest)
     origins = [origin_of(episode) for _, episode in records]
     loops = [
@@ -77,7 +78,7 @@ def read_loops(
     check_windows([*zip(origins, loops, strict=True)])
     held_out = [
         measured_loop(episode, _name(path, episode), sample_time, pace=pace).only_predicted()
-        for path, episode in last + unseen
+        for path, episode in unseen
     ]
     return loops, held_out, base
 

@@ -36,7 +36,7 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
     moved = [loop for loop in loops if np.ptp(loop.pull) > LEAST_MOTION] or loops  # a window may stand still
     with_tension = [loop for loop in moved if loop.tension.size]
     loop = max(with_tension or moved, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
-    offset, stiffness = kinematics(loop)
+    offset, stiffness = _kinematics(loop)
     guess["wire_offset"] = _inside("wire_offset", offset)
     if with_tension:
         at_start = float(np.mean([loop.tension[0].mean() for loop in with_tension]))
@@ -49,26 +49,27 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
     return guess
 
 
-def kinematics(loop: MeasuredLoop) -> tuple[float, float]:
+def _kinematics(loop: MeasuredLoop) -> tuple[float, float]:
     """Return the wires' distance from the axis [m] and their stiffness [N/m], as if nothing rubbed.
 
     What is pulled bends the section and stretches the wires: pull = r bend + (T_a - T_b) / 2 k. Where load
     cells are missing or contradict, r is that of stiff wires, and k how fast a tension rises (0 without one).
     """
-    steps = np.abs(np.diff(loop.pull))
-    moving = steps > 0.3 * steps.max()
-    offset = 1 / np.percentile(np.abs(np.diff(loop.bend))[moving] / steps[moving], 80)
-    if not loop.tension.size:
-        return float(offset), 0.0
-    difference = (loop.tension[:, 0] - loop.tension[:, 1]) / 2
-    causes = np.stack([loop.bend, difference], axis=1)
-    wide, give = np.linalg.lstsq(causes - causes.mean(axis=0), loop.pull - loop.pull.mean())[0]
-    if wide > 0 and give > 0:
-        return float(wide), float(1 / give)
-    rising = steps > 0
-    return float(offset), float(
-        np.percentile(np.abs(np.diff(loop.tension[:, 0]))[rising] / steps[rising], 80)
-    )
+    if loop.tension.size:
+        difference = (loop.tension[:, 0] - loop.tension[:, 1]) / 2
+        causes = np.stack([loop.bend, difference], axis=1)
+        offset, give = np.linalg.lstsq(causes - causes.mean(axis=0), loop.pull - loop.pull.mean())[0]
+        if offset > 0 and give > 0:
+            return float(offset), float(1 / give)
+    stiffness = _slope(loop.tension[:, 0], loop.pull, 0.0) if loop.tension.size else 0.0
+    return 1 / _slope(loop.bend, loop.pull, 0.3), stiffness
+
+
+def _slope(values: Array, pull: Array, least: float) -> float:
+    """Return how steeply values (N,) follow a pull where it moves faster than a share of its fastest step."""
+    steps = np.abs(np.diff(pull))
+    moving = steps > least * steps.max()
+    return float(np.percentile(np.abs(np.diff(values))[moving] / steps[moving], 80))
 
 
 def _inside(name: str, value: float) -> float:

@@ -82,6 +82,11 @@ class MeasuredLoop:
         return self.lateral_bend if plane else self.bend
 
     @property
+    def planes(self) -> int:
+        """Number of bending planes whose angle was measured."""
+        return 1 + (self.lateral_bend.size > 0)
+
+    @property
     def tension_range(self) -> float:
         """Range of the measured tensions [N]."""
         return float(np.ptp(self.tension)) if self.tension.size else math.nan

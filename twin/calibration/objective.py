@@ -114,27 +114,30 @@ def penalised(
     """
     presets = [free.decode(numbers) for numbers in points]
     off = residuals(presets, loops, physics, threads, weight=weight)
-    departure = weight * (np.array(points) - free.start) / free.spread
-    return np.hstack([off, departure])
+    return np.hstack([off, departure(free, np.array(points), weight)])
+
+
+def departure(free: FreeParameters, points: Array, weight: float) -> Array:
+    """Return what points (..., P) depart from the first guess, as residuals (..., P)."""
+    return weight * (points - free.start) / free.spread
 
 
 def scales_of(loop: MeasuredLoop) -> Array:
     """Return the scale of each channel of a log, of its angles and then of its tensions (C,) [rad, N]."""
     if loop.scales.size:
         return loop.scales
-    planes = 1 + (loop.lateral_bend.size > 0)
     force = np.sqrt(2) * TENSION_SHARE * loop.tension_range
-    return np.array([BEND_SCALE] * planes + [force] * loop.tension.shape[1])
+    return np.array([BEND_SCALE] * loop.planes + [force] * loop.tension.shape[1])
 
 
 def channels(loops: Sequence[MeasuredLoop]) -> list[list[slice]]:
     """Return where the residuals of each channel of each log are, in the order of `scales_of`."""
     places, begin = [], 0
     for loop in loops:
-        planes, count = 1 + (loop.lateral_bend.size > 0), np.count_nonzero(loop.fitted)
-        ends = begin + count * np.arange(planes + loop.tension.shape[1] + 1)
+        count = np.count_nonzero(loop.fitted)
+        ends = begin + count * np.arange(loop.planes + loop.tension.shape[1] + 1)
         places.append([slice(int(one), int(other)) for one, other in itertools.pairwise(ends)])
-        begin = int(ends[-1]) + planes  # of the offsets
+        begin = int(ends[-1]) + loop.planes  # of the offsets
     return places
 
 
@@ -160,10 +163,9 @@ def offset_of(error: Array, loop: MeasuredLoop) -> float:
 
 def _of_log(episode: Episode | None, loop: MeasuredLoop, weight: float) -> Array:
     count = np.count_nonzero(loop.fitted)
-    planes = 1 + (loop.lateral_bend.size > 0)
     if episode is None:
-        parts = planes + loop.tension.shape[1]
-        return np.full(count * parts + planes, _HOPELESS / np.sqrt(count))
+        parts = loop.planes + loop.tension.shape[1]
+        return np.full(count * parts + loop.planes, _HOPELESS / np.sqrt(count))
     errors = bend_errors(episode, loop)
     offsets = np.array([offset_of(error, loop) for error in errors])
     off = [(error - offset)[loop.fitted] for error, offset in zip(errors, offsets, strict=True)]

@@ -40,6 +40,7 @@ LOWER = 0.9999
 TURNS = 3
 """Most times that the first guess is given less weight, where the logs leave little unexplained."""
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
+WALK = 4  # stages of a walk: to the bottom, to either side, and to where it lands
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
 USUAL_STEPS, USUAL_WALK, TRIALS = 15, 6, 8  # of one finished, of a walk to a side; simulations that are timed
 MOST_STARTS = 1000
@@ -81,7 +82,7 @@ def calibrate(
     if not loops:
         raise InputError("no log to calibrate on")
     check_effort(starts, seed)
-    count = len(structures) + starts + min(FINISHED, starts) + TURNS + 4 * len(STRIDES) + 1
+    count = len(structures) + starts + min(FINISHED, starts) + TURNS + WALK * len(STRIDES) + 1
     key = _key(structures, loops, seed, starts) if state_file else ""
     stages = Stages(count, state_file, key, on_progress)
     search = _Search(structures, loops, starts, stages)
@@ -98,10 +99,12 @@ def calibrate(
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
             stages.tell(cost)
-    for number in range(len(STRIDES)):
-        if weight < PRIOR:
+    if weight < PRIOR:
+        for number in range(len(STRIDES)):
             search.weigh(free, numbers)
-        cost, numbers = search.walk(number, which, numbers, weight)
+            cost, numbers = search.walk(number, which, numbers, weight)
+    else:  # what the twin cannot explain outweighs what neighbouring valleys differ by
+        stages.skip(WALK * len(STRIDES), cost)
     fit = confirmed(
         free,
         search.loops,
@@ -204,22 +207,12 @@ class _Search:
         self.loops = weighed(self._given, residuals([free.decode(numbers)], self._given, "reduced")[0])
 
     def walk(self, number: int, which: int, numbers: Array, weight: float) -> tuple[float, Array]:
-        """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one.
-
-        Only where the logs leave so little unexplained that the first guess counts less than `PRIOR`: else
-        what the twin cannot explain outweighs what such valleys differ by.
-        """
+        """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one."""
         free = self._structures[which]
         name = parameter_along(free)
-        cost = float(self._costs(free, numbers[None], weight)[0])
-        if weight >= PRIOR:
-            for _ in range(4):
-                self._stages.tell(cost)
-            return cost, numbers
         ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
         if name is None:
-            for _ in range(3):
-                self._stages.tell(cost)
+            self._stages.skip(WALK - 1, cost)
             return cost, numbers
 
         def side(stride: float, stopped: threading.Event) -> Array:
@@ -242,13 +235,14 @@ class _Search:
 
     def beside(self, which: int, numbers: Array, weight: float) -> Array:
         """Return the points that walks met, of each shortest stride the lowest, as `Fit.beside` has them."""
-        if not self._met:
-            return np.empty((0, 1 + len(numbers)))
         free = self._structures[which]
-        away = np.concatenate(self._met) - numbers
+        name = parameter_along(free)
+        if not self._met or name is None:
+            return np.empty((0, 1 + len(numbers)))
+        away = np.unique(np.concatenate(self._met), axis=0) - numbers
         here, *others = self._costs(free, np.vstack([numbers, numbers + away]), weight)
         lowest_first = np.argsort(others, kind="stable")
-        along = away[lowest_first, free.names.index(str(parameter_along(free)))]
+        along = away[lowest_first, free.names.index(name)]
         _, chosen = np.unique(np.round(along / min(STRIDES)), return_index=True)
         chosen = lowest_first[chosen]
         return np.column_stack([np.array(others)[chosen] - here, away[chosen]])

@@ -48,6 +48,11 @@ class Stages:
         if self._on_progress:
             self._on_progress(self._done, self._total, self._lowest)
 
+    def skip(self, stages: int, cost: float) -> None:
+        """Tell of stages that there is no need of."""
+        for _ in range(stages):
+            self.tell(cost)
+
     def once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
         """Return the result of a stage: as it was kept, or worked out and kept."""
         found = self._kept.get(name)

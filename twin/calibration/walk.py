@@ -5,7 +5,6 @@ initial bend follow it, so that logs are explained almost as well in a row of va
 them that a descent does not cross. Steps over the ridge do (profile likelihood, Raue et al. 2009).
 """
 
-import dataclasses
 import threading
 from collections.abc import Sequence
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from twin.calibration.descent import descend
 from twin.calibration.measured import MeasuredLoop
+from twin.calibration.objective import departure
 from twin.calibration.parameters import FreeParameters
 
 Array = NDArray[np.float64]
@@ -65,24 +65,23 @@ def walk(
     Raises:
         CancelledError: it was stopped.
     """
-    place = free.names.index(name)
-    others = [number for number, other in enumerate(free.names) if other != name]
+    here, place = start.copy(), free.names.index(name)
+    others = [number for number in range(len(here)) if number != place]
+    names = tuple(free.names[other] for other in others)
     lower, upper = free.lower[place], free.upper[place]
     met = np.tile(np.append(cost, start), (FARTHEST, 1))
-    here, lowest = start.copy(), cost
+    lowest = cost
     for number in range(FARTHEST):
         here[place] += stride
         if not lower <= here[place] <= upper:
             break
         value = getattr(free.decode(here), name)
-        rest = dataclasses.replace(
-            free, base=free.base.replace(**{name: value}), names=tuple(free.names[other] for other in others)
-        )
+        rest = FreeParameters(free.base.replace(**{name: value}), names)
         cost, *found = descend(
             rest, loops, here[others], steps, weight, smooth=False, threads=threads, stopped=stopped
         )
         here[others] = found
-        cost += (weight * (here[place] - free.start[place]) / free.spread[place]) ** 2
+        cost += float(departure(free, here, weight)[place]) ** 2
         met[number:] = cost, *here
         lowest = min(lowest, cost)
         if cost > TOO_HIGH * lowest:
