@@ -5,7 +5,9 @@ from typing import Any
 
 from rl.trainers import RATES, OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
-from rl.twins.learning import learn_noise, learn_what_is_familiar
+from rl.twins.laws_lesson import learn_laws
+from rl.twins.learning import learn_what_is_familiar
+from rl.twins.noises import count_laws
 from rl.twins.records import TwinRecords, draw_members
 from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins
 from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
@@ -30,15 +32,16 @@ def train_ram_twins(
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
             principal_directions(records.members_deg, settings.rank),
+            count_laws(settings.known_noises),
             settings.policy_width,
             policy_layers=settings.policy_layers,
             with_error=settings.with_error,
-            with_recogniser=settings.with_recogniser,
         )
+        step.goes_along = False  # until the policy has learned
         return step, by_members
 
-    def recognise(step: TwinsStep, source: SequenceSource, on_share: OnShare) -> None:
-        learn_noise(step, source, settings, lambda update, _: on_share(update, settings.recogniser_updates))
+    def learn_noise(step: TwinsStep, on_share: OnShare) -> None:
+        learn_laws(step.bank.laws, settings, lambda update, _: on_share(update, settings.laws_updates))
 
     def guard(step: TwinsStep, source: SequenceSource) -> None:
         learn_what_is_familiar(step, source, settings)
@@ -51,7 +54,7 @@ def train_ram_twins(
 
         learn_by_ppo(step, source, settings, on_share, on_weights)
 
-    learner = Learner(TRAINING, members, begin, export, prepare=recognise, explore=explore, guard=guard)
+    learner = Learner(TRAINING, members, begin, export, prepare=learn_noise, explore=explore, guard=guard)
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 

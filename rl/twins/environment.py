@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from rl.shared_environment import SharedEnvironment
 from rl.supervised import tensor32
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
-from rl.twins.features import SCALARS
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
-from rl.twins.recogniser import LAWS
 from rl.twins.sequences import SequenceSource
 from rl.twins.settings import SimulatedTraining
 from rl.twins.step import ACTIONS, TwinsStep
@@ -45,7 +43,7 @@ class TwinsEnvironment(SharedEnvironment):
             scale: factor on the reward.
         """
         actions = gymnasium.spaces.Box(-LARGEST_ACTION, LARGEST_ACTION, (ACTIONS,))
-        super().__init__(count, gymnasium.spaces.Box(-np.inf, np.inf, (LAWS + SCALARS,)), actions)
+        super().__init__(count, gymnasium.spaces.Box(-np.inf, np.inf, (step.seen,)), actions)
         self.filter_step, self.source, self.settings, self.scale = step, source, settings, scale
         self.length = settings.windows * settings.window
         self.seed(settings.seed)
@@ -64,7 +62,7 @@ class TwinsEnvironment(SharedEnvironment):
         return [seed] * self.num_envs
 
     def reset(self) -> Array32:
-        """Draw new sequences; returns (count, LAWS + SCALARS) what the policy sees."""
+        """Draw new sequences; returns (count, step.seen) what the policy sees."""
         self.drawn = self.source.draw(self.num_envs, self.length, self.rng)
         self.state = self.filter_step.start(self.drawn.variance)
         self.sample = 0

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import torch
 
 from rl.twins.familiarity import LEAST_COUNTS
+from rl.twins.histogram import BINS, LARGEST_RESIDUAL
 from rl.twins.products import along
-from rl.twins.recogniser import BINS, LARGEST_RESIDUAL
 
 Tensor = torch.Tensor
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.histogram import BINS
 from rl.twins.products import along
-from rl.twins.recogniser import BINS, LAWS
 
 Tensor = torch.Tensor
 
@@ -30,7 +30,7 @@ class Histograms(NamedTuple):
     """Histograms of residuals, and what was believed of them.
 
     Attributes:
-        weights: (S, LAWS) of the laws.
+        weights: (S, J) of the laws.
         counts: (S, BINS).
         log_variance: (S,) logarithm of R.
     """
@@ -44,24 +44,29 @@ class Familiarity(torch.nn.Module):
     """Histograms of the laws, and the limit of the divergence by law and number of counts.
 
     Attributes:
-        histograms: (LAWS, levels, BINS) logarithms of probabilities.
-        level: (LAWS,) of the limit, where very much is counted.
+        histograms: (J, levels, BINS) logarithms of probabilities.
+        level: (J,) of the limit, where very much is counted.
         slope: what the limit has more where less is counted, over 1 / counts.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, laws: int):
+        """Start before anything is learned, when all is familiar.
+
+        Args:
+            laws: J.
+        """
         super().__init__()
         begin, end, count = LEVELS
         self.centres = torch.nn.Buffer(torch.linspace(begin, end, count))
-        self.histograms = torch.nn.Buffer(torch.zeros(LAWS, count, BINS))
-        self.level = torch.nn.Buffer(torch.full((LAWS,), 1e9))  # before it has learned, all is familiar
+        self.histograms = torch.nn.Buffer(torch.zeros(laws, count, BINS))
+        self.level = torch.nn.Buffer(torch.full((laws,), 1e9))
         self.slope = torch.nn.Buffer(torch.tensor(0.0))
 
     def divergence(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
         """Return (B,) the divergence sum p log(p / q) of what was counted from what is believed.
 
         Args:
-            weights: (B, LAWS) of the laws.
+            weights: (B, J) of the laws.
             counts: (B, BINS).
             log_variance: (B,) logarithm of R.
         """
@@ -74,7 +79,7 @@ class Familiarity(torch.nn.Module):
         near = (1 - (place - self.centres).abs() / between).clamp(min=0)  # (B, levels)
         # By law, and the batch within: ONNX Runtime is slow at many products of a row each. In single
         # precision, in which it is five times faster at exponentials: a verdict needs no more.
-        laws = torch.softmax(near.float()[None] @ histograms.float(), dim=-1)  # (LAWS, B, BINS)
+        laws = torch.softmax(near.float()[None] @ histograms.float(), dim=-1)  # (J, B, BINS)
         believed = (weights.float().T[:, :, None] * laws).sum(dim=0).to(counts.dtype)
         share = counts / counts.sum(dim=-1, keepdim=True).clamp(min=LEAST_COUNTS)
         return (share * torch.log((share + _UNLIKELY) / (believed + _UNLIKELY))).sum(dim=-1)
@@ -120,7 +125,7 @@ class Familiarity(torch.nn.Module):
         self.slope.copy_(slope)
         left = found - slope / total
         common = torch.quantile(left, FAMILIAR)
-        for law in range(LAWS):
+        for law in range(len(self.level)):
             mine = weights[:, law] > 0.5
             level = torch.quantile(left[mine], FAMILIAR) if mine.sum() >= 100 else common
             self.level[law] = level.clamp(min=1e-3)

@@ -2,31 +2,31 @@
 
 import torch
 
+from rl.twins.bank import HISTORY, Belief
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import log_scale
+from rl.twins.motion import Motion
 from rl.twins.products import along
-from rl.twins.recogniser import HISTORY
 
 Tensor = torch.Tensor
 
-SCALARS = 16  # that the policy sees beside the weights of the laws
+SCALARS = 16  # that the policy sees beside the probabilities of the laws
 RECENT = 30.0  # samples of the running statistics
 
 
 class Features(torch.nn.Module):
     """Observation of the policy, in units that are told here alone."""
 
-    def __init__(self, rank: int) -> None:
+    def __init__(self, motion: Motion) -> None:
         super().__init__()
-        units = torch.eye(rank + 2)
-        self.of_error = torch.nn.Buffer(units[rank])
-        self.of_members = torch.nn.Buffer(units[:rank].sum(dim=0))
+        self.motion = motion
         self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
         self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
 
     def forward(
         self,
         state: FilterState,
+        belief: Belief,
         mean: Tensor,
         doubt: Tensor,
         of_error: Tensor,
@@ -35,11 +35,12 @@ class Features(torch.nn.Module):
         variance: Tensor,
         sample_time: Tensor,
     ) -> Tensor:
-        """Return (B, LAWS + SCALARS) what the policy sees; gradients pass by the recogniser alone.
+        """Return (B, J + SCALARS) what the policy sees; gradients pass by the belief in the laws alone.
 
         Args:
             state: after the sample before.
-            mean: of the state as predicted.
+            belief: in the laws of the noise.
+            mean: (B, n) of c and d, as predicted.
             doubt: (B,) variance of the prediction [deg^2].
             of_error: (B,) that of d [deg^2].
             innovation: (B,) [deg].
@@ -49,11 +50,11 @@ class Features(torch.nn.Module):
         """
         root = torch.sqrt(variance)
         average, product, square, _ = state.statistics.split(1, dim=1)
-        coefficients = mean * self.of_members
+        coefficients = mean * self.motion.of_members
         angles = [
             innovation / root,
             innovation / torch.sqrt(doubt + variance),
-            along(mean, self.of_error) / root,
+            along(mean, self.motion.of_error) / root,
             way_mm,
         ]
         positive = [
@@ -66,13 +67,13 @@ class Features(torch.nn.Module):
         ]
         return torch.cat(
             [
-                state.weights,
-                state.bias[:, None],
-                torch.log(state.bias_variance)[:, None] / 3,
+                belief.weights,
+                belief.bias[:, None],
+                torch.log(belief.bias_variance)[:, None] / 3,
                 log_scale(torch.stack(angles, dim=1) * self.angle_units),
                 torch.log(torch.stack(positive, dim=1)) * self.log_units,
                 torch.tanh(innovation / root / 2)[:, None],
-                (coefficients * coefficients).sum(dim=1, keepdim=True) / self.of_members.sum(),
+                (coefficients * coefficients).sum(dim=1, keepdim=True) / self.motion.of_members.sum(),
                 average,
                 product,
             ],

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.bank import BankPrediction, Belief
 from rl.twins.fallback import Verdict
 
 Tensor = torch.Tensor
@@ -15,15 +16,15 @@ class FilterState(NamedTuple):
     """State of B filters.
 
     Attributes:
-        mean: (B, r + 2) of c, d [deg] and b [deg].
-        covariance: (B, r + 2, r + 2).
-        counts: (B, BINS) histogram of residuals.
+        mean: (B, r + 2) of c, d [deg] and b [deg], of the filter alone.
+        covariance: (B, r + 2, r + 2) of it.
+        counts: (B, BINS) histogram of its residuals.
         samples: (B,) measured so far.
         statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
             its normalised square, and the last one.
-        weights: (B, LAWS) of the laws of the noise, as recognised.
-        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
-        bias_variance: (B,) how sure that is, in units of R.
+        rows: (B, J, r + 1) of c and d, by law of the noise.
+        rows_covariance: (B, r + 1, r + 1) of each of them.
+        evidence: (B, J) logarithm of how likely each law made what was measured.
     """
 
     mean: Tensor
@@ -31,9 +32,9 @@ class FilterState(NamedTuple):
     counts: Tensor
     samples: Tensor
     statistics: Tensor
-    weights: Tensor
-    bias: Tensor
-    bias_variance: Tensor
+    rows: Tensor
+    rows_covariance: Tensor
+    evidence: Tensor
 
 
 class Predicted(NamedTuple):
@@ -41,33 +42,37 @@ class Predicted(NamedTuple):
 
     Attributes:
         state: after the sample before.
-        mean: (B, r + 2) of the state, as predicted.
-        covariance: (B, r + 2, r + 2) before it grows.
-        towards: (B, r + 2) P h, before P grows.
+        bank: as predicted.
+        belief: in the laws of the noise, before the sample.
         middle: (B,) mean angle of the members [deg].
-        angle: (B, r + 2) of theta on the state.
-        predicted: (B,) measurement [deg].
-        innovation: (B,) 0 where nothing was measured [deg].
-        seen: (B,) 1 where something was.
+        angle: (B, r + 1) of theta on c and d.
+        keep: (B, r + 1) what is left of c and d since the sample before.
+        growth: what their variances grow by, (B, r + 1) of d, times what the policy says, and of c.
+        measured: (B,) measurement about the middle [deg]; where there is none, what was expected.
+        innovation: (B,) in units of sqrt(R).
+        doubt: (B,) variance of the angle in units of R.
+        seen: (B,) 1 where something was measured.
         variance: (B,) R [deg^2].
-        growth: of P along d, along the members and along b, each (B, r + 2), times what the policy says.
-        features: (B, LAWS + SCALARS) what the policy sees.
+        sample_time: (B,) T [s].
+        features: (B, J + SCALARS) what the policy sees.
         acts: how far it is listened to.
         hears: how far the recogniser is.
         verdict: of the fallback; None while the step learns, when nothing is strange.
     """
 
     state: FilterState
-    mean: Tensor
-    covariance: Tensor
-    towards: Tensor
+    bank: BankPrediction
+    belief: Belief
     middle: Tensor
     angle: Tensor
-    predicted: Tensor
+    keep: Tensor
+    growth: tuple[Tensor, Tensor]
+    measured: Tensor
     innovation: Tensor
+    doubt: Tensor
     seen: Tensor
     variance: Tensor
-    growth: tuple[Tensor, Tensor, Tensor]
+    sample_time: Tensor
     features: Tensor
     acts: Tensor
     hears: Tensor

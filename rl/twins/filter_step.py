@@ -44,6 +44,7 @@ class FilterStep(torch.nn.Module):
         by_likelihood: whether it learns by the likelihood of its errors under its own variance, instead of by
             the balanced square errors (`rl/twins/balance.py`).
         actions: of the policy.
+        seen: numbers that the interval, and a policy from outside, are made of.
     """
 
     slow: ClassVar[tuple[str, ...]] = ()
@@ -57,6 +58,7 @@ class FilterStep(torch.nn.Module):
             seen: numbers that the interval is made of.
         """
         super().__init__()
+        self.seen = seen
         self.interval = network(seen, 16, 1, layers=1)
         with torch.no_grad():
             last_layer(self.interval).weight.zero_()

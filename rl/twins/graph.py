@@ -44,24 +44,23 @@ class TwinsGraph(torch.nn.Module):
         counts: Tensor,
         samples: Tensor,
         statistics: Tensor,
-        weights: Tensor,
-        bias: Tensor,
-        bias_variance: Tensor,
+        rows: Tensor,
+        rows_covariance: Tensor,
+        evidence: Tensor,
     ) -> tuple[Tensor, ...]:
         """Return estimate, half of its interval, and the arrays of the state after the sample."""
         step = self.step
-        begins = 1 - torch.sign(along(along(covariance, step.of_error), step.of_error))
-        covariance = covariance + begins[:, None, None] * step.first_covariance(variance)
-        first_weights, first_bias, first_variance = step.first_noise(variance)
+        of_error = step.motion.of_error
+        begins = 1 - torch.sign(along(along(rows_covariance, of_error), of_error))[:, None, None]
         state = FilterState(
             mean,
-            covariance,
+            covariance + begins * step.plain.first_covariance(variance),
             counts,
             samples,
             statistics,
-            weights + begins[:, None] * first_weights,
-            bias + begins * first_bias,
-            bias_variance + begins * first_variance,
+            rows,
+            rows_covariance + begins * step.motion.first_covariance(variance),
+            evidence,
         )
         output, after = step(members_deg, way_mm, measurement_deg, variance, sample_time, parts, state)
         return (output.bend_deg, output.half_width_deg, *after)

@@ -1,6 +1,6 @@
-"""The lessons of a filter on simulated twins: recognise the noise, set the gain, say how sure it is.
+"""The lessons of a filter on simulated twins: set the gain, say how sure it is.
 
-1. The recogniser of RAM (twins) learns by supervision from the residuals of the filter without a policy.
+1. RAM (twins) learns the laws of the noise (`rl/twins/laws_lesson.py`).
 2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
    as they do in the published figure (`rl/twins/balance.py`).
 3. RAM (twins) learns what noise is like that of its training (`rl/twins/familiarity.py`).
@@ -18,8 +18,8 @@ from rl.supervised import GRADIENT_LIMIT
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.checkpoint import Keeper
 from rl.twins.familiarity import Histograms
-from rl.twins.filter_step import ALL, NOTHING, FilterStep, Output
-from rl.twins.sequences import STRIDES, DrawsSequences, Sequences, SequenceSource
+from rl.twins.filter_step import ALL, FilterStep, Output
+from rl.twins.sequences import DrawsSequences, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
@@ -41,47 +41,17 @@ def filter_sequences(
         yield output, state
 
 
-def learn_noise(
-    step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_update: OnUpdate | None = None
-) -> None:
-    """Train the recogniser on residuals of the filter without a policy."""
-    rng = random_stream(settings.seed, SeedUse.LESSON_RECOGNISER)
-    samples = (source.records.pull_mm.shape[1] - 1) // STRIDES[0]
-    chosen = np.unique(np.geomspace(3, samples, 40).astype(int)) - 1
-    histograms, levels, biases = [], [], []
-    for _ in range(math.ceil(settings.recogniser_sequences / 1024)):
-        drawn = source.draw(min(1024, settings.recogniser_sequences), samples, rng, STRIDES[0])
-        seen = []
-        with torch.no_grad():
-            for sample, (_, state) in enumerate(filter_sequences(step, drawn, NOTHING)):
-                if sample in chosen:
-                    seen.append(state.counts)
-        histograms.append(torch.stack(seen))
-        levels.append(torch.log(drawn.variance))
-        biases.append(drawn.bias_deg / torch.sqrt(drawn.variance))
-    counts, level, bias = torch.cat(histograms, dim=1), torch.cat(levels), torch.cat(biases)
-
-    def loss(update: int) -> torch.Tensor:
-        rows = torch.as_tensor(rng.integers(len(level), size=128))
-        here = level[rows].expand(len(counts), -1)
-        _, mean, variance = step.recogniser(counts[:, rows], here)
-        square = (bias[rows] - mean) ** 2
-        value: torch.Tensor = (0.5 * (square / variance + torch.log(variance)) + square).mean()
-        return value
-
-    groups: list[dict[str, Any]] = [{"params": [*step.recogniser.parameters()]}]
-    _descend(groups, loss, settings.recogniser_updates, settings.recogniser_rate, on_update)
-
-
 def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
     rng = random_stream(settings.seed, SeedUse.LESSON_FAMILIARITY)
+    step.goes_along = True
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     with torch.no_grad():
         for place, drawn, (_, state) in _finished(step, source, settings, rng, 2 * half):
             if place % 10 == 9:  # neighbours tell little more
-                whole = Histograms(state.weights, state.counts, torch.log(drawn.variance))
+                weights = step.bank.believe(state.evidence, drawn.variance).weights
+                whole = Histograms(weights, state.counts, torch.log(drawn.variance))
                 for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
                     part.append(Histograms(*(of[rows] for of in whole)))
     seen, held_out = (Histograms(*map(torch.cat, zip(*part, strict=True))) for part in found)
@@ -127,7 +97,7 @@ def learn_gain(
         {"params": [of for name, of in parameters.items() if name not in step.slow]},
         {"params": [of for name, of in parameters.items() if name in step.slow], "share": 0.2},
     ]
-    _descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
+    descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
 
 
 def _window_loss(
@@ -182,7 +152,7 @@ def learn_interval(
         over = error[rows] - torch.log(step.widen(features[rows]))
         return torch.maximum(COVERAGE * over, (COVERAGE - 1) * over).mean()
 
-    _descend([{"params": list(step.interval.parameters())}], loss, settings.interval_updates, 1e-2, on_update)
+    descend([{"params": list(step.interval.parameters())}], loss, settings.interval_updates, 1e-2, on_update)
 
 
 def _finished(
@@ -230,7 +200,7 @@ def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTrai
     return Validation(loss, told.flatten().tolist())
 
 
-def _descend(
+def descend(
     groups: list[dict[str, Any]],
     loss: Callable[[int], torch.Tensor],
     updates: int,

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.bank import HISTORY
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
 from rl.twins.networks import last_layer, network
-from rl.twins.recogniser import HISTORY
 
 HIDDEN = 48
 SEEN = 10  # numbers that the policy sees

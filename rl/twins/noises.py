@@ -28,6 +28,7 @@ class NoiseBatch(NamedTuple):
         variance: (B,) R, which the filter is told [deg^2].
         mean_deg: (B,) mean of the noise, which it is not told [deg].
         family: (B,) place of its family among the given ones.
+        law: (B,) place of its law among those of the given families; see `count_laws`.
         linear: (B,) whether the linear update is the best there is for it, or near it.
     """
 
@@ -35,6 +36,7 @@ class NoiseBatch(NamedTuple):
     variance: Array
     mean_deg: Array
     family: NDArray[np.intp]
+    law: NDArray[np.intp]
     linear: NDArray[np.bool_]
 
 
@@ -51,15 +53,27 @@ def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.rando
         ValueError: there is no such family, or none is given.
     """
     check_families(families)
-    weights = np.array([FAMILIES[name][0] for name in families])
+    known = [FAMILIES[name] for name in families]
+    weights = np.array([family.weight for family in known])
+    first = np.cumsum([0, *(family.laws for family in known)])  # law of each family
     chosen = rng.choice(len(families), count, p=weights / weights.sum())
     noise = np.empty((count, samples))
-    variance, mean = np.empty(count), np.empty(count)
+    variance, mean, law = np.empty(count), np.empty(count), np.empty(count, np.intp)
     for row, number in enumerate(chosen):
-        draw = FAMILIES[families[number]][1]
-        noise[row], variance[row], mean[row] = draw(samples, rng)
+        noise[row], variance[row], mean[row], kind = known[number].draw(samples, rng)
+        law[row] = first[number] + kind
     linear = np.array([families[number] in LINEAR for number in chosen])
-    return NoiseBatch(noise, variance, mean, chosen, linear)
+    return NoiseBatch(noise, variance, mean, chosen, law, linear)
+
+
+def count_laws(families: Sequence[str]) -> int:
+    """Return the number of laws that families have together.
+
+    Raises:
+        ValueError: there is no such family, or none is given.
+    """
+    check_families(families)
+    return sum(FAMILIES[name].laws for name in families)
 
 
 def check_families(families: Sequence[str]) -> None:
@@ -73,64 +87,88 @@ def check_families(families: Sequence[str]) -> None:
         raise InputError(f"training noises {', '.join(unknown) or 'none'}: choose from {', '.join(FAMILIES)}")
 
 
-_Draw = Callable[[int, np.random.Generator], tuple[Array, float, float]]
+_Drawn = tuple[Array, float, float, int]
+"""Noise (N,) [deg], R [deg^2], mean [deg], and which law of its family it is."""
+
+
+class Family(NamedTuple):
+    """Family of noise.
+
+    Attributes:
+        weight: how often it is met, among the others.
+        laws: into how many laws it is divided, by the parameters that change its shape.
+        draw: returns the noise of a sequence of so many samples.
+    """
+
+    weight: float
+    laws: int
+    draw: Callable[[int, np.random.Generator], _Drawn]
 
 
 def _variance(rng: np.random.Generator, low: float = VARIANCES[0], high: float = VARIANCES[1]) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _gaussian(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _gaussian(samples: int, rng: np.random.Generator) -> _Drawn:
     variance = _variance(rng)
-    return np.sqrt(variance) * rng.standard_normal(samples), variance, 0.0
+    return np.sqrt(variance) * rng.standard_normal(samples), variance, 0.0, 0
 
 
-def _laplace(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _laplace(samples: int, rng: np.random.Generator) -> _Drawn:
     variance = _variance(rng)
-    return rng.laplace(0.0, np.sqrt(variance / 2), samples), variance, 0.0
+    return rng.laplace(0.0, np.sqrt(variance / 2), samples), variance, 0.0, 0
 
 
-def _student(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _student(samples: int, rng: np.random.Generator) -> _Drawn:
     variance, freedom = _variance(rng), rng.uniform(2.6, 8.0)
     scale = np.sqrt(variance * (freedom - 2) / freedom)
-    return scale * rng.standard_t(freedom, samples), variance, 0.0
+    return scale * rng.standard_t(freedom, samples), variance, 0.0, int(freedom > 4)
 
 
-def _uniform(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _uniform(samples: int, rng: np.random.Generator) -> _Drawn:
     variance = _variance(rng)
-    return np.sqrt(3 * variance) * rng.uniform(-1, 1, samples), variance, 0.0
+    return np.sqrt(3 * variance) * rng.uniform(-1, 1, samples), variance, 0.0, 0
 
 
-def _gamma(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
-    variance, shape = _variance(rng, high=4.0), rng.uniform(1.2, 3.5)
-    return rng.gamma(shape, np.sqrt(variance / shape), samples), variance, float(np.sqrt(variance * shape))
+def _gamma(samples: int, rng: np.random.Generator) -> _Drawn:
+    variance, shape = _variance(rng, high=4.0), rng.uniform(*_GAMMA_SHAPES)
+    low, high = _GAMMA_SHAPES
+    kind = min(int(_GAMMA_LAWS * (shape - low) / (high - low)), _GAMMA_LAWS - 1)
+    return (
+        rng.gamma(shape, np.sqrt(variance / shape), samples),
+        variance,
+        float(np.sqrt(variance * shape)),
+        kind,
+    )
 
 
-def _poisson(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _poisson(samples: int, rng: np.random.Generator) -> _Drawn:
     mean = _variance(rng, high=4.0)
-    return rng.poisson(mean, samples).astype(float), mean, mean
+    return rng.poisson(mean, samples).astype(float), mean, mean, 0
 
 
-def _dithered_poisson(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
-    noise, variance, mean = _poisson(samples, rng)
-    return noise + rng.uniform(-0.5, 0.5, samples), variance + 1 / 12, mean
+def _dithered_poisson(samples: int, rng: np.random.Generator) -> _Drawn:
+    noise, variance, mean, kind = _poisson(samples, rng)
+    return noise + rng.uniform(-0.5, 0.5, samples), variance + 1 / 12, mean, kind
 
 
-def _outliers(samples: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+def _outliers(samples: int, rng: np.random.Generator) -> _Drawn:
     share, size, variance = rng.uniform(0.01, 0.1), rng.uniform(4.0, 15.0), _variance(rng, 0.03, 0.6)
     outlier = rng.choice([-size, size], samples) * (rng.uniform(size=samples) < share)
     noise = np.sqrt(variance) * rng.standard_normal(samples) + outlier
-    return noise, float(variance + share * size**2), 0.0
+    kind = 3 * int(share > 0.04) + int(size > 7) + int(size > 11)
+    return noise, float(variance + share * size**2), 0.0, kind
 
 
-FAMILIES: dict[str, tuple[float, _Draw]] = {
-    "gaussian": (0.20, _gaussian),
-    "laplace": (0.10, _laplace),
-    "student-t": (0.10, _student),
-    "uniform": (0.10, _uniform),
-    "gamma": (0.14, _gamma),
-    "poisson": (0.14, _poisson),
-    "poisson-dithered": (0.10, _dithered_poisson),
-    "salt-and-pepper": (0.12, _outliers),
+_GAMMA_SHAPES, _GAMMA_LAWS = (1.2, 3.5), 5
+
+FAMILIES: dict[str, Family] = {
+    "gaussian": Family(0.20, 1, _gaussian),
+    "laplace": Family(0.10, 1, _laplace),
+    "student-t": Family(0.10, 2, _student),
+    "uniform": Family(0.10, 1, _uniform),
+    "gamma": Family(0.14, _GAMMA_LAWS, _gamma),
+    "poisson": Family(0.14, 1, _poisson),
+    "poisson-dithered": Family(0.10, 1, _dithered_poisson),
+    "salt-and-pepper": Family(0.12, 6, _outliers),
 }
-"""Weight of each family, and how the noise (N,) [deg], R [deg^2] and the mean [deg] of one are drawn."""

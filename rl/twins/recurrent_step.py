@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import torch
 
+from rl.twins.bank import HISTORY
 from rl.twins.cells import MemoryCell
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
 from rl.twins.networks import last_layer, network
-from rl.twins.recogniser import HISTORY
 
 SEEN = 11  # numbers that a network sees
 VALUES = 7  # numbers of a filter that are no memory of its network

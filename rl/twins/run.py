@@ -34,7 +34,7 @@ from twin.runtime.deployment import KEY as DEPLOYMENT
 from twin.runtime.deployment import prepare_deployment
 
 VALIDATIONS = 12  # over each lesson of the gain
-_COSTS = {"simulation": 25, "recogniser": 15, "analytic": 55, "ppo": 15, "interval": 5}
+_COSTS = {"simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
@@ -61,13 +61,13 @@ class Learner:
     members: MemberSet
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
     export: Callable[[Any, dict[str, Any], Path], None]
-    prepare: Callable[[Any, SequenceSource, OnShare], None] | None = None
+    prepare: Callable[[Any, OnShare], None] | None = None
     explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
 
     def parts(self, gain: Sequence[str]) -> list[str]:
         """Return the parts of the training that take time, by name."""
-        lessons = ["recogniser"] if self.prepare else []
+        lessons = ["laws"] if self.prepare else []
         return ["simulation", *lessons, *gain, "interval"]
 
 
@@ -174,7 +174,7 @@ def _train(
         shown.of("analytic")(update, settings.updates)
 
     if learner.prepare and not keeper.is_there():
-        learner.prepare(step, source, shown.of("recogniser"))
+        learner.prepare(step, shown.of("laws"))
     before = 0
     if "analytic" in settings.gain:
         learn_gain(step, source, settings, on_update, keeper)

@@ -143,28 +143,30 @@ class TwinsTraining(SimulatedTraining):
     Attributes:
         sequences: with their own noise, that run side by side.
         window: samples that an error is traced back over: shorter windows of more sequences take less time.
+        updates: gradient steps through the filter, one per window: more bring nothing.
         members: M, twins that the prediction is made of.
         moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
         policy_layers: of the policy; 0 for one that is linear in what it sees.
         policy_width: units of each; what a search took, as the learning rate: docs/ram_twins.md.
         with_error: whether what no member does is estimated.
-        with_recogniser: whether the recogniser of the noise is asked.
-        recogniser_sequences: records that the recogniser learns from first.
-        recogniser_updates: gradient steps of that.
-        recogniser_rate: step of Adam of that at the start; it falls to zero along a cosine.
+        with_recogniser: whether there are laws of the noise to choose among; without them it is normal.
+        laws_sequences: of noise that the laws are learned from first.
+        laws_updates: gradient steps of that.
+        laws_rate: step of Adam of that at the start; it falls to zero along a cosine.
         ppo_samples: of PPO, rounded up to whole horizons.
     """
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
-        "recogniser_sequences": 64,
-        "recogniser_updates": 1,
+        "laws_sequences": 64,
+        "laws_updates": 1,
         "ppo_samples": PPO_HORIZON,
     }
     gains = (("analytic",), ("ppo",), ("analytic", "ppo"))
 
     sequences: int = 256
     window: int = 25
+    updates: int = 900
     members: int = 40
     moving: int = 16
     rank: int = 28
@@ -172,9 +174,9 @@ class TwinsTraining(SimulatedTraining):
     policy_width: int = 96
     with_error: bool = True
     with_recogniser: bool = True
-    recogniser_sequences: int = 4096
-    recogniser_updates: int = 2500
-    recogniser_rate: float = 3e-3
+    laws_sequences: int = 8192
+    laws_updates: int = 1500
+    laws_rate: float = 3e-2
     ppo_samples: int = 48 * PPO_HORIZON
 
     def __post_init__(self) -> None:
@@ -189,3 +191,8 @@ class TwinsTraining(SimulatedTraining):
         check_between("rank", self.rank, 1, self.members)
         check_between("policy_width", self.policy_width, 1, MOST_WIDTH)
         check_between("policy_layers", self.policy_layers, 0, MOST_LAYERS)
+
+    @property
+    def known_noises(self) -> tuple[str, ...]:
+        """Families whose laws there are to choose among."""
+        return self.noises if self.with_recogniser else ("gaussian",)

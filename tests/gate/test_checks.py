@@ -83,7 +83,7 @@ def test_a_policy_whose_normaliser_was_removed_is_refused(paper_policy, tmp_path
 
 
 @pytest.mark.parametrize(
-    "name", ["policy.0", "policy.2", "policy.4", "recogniser.laws.0", "recogniser.laws.2"]
+    "name", ["policy.0", "policy.2", "policy.4", "bank.laws.prior.0", "bank.laws.prior.2"]
 )
 def test_a_flipped_sign_is_found_in_any_layer(loud_twins, tmp_path, name):
     weights = f"step.{name}.weight"

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 import torch
 from scipy import stats
-from small_twins import TINY, generator, small_source, small_step
+from small_twins import LAWS, TINY, generator, small_source, small_step
 
 from rl.twins.familiarity import FAMILIAR, LEVELS, Familiarity, Histograms
 from rl.twins.filter_step import ALL
+from rl.twins.histogram import BINS
 from rl.twins.learning import filter_sequences, learn_what_is_familiar
-from rl.twins.recogniser import BINS, LAWS
 
 
 def test_divergence_is_that_of_kullback_and_leibler():
     rng = generator(1)
     laws = rng.dirichlet(np.ones(BINS), size=LAWS)
     weights, counts = rng.dirichlet(np.ones(LAWS), size=6), 50 * rng.dirichlet(np.ones(BINS), size=6)
-    familiarity = Familiarity()
+    familiarity = Familiarity(LAWS)
     familiarity.histograms.copy_(torch.as_tensor(np.log(laws))[:, None, :].expand(-1, LEVELS[2], -1))
     told = (
         torch.as_tensor(of, dtype=torch.float32) for of in (weights, counts, np.log([0.1, 0.5, 1, 2, 4, 8]))
@@ -41,7 +41,7 @@ def learned():
     which = np.repeat([0, 1], 3000)
     weights = torch.zeros(6000, LAWS)
     weights[range(6000), which] = 1
-    familiarity = Familiarity()
+    familiarity = Familiarity(LAWS)
     rows = generator(3)
     parts = [
         Histograms(weights, torch.cat([draw(law, 3000) for law in laws]), torch.zeros(6000)) for _ in range(2)
@@ -75,9 +75,9 @@ def test_of_a_foreign_noise_nothing_is_said(learned):
 
 def test_before_anything_is_counted_and_before_it_has_learned_all_is_familiar(learned):
     weights = torch.full((1, LAWS), 1 / LAWS)
-    for familiarity in (learned[0], Familiarity()):
+    for familiarity in (learned[0], Familiarity(LAWS)):
         assert familiarity(weights, torch.zeros(1, BINS), torch.zeros(1)) == 1
-    assert Familiarity()(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
+    assert Familiarity(LAWS)(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
 
 
 def test_the_finished_filter_finds_its_own_noises_familiar():
@@ -87,5 +87,6 @@ def test_the_finished_filter_finds_its_own_noises_familiar():
     drawn = source.draw(200, 40, generator(9))
     with torch.no_grad():
         *_, (_, state) = filter_sequences(step, drawn, ALL)
-        known = step.familiarity(state.weights, state.counts, torch.log(drawn.variance))
+        weights = step.bank.believe(state.evidence, drawn.variance).weights
+        known = step.familiarity(weights, state.counts, torch.log(drawn.variance))
     assert (known == 1).float().mean() > 0.85

@@ -27,8 +27,7 @@ SMALL = {
     )
 }
 SMALL_TWINS = SMALL | {
-    name: getattr(TINY, name)
-    for name in ("members", "moving", "rank", "recogniser_sequences", "recogniser_updates")
+    name: getattr(TINY, name) for name in ("members", "moving", "rank", "laws_sequences", "laws_updates")
 }
 
 

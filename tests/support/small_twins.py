@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from rl.twins.memory_step import MemoryStep
+from rl.twins.noises import count_laws
 from rl.twins.records import TwinRecords, draw_members, simulate_records
 from rl.twins.sequences import SequenceSource, by_model, principal_directions
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
@@ -25,13 +26,16 @@ TINY = TwinsTraining(
     sequences=16,
     episode=40,
     window=20,
-    recogniser_sequences=64,
-    recogniser_updates=10,
+    laws_sequences=64,
+    laws_updates=10,
     updates=8,
     interval_sequences=64,
     interval_updates=10,
     seed=1,
 )
+
+
+LAWS = count_laws(TINY.noises)
 
 
 @functools.cache
@@ -60,7 +64,7 @@ def small_source(noises=TINY.noises) -> SequenceSource:
 def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
     """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
     torch.manual_seed(seed)
-    step = TwinsStep(principal_directions(small_records().members_deg, rank))
+    step = TwinsStep(principal_directions(small_records().members_deg, rank), LAWS, 64)
     with torch.no_grad():
         step.policy[-1].weight.normal_(0, loud)
     return step.eval()

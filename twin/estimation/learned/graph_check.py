@@ -31,11 +31,11 @@ _OF_ELEMENTS = {
 }
 _SMOOTH = {"Asinh", "Sigmoid", "Softmax", "Tanh"}
 _CHOICES = {"IsNaN", "Not", "Where"}
-_SUMS = {"ReduceMean", "ReduceSum"}
+_SUMS = {"ReduceMax", "ReduceMean", "ReduceSum"}
 _OF_SHAPE = {"Cast", "Concat", "Constant", "Gather", "Identity", "Split", "Squeeze", "Transpose", "Unsqueeze"}
 OPERATORS = _LAYERS | _OF_ELEMENTS | _SMOOTH | _CHOICES | _SUMS | _OF_SHAPE
 """Operators of the networks that training writes, and near ones that another torch may write for the same."""
-MOST_NODES = 450
+MOST_NODES = 600
 MOST_CONCATENATIONS = 4
 """Number of `Concat` nodes: each may double what it is given."""
 LONGEST_AXIS = 8192

@@ -36,16 +36,15 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
-OF_ERROR = -2  # place of d in the state: the last but one
 STATE = {
     "mean": 1,
     "covariance": 2,
     "counts": 1,
     "samples": 0,
     "statistics": 1,
-    "weights": 1,
-    "bias": 0,
-    "bias_variance": 0,
+    "rows": 2,
+    "rows_covariance": 2,
+    "evidence": 1,
 }
 """Axes of each array of the state of one filter."""
 RECOGNISER_ALONE, FILTER_ALONE = (0.0, 1.0), (0.0, 0.0)
@@ -111,11 +110,14 @@ class RamTwins(Estimator[TwinsState]):
         following = self.members.step(trusted.following, pull_mm)
         moved = (following.of_filters() - trusted.following.of_filters()).mean(axis=1)
         off = bend_deg - (trusted.bend_deg + moved)
-        mean, covariance, *noise = (of.copy() for of in trusted.memory)
-        begun = covariance.any(axis=(1, 2))  # a state of zeros is one that has seen nothing: it stays so
-        mean[:, OF_ERROR] += off * begun
-        covariance[:, OF_ERROR, OF_ERROR] += off**2 * begun
-        return TwinsState(following, (mean, covariance, *noise), bend_deg.copy(), trusted.half_width_deg)
+        memory = dict(zip(STATE, (of.copy() for of in trusted.memory), strict=True))
+        begun = memory["covariance"].any(axis=(1, 2))  # a state of zeros has seen nothing: it stays so
+        off = off * begun
+        memory["mean"][:, -2] += off  # c, d and b
+        memory["covariance"][:, -2, -2] += off**2
+        memory["rows"][:, :, -1] += off[:, None]  # c and d
+        memory["rows_covariance"][:, -1, -1] += off**2
+        return TwinsState(following, tuple(memory.values()), bend_deg.copy(), trusted.half_width_deg)
 
     def step(
         self, state: TwinsState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
@@ -173,7 +175,10 @@ def load(path: Path) -> RamTwins:
         twins = members_from_dict(file.description.get("members"))
         predicted_by = {"members_deg": (len(twins.presets),), "way_mm": ()}
         network = step_network(file, predicted_by, STATE)
-        if network.state["covariance"] != network.state["mean"] * 2:
+        shapes = network.state
+        of_bank = (*shapes["evidence"], *shapes["rows_covariance"][:1])
+        squares = all(shapes[name][:1] * 2 == shapes[name] for name in ("covariance", "rows_covariance"))
+        if not squares or shapes["covariance"][:1] != shapes["mean"] or shapes["rows"] != of_bank:
             raise InputError(f"the shapes of its state are {shown(tuple(network.state.values()))}")
         return RamTwins(network, twins)
     except ValueError as error:

@@ -1,0 +1,143 @@
+"""The bank of RAM (twins) against filters in plain NumPy that are told the law."""
+
+import numpy as np
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from small_twins import LAWS, generator, small_source, small_step
+
+from rl.twins.bank import HISTORY
+from rl.twins.filter_step import ALL
+from rl.twins.learning import filter_sequences
+
+RECOGNISER_ALONE = torch.tensor([0.0, 1.0])
+
+
+def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
+    return small_source(noises).draw(count, samples, generator(seed), stride=5)
+
+
+def normal_laws(step, means, deviations):
+    """Make every law of a step one normal law, the same at any R, and all of them as likely as any other."""
+    laws = step.bank.laws
+    with torch.no_grad():
+        laws.places.zero_()
+        laws.places[0] = torch.as_tensor(means, dtype=torch.float32)[:, None]
+        laws.widths.fill_(-20.0)
+        laws.widths[0] = torch.log(torch.as_tensor(deviations, dtype=torch.float32))[:, None]
+        laws.weights.zero_()
+        laws.effective.zero_()
+        laws.effective[0] = 2 * torch.log(torch.as_tensor(deviations, dtype=torch.float32))
+        laws.prior[-1].weight.zero_()
+        laws.prior[-1].bias.zero_()
+
+
+def kalman_filters(step, sequences, run, means, deviations):
+    """Angle and log-likelihood over time of one record, by filters that share a law's covariance."""
+    members, way = (of[:, run].numpy().astype(float) for of in sequences.inputs)
+    variance = float(sequences.variance[run])
+    motion = step.motion
+    directions = step.directions.numpy().astype(float)
+    rows = np.zeros((len(means), directions.shape[1]))
+    covariance = motion.first_covariance(torch.ones(1))[0].numpy().astype(float)
+    evidence, found = np.zeros(len(means)), []
+    for now, gone, y in zip(members, way, sequences.measurement_deg[:, run].numpy(), strict=True):
+        middle = now.mean()
+        angle = (now - middle) @ directions + motion.of_error.numpy()
+        gone, time = torch.tensor([gone]), sequences.sample_time[run : run + 1]
+        keep = motion.keep(gone)[0].numpy()
+        growth = sum(of[0].numpy() for of in motion.growth(gone, time))
+        rows, covariance = rows * keep, np.diag(keep) @ covariance @ np.diag(keep) + np.diag(growth)
+        doubt = angle @ covariance @ angle
+        innovation = y - middle - rows @ angle - means * np.sqrt(variance)
+        whole = doubt + variance * deviations**2
+        evidence = evidence * (1 - 1 / HISTORY) + stats.norm.logpdf(innovation, scale=np.sqrt(whole))
+        rows = rows + (innovation / whole)[:, None] * (covariance @ angle)
+        weights = np.exp(evidence - evidence.max())
+        weights /= weights.sum()
+        gain = covariance @ angle / (doubt + variance * weights @ deviations**2)
+        covariance = covariance - np.outer(gain, covariance @ angle)
+        found.append([middle + weights @ (rows @ angle), weights @ means])
+    return np.array(found)
+
+
+def test_with_normal_laws_it_is_a_bank_of_kalman_filters():
+    """Three laws among many that are far from anything measured."""
+    step, sequences = small_step(), drawn()
+    means, deviations = np.full(LAWS, 1000.0), np.full(LAWS, 1.0)
+    means[:3], deviations[:3] = [0.0, 1.0, 1.5], [1.0, 0.6, 1.3]
+    normal_laws(step, means, deviations)
+    with torch.no_grad():
+        outputs = [output for output, _ in filter_sequences(step, sequences, RECOGNISER_ALONE)]
+    for run in range(5):
+        wanted = kalman_filters(step, sequences, run, means[:3], deviations[:3])
+        found = [[float(of.bend_deg[run]), float(of.bias[run])] for of in outputs]
+        np.testing.assert_allclose(found, wanted, atol=5e-3)
+
+
+def test_the_law_of_the_noise_is_recognised_and_its_mean_removed():
+    """Two laws of other widths and means, each under its own noise."""
+    step, sequences = small_step(), drawn(40, 180, 8, ("gaussian",))
+    means, deviations = np.full(LAWS, 1000.0), np.full(LAWS, 1.0)
+    means[:2], deviations[:2] = [0.0, 2.0], [1.0, 0.3]
+    normal_laws(step, means, deviations)
+    root = torch.sqrt(sequences.variance)
+    noise = sequences.measurement_deg - sequences.truth_deg
+    narrow = sequences._replace(measurement_deg=sequences.truth_deg + 0.3 * noise + 2 * root)
+    for measured, mean in ((sequences, 0.0), (narrow, 2.0)):
+        with torch.no_grad():
+            *_, (output, _) = filter_sequences(step, measured, RECOGNISER_ALONE)
+        assert (output.bias - mean).abs().median() < 0.02
+
+
+@given(seed=st.integers(0, 10_000), loud=st.floats(0.1, 20))
+def test_whatever_the_policy_says_each_filter_takes_a_convex_step_towards_the_parts_of_its_law(seed, loud):
+    step = small_step(seed, loud=loud)
+    sequences = drawn(4, 12, seed, ("salt-and-pepper", "gamma"))
+    state = step.start(sequences.variance)
+    root = torch.sqrt(sequences.variance)[:, None, None]
+    with torch.no_grad():
+        place = step.bank.laws(sequences.variance).place * root
+        for k in range(12):
+            members, way = (of[k] for of in sequences.inputs)
+            y, rest = sequences.measurement_deg[k], (sequences.variance, sequences.sample_time, ALL)
+            _, unseen = step(members, way, torch.full_like(y, torch.nan), *rest, state)
+            _, state = step(members, way, y, *rest, state)
+            middle = members.mean(dim=1)
+            angle = (members - middle[:, None]) @ step.directions + step.motion.of_error
+            before, after = (
+                middle[:, None] + (of.rows * angle[:, None]).sum(dim=-1) for of in (unseen, state)
+            )
+            parts = y[:, None, None] - place
+            low, high = (torch.minimum(parts.amin(-1), before), torch.maximum(parts.amax(-1), before))
+            slack = 1e-3 * (1 + (high - low))
+            assert ((after > low - slack) & (after < high + slack)).all()
+            assert (torch.linalg.eigvalsh(state.rows_covariance.double()) > -1e-4).all()
+
+
+def test_without_a_measurement_nothing_is_learned_of_the_noise():
+    step, sequences = small_step(loud=1.0), drawn()
+    with torch.no_grad():
+        *_, (_, state) = filter_sequences(step, sequences, ALL)
+        output, after = step(
+            *(of[-1] for of in sequences.inputs),
+            torch.full_like(sequences.measurement_deg[-1], torch.nan),
+            sequences.variance,
+            sequences.sample_time,
+            ALL,
+            state,
+        )
+    for name in ("counts", "samples", "statistics", "evidence"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(state, name))
+    assert torch.isfinite(output.bend_deg).all()
+    assert torch.isfinite(output.half_width_deg).all()
+
+
+def test_what_was_seen_of_the_noise_is_forgotten():
+    """A law that all measurements speak for gains no more than `HISTORY` of them can say."""
+    step, sequences = small_step(), drawn(2, 190, 5, ("gaussian",))
+    with torch.no_grad():
+        evidence = torch.stack([state.evidence for _, state in filter_sequences(step, sequences, ALL)])
+    steps = evidence[1:] - evidence[:-1] * (1 - 1 / HISTORY)
+    assert (evidence.abs() <= HISTORY * steps.abs().amax(dim=0) + evidence[0].abs()).all()
