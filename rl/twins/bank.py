@@ -11,8 +11,8 @@ from typing import NamedTuple
 import torch
 
 from rl.twins.filter_step import LEAST_VARIANCE
-from rl.twins.laws import Laws, NoiseLaws, log_sum_exp
-from rl.twins.motion import Motion
+from rl.twins.laws import Laws, NoiseLaws, normed
+from rl.twins.motion import MemberMotion
 
 Tensor = torch.Tensor
 
@@ -34,7 +34,7 @@ class BankState(NamedTuple):
     evidence: Tensor
 
 
-class Belief(NamedTuple):
+class NoiseBelief(NamedTuple):
     """Belief in the laws of the noise.
 
     Attributes:
@@ -77,13 +77,13 @@ class BankEstimate(NamedTuple):
 
     offset: Tensor
     variance: Tensor
-    belief: Belief
+    belief: NoiseBelief
 
 
 class Bank(torch.nn.Module):
     """Filters of twins, one for each law."""
 
-    def __init__(self, motion: Motion, laws: int):
+    def __init__(self, motion: MemberMotion, laws: int):
         """Start with untrained laws.
 
         Args:
@@ -104,7 +104,7 @@ class Bank(torch.nn.Module):
             torch.zeros(batch, laws),
         )
 
-    def believe(self, evidence: Tensor, variance: Tensor) -> Belief:
+    def believe(self, evidence: Tensor, variance: Tensor) -> NoiseBelief:
         """Return the belief in the laws by what was seen (B, J), for (B,) variances R [deg^2]."""
         return _believe(self.laws(variance), evidence)
 
@@ -124,7 +124,7 @@ class Bank(torch.nn.Module):
     def update(
         self,
         prior: BankPrediction,
-        belief: Belief,
+        belief: NoiseBelief,
         evidence: Tensor,
         angle: Tensor,
         grows: Tensor,
@@ -156,12 +156,10 @@ class Bank(torch.nn.Module):
 
         innovation = (measured[:, None] - prior.offset) / root[:, None]
         residual = innovation[:, :, None] - laws.place  # from each part
-        log_parts = laws.log_parts(residual, relative)
-        log_law = log_sum_exp(log_parts)
-        share = torch.exp(log_parts - log_law[..., None])
-        gain = torch.sigmoid(
-            torch.log(relative)[:, None, None] - torch.log(laws.width) + on_gain[:, None, None]
-        )
+        share, log_law = normed(laws.log_parts(residual, relative))
+        # sigmoid(logit K_AM + on_gain), where K_AM = relative / (relative + width)
+        pulls = (relative * torch.exp(on_gain))[:, None, None]
+        gain = pulls / (pulls + laws.width)
         step = (share * gain * residual).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
@@ -180,8 +178,8 @@ class Bank(torch.nn.Module):
         return BankEstimate(offset, own + between, after), BankState(rows, covariance, evidence)
 
 
-def _believe(laws: NoiseLaws, evidence: Tensor) -> Belief:
+def _believe(laws: NoiseLaws, evidence: Tensor) -> NoiseBelief:
     weights = torch.softmax(laws.log_prior + evidence, dim=-1)
     bias = (weights * laws.mean).sum(dim=-1)
     variance = (weights * (laws.mean - bias[:, None]) ** 2).sum(dim=-1)
-    return Belief(laws, weights, bias, variance + WITHIN)
+    return NoiseBelief(laws, weights, bias, variance + WITHIN)

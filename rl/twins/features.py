@@ -2,10 +2,10 @@
 
 import torch
 
-from rl.twins.bank import HISTORY, Belief
+from rl.twins.bank import HISTORY, NoiseBelief
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import log_scale
-from rl.twins.motion import Motion
+from rl.twins.motion import MemberMotion
 from rl.twins.products import along
 
 Tensor = torch.Tensor
@@ -17,7 +17,7 @@ RECENT = 30.0  # samples of the running statistics
 class Features(torch.nn.Module):
     """Observation of the policy, in units that are told here alone."""
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: MemberMotion) -> None:
         super().__init__()
         self.motion = motion
         self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
@@ -26,7 +26,7 @@ class Features(torch.nn.Module):
     def forward(
         self,
         state: FilterState,
-        belief: Belief,
+        belief: NoiseBelief,
         mean: Tensor,
         doubt: Tensor,
         of_error: Tensor,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import torch
 
-from rl.twins.bank import BankPrediction, Belief
+from rl.twins.bank import BankPrediction, NoiseBelief
 from rl.twins.fallback import Verdict
 
 Tensor = torch.Tensor
@@ -62,7 +62,7 @@ class Predicted(NamedTuple):
 
     state: FilterState
     bank: BankPrediction
-    belief: Belief
+    belief: NoiseBelief
     middle: Tensor
     angle: Tensor
     keep: Tensor

@@ -8,7 +8,7 @@ BINS = 56
 LARGEST_RESIDUAL = 3.9  # of the histogram's scale asinh(4 r): 6 sqrt(R)
 
 
-class Histogram(torch.nn.Module):
+class ResidualHistogram(torch.nn.Module):
     """Bins of residuals, narrow about zero and wide where residuals are few."""
 
     def __init__(self) -> None:

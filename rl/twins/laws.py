@@ -87,7 +87,7 @@ class Laws(torch.nn.Module):
         size = variance[:, None, None]
         one, by_level, by_size = self.weights
         score = one + level * by_level + size / 4 * by_size
-        log_weight = score - log_sum_exp(score)[..., None]
+        weight, total = normed(score)
         place = self.places[0] + torch.exp(-level / 2) * self.places[1]
         width = torch.exp(2 * self.widths[0]) + torch.exp(2 * self.widths[1]) / size + _NARROWEST
         one, by_level, by_size = self.effective
@@ -95,15 +95,20 @@ class Laws(torch.nn.Module):
         prior = self.prior(level[:, 0] / 3)
         return NoiseLaws(
             place,
-            log_weight,
+            score - total[..., None],
             width,
-            (torch.exp(log_weight) * place).sum(dim=-1),
+            (weight * place).sum(dim=-1),
             effective,
-            prior - log_sum_exp(prior)[..., None],
+            prior - normed(prior)[1][..., None],
         )
 
 
-def log_sum_exp(values: Tensor) -> Tensor:
-    """Return log(sum(exp(values))) over the last axis: ONNX Runtime has none of double precision."""
-    top = values.amax(dim=-1, keepdim=True).detach()
-    return top[..., 0] + torch.log(torch.exp(values - top).sum(dim=-1))
+def normed(logarithms: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the shares of values by their logarithms, and the logarithm of their sum, over the last axis.
+
+    By hand: it takes one exponential of each, and ONNX Runtime has no such sum in double precision.
+    """
+    top = logarithms.amax(dim=-1, keepdim=True).detach()
+    values = torch.exp(logarithms - top)
+    total = values.sum(dim=-1, keepdim=True)
+    return values / total, (top + torch.log(total))[..., 0]

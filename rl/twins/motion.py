@@ -16,7 +16,7 @@ FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 NO_ERROR = 1e-6  # share of the variances of d where there is to be none; zero would mark a first sample
 
 
-class Motion(torch.nn.Module):
+class MemberMotion(torch.nn.Module):
     """Decay and growth of the r coefficients c and of d, in this order: n = r + 1 numbers."""
 
     def __init__(self, rank: int, *, with_error: bool = True):

@@ -11,7 +11,7 @@ import torch
 
 from rl.twins.fallback import Verdict
 from rl.twins.filter_step import LEAST_VARIANCE
-from rl.twins.motion import Motion
+from rl.twins.motion import MemberMotion
 from rl.twins.products import along
 
 Tensor = torch.Tensor
@@ -39,7 +39,7 @@ class PlainEstimate(NamedTuple):
 class PlainFilter(torch.nn.Module):
     """Kalman filter of c, d and b."""
 
-    def __init__(self, motion: Motion):
+    def __init__(self, motion: MemberMotion):
         """Take the motion of c and d."""
         super().__init__()
         self.motion = motion

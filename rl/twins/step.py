@@ -34,8 +34,8 @@ from rl.twins.familiarity import Familiarity
 from rl.twins.features import SCALARS, Features, recent
 from rl.twins.filter_state import STATISTICS, FilterState, Predicted
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output
-from rl.twins.histogram import BINS, Histogram
-from rl.twins.motion import Motion
+from rl.twins.histogram import BINS, ResidualHistogram
+from rl.twins.motion import MemberMotion
 from rl.twins.networks import last_layer, network
 from rl.twins.plain_filter import PlainFilter
 from rl.twins.products import along
@@ -81,11 +81,11 @@ class TwinsStep(FilterStep):
         self.directions = torch.nn.Buffer(scaled)
         self.no_counts = torch.nn.Buffer(torch.zeros(BINS))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
-        self.motion = Motion(rank, with_error=with_error)
+        self.motion = MemberMotion(rank, with_error=with_error)
         self.bank = Bank(self.motion, laws)
         self.plain = PlainFilter(self.motion)
         self.features = Features(self.motion)
-        self.histogram = Histogram()
+        self.histogram = ResidualHistogram()
         self.familiarity, self.fallback = Familiarity(laws), Fallback()
         self.guarded, self.goes_along = False, True
         self.policy = network(laws + SCALARS, hidden, ACTIONS, policy_layers)

@@ -7,7 +7,7 @@ from small_twins import generator, small_source, small_step
 
 from rl.twins.fallback import BOUND, HEAVY, Fallback, Verdict
 from rl.twins.filter_step import ALL
-from rl.twins.histogram import Histogram
+from rl.twins.histogram import ResidualHistogram
 from rl.twins.learning import filter_sequences
 from twin.signals.noise import draw_noise, noise_variance
 
@@ -27,7 +27,7 @@ def histograms(kind, samples, count=300):
     noise = draw_noise(kind, LEVELS[kind], (count, samples), generator(3))
     noise -= noise.mean(axis=1, keepdims=True)
     residual = torch.as_tensor(noise / np.sqrt(noise_variance(kind, LEVELS[kind])), dtype=torch.float32)
-    return Histogram()(residual, torch.zeros_like(residual)).sum(dim=1)
+    return ResidualHistogram()(residual, torch.zeros_like(residual)).sum(dim=1)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_the_variance_of_the_middle_is_that_of_the_law(kind, low, high):
 def test_residuals_of_a_normal_law_have_no_tails_however_narrow(scale, samples):
     """R may be overstated, and residuals behind an update are narrower than the noise."""
     residual = scale * torch.as_tensor(generator(4).standard_normal((300, samples)), dtype=torch.float32)
-    counts = Histogram()(residual, torch.zeros_like(residual)).sum(dim=1)
+    counts = ResidualHistogram()(residual, torch.zeros_like(residual)).sum(dim=1)
     assert Fallback().narrower(counts).mean() > 0.95
 
 

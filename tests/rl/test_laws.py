@@ -6,7 +6,7 @@ import torch
 from scipy import integrate, stats
 from small_twins import generator, shorter
 
-from rl.twins.laws import PARTS, Laws, log_sum_exp
+from rl.twins.laws import PARTS, Laws, normed
 from rl.twins.laws_lesson import learn_laws
 from rl.twins.noises import FAMILIES, count_laws, draw_noises
 
@@ -19,7 +19,7 @@ def density(laws, variance, law, doubt=0.0):
         every = laws(torch.tensor([variance], dtype=torch.float32))
         residual = torch.as_tensor(GRID, dtype=torch.float32)[:, None, None] - every.place
         parts = every.log_parts(residual, torch.full((len(GRID),), doubt))
-        return torch.exp(log_sum_exp(parts))[:, law].numpy() / np.sqrt(2 * np.pi), every
+        return torch.exp(normed(parts)[1])[:, law].numpy() / np.sqrt(2 * np.pi), every
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +45,11 @@ def test_a_law_is_a_density_whose_mean_it_tells(doubt):
     np.testing.assert_allclose(torch.exp(every.log_prior).sum(dim=-1), 1, rtol=1e-5)
 
 
-def test_log_sum_exp_is_that_of_torch():
+def test_shares_and_sums_of_logarithms_are_those_of_torch():
     values = torch.randn(4, 3, 7) * 50
-    torch.testing.assert_close(log_sum_exp(values), torch.logsumexp(values, dim=-1))
+    share, total = normed(values)
+    torch.testing.assert_close(total, torch.logsumexp(values, dim=-1))
+    torch.testing.assert_close(share, torch.softmax(values, dim=-1))
 
 
 @pytest.mark.parametrize("variance", [0.1, 1.0, 5.0])

@@ -10,7 +10,7 @@ from small_twins import LAWS, TINY, generator, small_source, small_step
 from rl.twins import motion as law
 from rl.twins import plain_filter as plain
 from rl.twins.filter_step import ALL, NOTHING
-from rl.twins.histogram import Histogram
+from rl.twins.histogram import ResidualHistogram
 from rl.twins.learning import filter_sequences
 from rl.twins.step import TwinsStep
 
@@ -97,7 +97,7 @@ def test_under_a_noise_that_training_never_met_nothing_learned_is_heard():
 
 @given(residual=st.floats(-50, 50))
 def test_a_residual_counts_once(residual):
-    counted = Histogram()(torch.tensor([residual]), torch.zeros(1))
+    counted = ResidualHistogram()(torch.tensor([residual]), torch.zeros(1))
     assert counted.sum() == pytest.approx(1, abs=1e-5)
     assert (counted > 0).sum() <= 2
 
