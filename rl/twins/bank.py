@@ -54,12 +54,18 @@ class BankPrediction(NamedTuple):
     """State of the bank, as predicted for a sample.
 
     Attributes:
+        belief: in the laws, before the sample.
+        evidence: (B, J) for them.
+        angle: (B, n) of theta on c and d.
         rows: (B, J, n).
         covariance: (B, n, n) before it grows.
         offset: (B, J) angle of each filter about the mean of the members [deg].
         towards: (B, n) P a, before P grows.
     """
 
+    belief: NoiseBelief
+    evidence: Tensor
+    angle: Tensor
     rows: Tensor
     covariance: Tensor
     offset: Tensor
@@ -108,25 +114,25 @@ class Bank(torch.nn.Module):
         """Return the belief in the laws by what was seen (B, J), for (B,) variances R [deg^2]."""
         return _believe(self.laws(variance), evidence)
 
-    def predict(self, state: BankState, angle: Tensor, keep: Tensor) -> BankPrediction:
+    def predict(self, state: BankState, angle: Tensor, keep: Tensor, variance: Tensor) -> BankPrediction:
         """Return the state as predicted.
 
         Args:
             state: after the sample before.
             angle: (B, n) of theta on c and d.
             keep: (B, n) what is left of them.
+            variance: (B,) R [deg^2].
         """
+        belief = self.believe(state.evidence, variance)
         rows = state.rows * keep[:, None, :]
         covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
         towards = torch.bmm(covariance, angle[:, :, None])[:, :, 0]
-        return BankPrediction(rows, covariance, (rows * angle[:, None, :]).sum(dim=-1), towards)
+        offset = (rows * angle[:, None, :]).sum(dim=-1)
+        return BankPrediction(belief, state.evidence, angle, rows, covariance, offset, towards)
 
     def update(
         self,
         prior: BankPrediction,
-        belief: NoiseBelief,
-        evidence: Tensor,
-        angle: Tensor,
         grows: Tensor,
         measured: Tensor,
         seen: Tensor,
@@ -138,17 +144,14 @@ class Bank(torch.nn.Module):
 
         Args:
             prior: from `predict`.
-            belief: before the sample.
-            evidence: (B, J) before it.
-            angle: (B, n) of theta on c and d.
-            grows: (B, n) what their variances grow by.
+            grows: (B, n) what the variances of c and d grow by.
             measured: (B,) measurement about the mean of the members [deg].
             seen: (B,) 1 where there is one.
             variance: (B,) R [deg^2].
             on_gain: (B,) what the policy adds to the logit of every gain.
             on_noise: (B,) logarithm of what it multiplies R by, as P shrinks.
         """
-        laws, root = belief.laws, torch.sqrt(variance)
+        angle, laws, root = prior.angle, prior.belief.laws, torch.sqrt(variance)
         covariance = prior.covariance + grows[:, :, None] * self.motion.unit
         towards = prior.towards + grows * angle
         doubt = (angle * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
@@ -163,9 +166,8 @@ class Bank(torch.nn.Module):
         step = (share * gain * residual).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
-        evidence = evidence * (1 - seen / HISTORY)[:, None] + seen[:, None] * log_law * torch.exp(
-            self.sharpness
-        )
+        counts_as = (seen * torch.exp(self.sharpness))[:, None]
+        evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_law
         after = _believe(laws, evidence)
         effective = (after.weights * laws.effective).sum(dim=-1) * torch.exp(on_noise)
         shrink = (seen / (doubt + variance * effective))[:, None]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import torch
 
-from rl.twins.bank import BankPrediction, NoiseBelief
+from rl.twins.bank import BankPrediction
 from rl.twins.fallback import Verdict
 
 Tensor = torch.Tensor
@@ -42,10 +42,8 @@ class Predicted(NamedTuple):
 
     Attributes:
         state: after the sample before.
-        bank: as predicted.
-        belief: in the laws of the noise, before the sample.
+        bank: as predicted, with what it believes of the noise.
         middle: (B,) mean angle of the members [deg].
-        angle: (B, r + 1) of theta on c and d.
         keep: (B, r + 1) what is left of c and d since the sample before.
         growth: what their variances grow by, (B, r + 1) of d, times what the policy says, and of c.
         measured: (B,) measurement about the middle [deg]; where there is none, what was expected.
@@ -62,9 +60,7 @@ class Predicted(NamedTuple):
 
     state: FilterState
     bank: BankPrediction
-    belief: NoiseBelief
     middle: Tensor
-    angle: Tensor
     keep: Tensor
     growth: tuple[Tensor, Tensor]
     measured: Tensor

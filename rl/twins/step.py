@@ -136,8 +136,8 @@ class TwinsStep(FilterStep):
         middle = members_deg.mean(dim=1)
         angle = (members_deg - middle[:, None]) @ self.directions + self.motion.of_error
         keep = self.motion.keep(way_mm)
-        bank = self.bank.predict(_of_bank(state), angle, keep)
-        belief = self.bank.believe(state.evidence, variance)
+        bank = self.bank.predict(_of_bank(state), angle, keep, variance)
+        belief = bank.belief
 
         offset = (belief.weights * bank.offset).sum(dim=1)
         expected = offset + belief.bias * torch.sqrt(variance)
@@ -158,9 +158,7 @@ class TwinsStep(FilterStep):
         return Predicted(
             state=state,
             bank=bank,
-            belief=belief,
             middle=middle,
-            angle=angle,
             keep=keep,
             growth=self.motion.growth(way_mm, sample_time),
             measured=measured,
@@ -188,9 +186,6 @@ class TwinsStep(FilterStep):
         of_error, of_members = prior.growth
         bank, of_bank = self.bank.update(
             prior.bank,
-            prior.belief,
-            state.evidence,
-            prior.angle,
             of_error * torch.exp(on_error) + of_members * torch.exp(on_members),
             prior.measured,
             seen,
@@ -201,7 +196,7 @@ class TwinsStep(FilterStep):
         offset, variance = bank.offset, bank.variance
         mean, covariance, counts = state.mean, state.covariance, state.counts
         if self.goes_along:
-            given = prior.angle, prior.keep, of_error + of_members, prior.measured, seen
+            given = prior.bank.angle, prior.keep, of_error + of_members, prior.measured, seen
             alone, mean, covariance = self.plain(
                 mean, covariance, *given, prior.variance, prior.sample_time, prior.verdict
             )
