@@ -18,6 +18,7 @@ from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.training import new_ppo, train_policy
 from rl.twins.graph import export_twins
+from rl.twins.noises import count_laws
 from rl.twins.records import draw_members
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
@@ -123,7 +124,7 @@ def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str
     settings = TwinsTraining()
     members = draw_members(preset, load_ranges(size.preset), settings.members, 1, moving=settings.moving)
     directions = torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]
-    step = TwinsStep(directions, settings.policy_width).eval()
+    step = TwinsStep(directions, count_laws(settings.noises), settings.policy_width).eval()
     step.guarded = True
     description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(told or {})}
     path = folder / ram_twins.TRAINING.file

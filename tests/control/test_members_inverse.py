@@ -52,7 +52,7 @@ def test_its_command_moves_the_weighted_members_by_what_is_asked_of_them(twins_p
         sensed = Sensed(k * T, measure(k, endoscope(pull)), WANTED[k], WANTED[k + 1])
         pull = driven.step(sensed)
         advanced = driven.runtime.advanced
-        weights = MemberWeights(advanced.estimator.network).of(advanced.state)
+        weights = MemberWeights(advanced.estimator).of(advanced.state)
         members, before = advanced.estimator.members, advanced.state.following
         after = members.step(before, np.array([pull]))
         moved = weights @ (after.of_filters() - before.of_filters())[0]

@@ -8,7 +8,14 @@ from small_twins import small_step
 
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.member_weights import MemberWeights
-from twin.estimation.learned.ram_twins import FILTER_ALONE, RamTwins, TwinsState, load
+from twin.estimation.learned.ram_twins import (
+    FILTER_ALONE,
+    RECOGNISER_ALONE,
+    STATE,
+    RamTwins,
+    TwinsState,
+    load,
+)
 from twin.estimation.learned.step_network import ALL_PARTS
 
 T = 0.1
@@ -22,7 +29,7 @@ def ram(twins_policy) -> RamTwins:
 
 @pytest.fixture(scope="module")
 def found(ram) -> MemberWeights:
-    return MemberWeights(ram.network)
+    return MemberWeights(ram)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +59,7 @@ def foretold(ram: RamTwins, state: TwinsState, members_deg: np.ndarray, parts) -
 
 
 def test_the_directions_are_those_of_the_trained_step_about_their_mean(found):
-    trained = small_step().directions.numpy()[:, :-2]
+    trained = small_step().directions.numpy()[:, :-1]
     np.testing.assert_allclose(found.directions, trained - trained.mean(axis=0), atol=1e-7)
     np.testing.assert_allclose(found.directions.sum(axis=0), 0.0, atol=1e-12)
 
@@ -75,7 +82,7 @@ def test_what_the_filter_foretells_changes_by_the_weighted_motion_of_the_members
     state = states[of]
     now = state.following.of_filters()
     weights, moved = found.of(state), np.array(way)
-    before, after = foretold(ram, state, np.concatenate([now, now + moved]), FILTER_ALONE)
+    before, after = foretold(ram, state, np.concatenate([now, now + moved]), RECOGNISER_ALONE)
     assert after - before == pytest.approx(weights @ moved, abs=1e-6)
 
 
@@ -88,10 +95,13 @@ def test_what_all_members_go_together_the_whole_graph_goes_too(ram, states, way,
     assert after - before == pytest.approx(way, abs=1e-6)
 
 
-def test_only_the_coefficients_of_the_members_count(found, states):
-    """Not what no member does, the bias, nor anything that is known of the noise."""
-    mean, *others = states[-1].memory
-    changed = mean.copy()
-    changed[:, -2:] += 5.0
-    other = states[-1]._replace(memory=(changed, *(0 * of for of in others)))
+def test_only_the_coefficients_of_the_members_and_the_laws_count(found, states):
+    """Not what no member does, nor anything of the filter alone."""
+    memory = dict(zip(STATE, (of.copy() for of in states[-1].memory), strict=True))
+    memory["rows"][:, :, -1] += 5.0
+    others = {name: 0 * of for name, of in memory.items() if name not in ("rows", "evidence")}
+    other = states[-1]._replace(memory=tuple((memory | others).values()))
     np.testing.assert_array_equal(found.of(other), found.of(states[-1]))
+    memory["evidence"][:, 0] += 1000.0
+    certain = 1 / MEMBERS + found.directions @ memory["rows"][0, 0, :-1]
+    np.testing.assert_allclose(found.of(other._replace(memory=tuple(memory.values()))), certain, atol=1e-9)

@@ -71,7 +71,7 @@ class Compensator:
         if not isinstance(advanced, RamTwins):
             raise InputError(f"{runtime.method} has no twins to invert: commands are made on RAM (twins)")
         self._runtime, self._limits = runtime, limits
-        self._members, self._weights = advanced.members, MemberWeights(advanced.network)
+        self._members, self._weights = advanced.members, MemberWeights(advanced)
         self._share = -math.expm1(-settings["rate_per_s"] * runtime.sample_time)
         self._turning_share = settings["turning_share"]
         self._feedback = LinearFeedback(limits, runtime.sample_time, line, gains)
