@@ -160,10 +160,9 @@ class Bank(torch.nn.Module):
         innovation = (measured[:, None] - prior.offset) / root[:, None]
         residual = innovation[:, :, None] - laws.place  # from each part
         share, log_law = normed(laws.log_parts(residual, relative))
-        # sigmoid(logit K_AM + on_gain), where K_AM = relative / (relative + width)
-        pulls = (relative * torch.exp(on_gain))[:, None, None]
-        gain = pulls / (pulls + laws.width)
-        step = (share * gain * residual).sum(dim=-1) * (root * seen / doubt)[:, None]
+        logit = torch.log(relative[:, None, None] / laws.width)  # of K_AM
+        gain = torch.sigmoid(logit + on_gain[:, None, None])
+        step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
         counts_as = (seen * torch.exp(self.sharpness))[:, None]

@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from small_twins import LAWS, generator, small_source, small_step
+from small_twins import LAWS, generator, normal_laws, small_source, small_step
 
 from rl.twins.bank import HISTORY
 from rl.twins.filter_step import ALL
@@ -16,21 +16,6 @@ RECOGNISER_ALONE = torch.tensor([0.0, 1.0])
 
 def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
     return small_source(noises).draw(count, samples, generator(seed), stride=5)
-
-
-def normal_laws(step, means, deviations):
-    """Make every law of a step one normal law, the same at any R, and all of them as likely as any other."""
-    laws = step.bank.laws
-    with torch.no_grad():
-        laws.places.zero_()
-        laws.places[0] = torch.as_tensor(means, dtype=torch.float32)[:, None]
-        laws.widths.fill_(-20.0)
-        laws.widths[0] = torch.log(torch.as_tensor(deviations, dtype=torch.float32))[:, None]
-        laws.weights.zero_()
-        laws.effective.zero_()
-        laws.effective[0] = 2 * torch.log(torch.as_tensor(deviations, dtype=torch.float32))
-        laws.prior[-1].weight.zero_()
-        laws.prior[-1].bias.zero_()
 
 
 def kalman_filters(step, sequences, run, means, deviations):

@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
 from rl.twins.noises import count_laws
@@ -68,6 +69,23 @@ def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
     with torch.no_grad():
         step.policy[-1].weight.normal_(0, loud)
     return step.eval()
+
+
+def normal_laws(step: TwinsStep, means: ArrayLike = 0.0, deviations: ArrayLike = 1.0) -> TwinsStep:
+    """Make every law of a step a normal one, the same at any R and as likely as any other."""
+    laws = step.bank.laws
+    mean, deviation = (torch.as_tensor(of, dtype=torch.float32).expand(LAWS) for of in (means, deviations))
+    with torch.no_grad():
+        laws.places.zero_()
+        laws.places[0] = mean[:, None]
+        laws.widths.fill_(-20.0)
+        laws.widths[0] = torch.log(deviation)[:, None]
+        laws.weights.zero_()
+        laws.effective.zero_()
+        laws.effective[0] = 2 * torch.log(deviation)
+        laws.prior[-1].weight.zero_()
+        laws.prior[-1].bias.zero_()
+    return step
 
 
 def shorter(**changes) -> TwinsTraining:

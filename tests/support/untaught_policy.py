@@ -4,7 +4,7 @@ import fcntl
 from pathlib import Path
 
 from controlled import DEPLOYMENT
-from small_twins import TINY, small_step, twins
+from small_twins import TINY, normal_laws, small_step, twins
 
 from rl.twins.graph import export_twins
 from rl.twins.records import draw_members
@@ -21,5 +21,5 @@ def shared(folder: Path) -> Path:
         if not path.is_file():
             still = draw_members(*twins(), TINY.members, TINY.seed)
             described = {"members": members_to_dict(still), KEY: DEPLOYMENT.to_dict()}
-            export_twins(small_step(), TINY.members, {"agent": "ram-twins"} | described, path)
+            export_twins(normal_laws(small_step()), TINY.members, {"agent": "ram-twins"} | described, path)
     return path

@@ -192,6 +192,11 @@ def _reduced(mean: bool) -> Callable[[list[Box | None], dict[str, Any]], Box]:
     return reduced
 
 
+def _largest(given: list[Box | None], attributes: dict[str, Any]) -> Box:
+    of, axes = _there(given)[0], _axes(given, attributes)
+    return Box(*(end.max(axis=axes, keepdims=bool(attributes.get("keepdims", 1))) for end in of))
+
+
 def _split(given: list[Box | None], attributes: dict[str, Any]) -> list[Box]:
     of, axis = _there(given)[0], int(attributes.get("axis", 0))
     if len(given) > 1:
@@ -269,6 +274,7 @@ _OPERATORS: dict[str, Callable[[list[Box | None], dict[str, Any]], Box | list[Bo
     "Neg": lambda given, _: _negative(_there(given)[0]),
     "Not": lambda given, _: Box(1 - _there(given)[0].high, 1 - _there(given)[0].low),
     "Pow": _power,
+    "ReduceMax": _largest,
     "ReduceMean": _reduced(mean=True),
     "ReduceSum": _reduced(mean=False),
     "Softmax": _softmax,

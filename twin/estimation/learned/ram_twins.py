@@ -1,6 +1,6 @@
 """RAM (twins): eq. 10 on an active model that predicts by reduced twins, with a policy that recognises noise.
 
-The M twins of the trained file follow the command; the whole step of filter, recogniser and policy is the
+The M twins of the trained file follow the command; the whole step of filters, recogniser and policy is the
 graph of the file, the very one that was trained (`rl/twins/step.py` says what it does). No MuJoCo, no torch.
 
 The initial estimate is not used: where an endoscope stands is known better from its command.
