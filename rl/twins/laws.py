@@ -47,8 +47,7 @@ class NoiseLaws(NamedTuple):
             residual: (B, J, K) from each part, in units of sqrt(R).
             doubt: (B,) variance of the belief of the angle in units of R.
         """
-        whole = self.width + doubt[:, None, None]
-        return self.log_weight - 0.5 * (residual * residual / whole + torch.log(whole))
+        return log_density(self.log_weight, residual, self.width + doubt[:, None, None])
 
 
 class Laws(torch.nn.Module):
@@ -101,6 +100,11 @@ class Laws(torch.nn.Module):
             effective,
             prior - normed(prior)[1][..., None],
         )
+
+
+def log_density(log_weight: Tensor, residual: Tensor, variance: Tensor) -> Tensor:
+    """Return the log-density of normal laws of some weight, at residuals from them, but for the 2 pi."""
+    return log_weight - 0.5 * (residual * residual / variance + torch.log(variance))
 
 
 def normed(logarithms: Tensor) -> tuple[Tensor, Tensor]:

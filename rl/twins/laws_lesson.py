@@ -7,7 +7,7 @@ import math
 
 import torch
 
-from rl.twins.laws import Laws
+from rl.twins.laws import Laws, log_density
 from rl.twins.learning import OnUpdate, descend
 from rl.twins.noises import draw_noises
 from rl.twins.settings import TwinsTraining
@@ -60,7 +60,7 @@ def laws_loss(
     rows = torch.arange(len(law))
     place, log_weight, width = (of[rows, law][:, None] for of in (every.place, every.log_weight, every.width))
     off, whole = residual[..., None] - place, width + doubt[..., None]
-    log_parts = log_weight - 0.5 * (off * off / whole + torch.log(whole))
+    log_parts = log_density(log_weight, off, whole)
     likelihood = torch.logsumexp(log_parts, dim=-1)
     # The score of a law, as its samples have it: its mean square is their information (Fisher 1925).
     score = (torch.softmax(log_parts, dim=-1) * off / whole).sum(dim=-1).detach()
