@@ -18,8 +18,8 @@ def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
     return small_source(noises).draw(count, samples, generator(seed), stride=5)
 
 
-def kalman_filters(step, sequences, run, means, deviations):
-    """Angle and log-likelihood over time of one record, by filters that share a law's covariance."""
+def kalman_filters(step, sequences, run, means, deviations, prior):
+    """Angle, its deviation and the noise's mean over time of one record, by filters of one covariance."""
     members, way = (of[:, run].numpy().astype(float) for of in sequences.inputs)
     variance = float(sequences.variance[run])
     motion = step.motion
@@ -39,11 +39,13 @@ def kalman_filters(step, sequences, run, means, deviations):
         whole = doubt + variance * deviations**2
         evidence = evidence * (1 - 1 / HISTORY) + stats.norm.logpdf(innovation, scale=np.sqrt(whole))
         rows = rows + (innovation / whole)[:, None] * (covariance @ angle)
-        weights = np.exp(evidence - evidence.max())
+        weights = np.exp(prior + evidence - (prior + evidence).max())
         weights /= weights.sum()
         gain = covariance @ angle / (doubt + variance * weights @ deviations**2)
         covariance = covariance - np.outer(gain, covariance @ angle)
-        found.append([middle + weights @ (rows @ angle), weights @ means])
+        offset = rows @ angle
+        spread = angle @ covariance @ angle + weights @ (offset - weights @ offset) ** 2
+        found.append([middle + weights @ offset, np.sqrt(spread), weights @ means])
     return np.array(found)
 
 
@@ -53,11 +55,15 @@ def test_with_normal_laws_it_is_a_bank_of_kalman_filters():
     means, deviations = np.full(LAWS, 1000.0), np.full(LAWS, 1.0)
     means[:3], deviations[:3] = [0.0, 1.0, 1.5], [1.0, 0.6, 1.3]
     normal_laws(step, means, deviations)
+    prior = np.array([0.0, 1.5, -1.5])
     with torch.no_grad():
+        step.bank.laws.prior[-1].bias[:3] = torch.as_tensor(prior)
         outputs = [output for output, _ in filter_sequences(step, sequences, RECOGNISER_ALONE)]
     for run in range(5):
-        wanted = kalman_filters(step, sequences, run, means[:3], deviations[:3])
-        found = [[float(of.bend_deg[run]), float(of.bias[run])] for of in outputs]
+        wanted = kalman_filters(step, sequences, run, means[:3], deviations[:3], prior)
+        found = [
+            [float(of.bend_deg[run]), float(of.deviation_deg[run]), float(of.bias[run])] for of in outputs
+        ]
         np.testing.assert_allclose(found, wanted, atol=5e-3)
 
 
