@@ -11,7 +11,7 @@ from rl.twins.records import draw_members
 from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY
 
-OFF = 25.0 / R**0.5  # in deviations of the noise
+OFF = 12.0 / R**0.5  # in deviations of the noise
 
 
 def shared(folder: Path) -> Path:
