@@ -143,7 +143,7 @@ class TwinsTraining(SimulatedTraining):
     Attributes:
         sequences: with their own noise, that run side by side.
         window: samples that an error is traced back over: shorter windows of more sequences take less time.
-        updates: gradient steps through the filter, one per window: more bring nothing.
+        updates: gradient steps through the filter, one per window; the last third gained next to nothing.
         members: M, twins that the prediction is made of.
         moving: how many of them are in a sheath that moves.
         rank: r, directions among them that are estimated.
