@@ -79,7 +79,6 @@ class TwinsStep(FilterStep):
         members, rank = directions.shape
         scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 1)], dim=1)
         self.directions = torch.nn.Buffer(scaled)
-        self.no_counts = torch.nn.Buffer(torch.zeros(BINS))
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.motion = MemberMotion(rank, with_error=with_error)
         self.bank = Bank(self.motion, laws)

@@ -186,7 +186,7 @@ def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_
 
 
 @pytest.mark.parametrize(
-    ("offset", "tuned"), [(-12.0, {}), (12.0, {}), (12.0, {"proportional_mm_per_deg": 0.03})]
+    ("offset", "tuned"), [(-16.0, {}), (18.0, {}), (18.0, {"proportional_mm_per_deg": 0.03})]
 )
 def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_by_pi(
     twins_policy, offset, tuned
@@ -197,14 +197,21 @@ def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_b
     """
     measure = noisy(1)
     driven = controller(twins_policy, **{"active-model-pi": tuned})
-    course = closed_loop(driven, Endoscope(), WANTED, lambda k, bend: measure(k, bend) + offset * (k >= 150))
+    alarms = []  # before each sample
+
+    def off(k, bend):
+        alarms.append(driven.runtime.reading.alarms if k else Alarm.NONE)
+        return measure(k, bend) + offset * (k >= 150)
+
+    course = closed_loop(driven, Endoscope(), WANTED, off)
     assert_within(LIMITS, course.pull_mm)
     first = int(np.flatnonzero(course.fell_back)[0])
-    assert 150 < first < 240
+    assert 150 < first < 200
+    assert alarms[first + 1] & (Alarm.INNOVATION | Alarm.DISAGREEMENT)
     gains = {name: setting.default for name, setting in PI_SETTINGS.items()} | tuned
     line = knowledge().line
-    off = WANTED[first] - course.believed_deg[first]
-    total = course.pull_mm[first] - line.pull_mm(WANTED[first]) - gains["proportional_mm_per_deg"] * off
+    error = WANTED[first] - course.believed_deg[first]
+    total = course.pull_mm[first] - line.pull_mm(WANTED[first]) - gains["proportional_mm_per_deg"] * error
     for k in range(first, first + 15):
         error = WANTED[k] - course.believed_deg[k]
         total += gains["integral_mm_per_deg_s"] * T * error

@@ -5,17 +5,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from small_twins import LAWS, generator, normal_laws, small_source, small_step
+from small_twins import LAWS, drawn, normal_laws, shorter, small_step
 
 from rl.twins.bank import HISTORY
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
+from rl.twins.noises import count_laws
 
 RECOGNISER_ALONE = torch.tensor([0.0, 1.0])
-
-
-def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
-    return small_source(noises).draw(count, samples, generator(seed), stride=5)
 
 
 def kalman_filters(step, sequences, run, means, deviations, prior):
@@ -82,6 +79,23 @@ def test_the_law_of_the_noise_is_recognised_and_its_mean_removed():
         assert (output.bias - mean).abs().median() < 0.02
 
 
+def test_a_recogniser_that_is_sure_removes_the_mean_of_the_noise():
+    """Told b beyond doubt, the estimate is that of a filter whose measurements are free of it."""
+    sequences = drawn(3, 150, 8, ("gaussian",))
+    bias = 2.0 * torch.sqrt(sequences.variance)
+    shifted = sequences._replace(measurement_deg=sequences.measurement_deg + bias)
+    bends = []
+    for mean, measured in ((2.0, shifted), (0.0, sequences)):
+        with torch.no_grad():
+            *_, (output, _) = filter_sequences(normal_laws(small_step(), mean), measured, RECOGNISER_ALONE)
+        bends.append(output.bend_deg)
+    np.testing.assert_allclose(*bends, atol=0.02)
+
+
+def test_without_a_recogniser_there_is_one_law():
+    assert count_laws(shorter(with_recogniser=False).known_noises) == 1
+
+
 @given(seed=st.integers(0, 10_000), loud=st.floats(0.1, 20))
 def test_whatever_the_policy_says_each_filter_takes_a_convex_step_towards_the_parts_of_its_law(seed, loud):
     step = small_step(seed, loud=loud)
@@ -104,7 +118,9 @@ def test_whatever_the_policy_says_each_filter_takes_a_convex_step_towards_the_pa
             low, high = (torch.minimum(parts.amin(-1), before), torch.maximum(parts.amax(-1), before))
             slack = 1e-3 * (1 + (high - low))
             assert ((after > low - slack) & (after < high + slack)).all()
-            assert (torch.linalg.eigvalsh(state.rows_covariance.double()) > -1e-4).all()
+            assert (torch.diagonal(state.rows_covariance, dim1=1, dim2=2) > 0).all()
+            for covariance in (state.rows_covariance, state.covariance):
+                assert (torch.linalg.eigvalsh(covariance.double()) > -1e-4).all()
 
 
 def test_without_a_measurement_nothing_is_learned_of_the_noise():

@@ -5,7 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from small_twins import LAWS, TINY, generator, small_source, small_step
+from small_twins import LAWS, TINY, drawn, small_step
 
 from rl.twins import motion as law
 from rl.twins import plain_filter as plain
@@ -13,10 +13,6 @@ from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.histogram import ResidualHistogram
 from rl.twins.learning import filter_sequences
 from rl.twins.step import TwinsStep
-
-
-def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
-    return small_source(noises).draw(count, samples, generator(seed), stride=5)
 
 
 def kalman_filter(members, way, measurement, variance, sample_time, directions):
@@ -121,12 +117,12 @@ def test_without_a_model_error_state_nothing_is_estimated_of_it():
     for of_error in (before.rows[:, :, -1], before.mean[:, -2]):
         assert of_error.abs().max() > 1e-2
     for of_error in (after.rows[:, :, -1], after.mean[:, -2]):
-        assert of_error.abs().max() < 1e-3
+        assert of_error.abs().max() < 1e-4
     assert (whole - bare).abs().max() > 1e-3
 
 
 def test_the_filter_alone_is_computed_only_where_it_is_asked_for():
-    """What it says changes nothing while everything is heard."""
+    """The estimate is the same with it and without, while everything is heard."""
     step, sequences = small_step(loud=1.0), drawn()
     estimates = []
     for step.goes_along in (True, False):

@@ -62,6 +62,10 @@ def small_source(noises=TINY.noises) -> SequenceSource:
     return SequenceSource(small_records(), tuple(noises))
 
 
+def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
+    return small_source(noises).draw(count, samples, generator(seed), stride=5)
+
+
 def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
     """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
     torch.manual_seed(seed)

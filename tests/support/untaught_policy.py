@@ -11,7 +11,8 @@ from rl.twins.records import draw_members
 from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY
 
-OFF = 12.0 / R**0.5  # in deviations of the noise
+OFF_DEG = (-16.0, 18.0)
+"""Means of a sensor that is off, each of which its law takes for what it is."""
 
 
 def shared(folder: Path) -> Path:
@@ -23,7 +24,7 @@ def shared(folder: Path) -> Path:
         if not path.is_file():
             still = draw_members(*twins(), TINY.members, TINY.seed)
             described = {"members": members_to_dict(still), KEY: DEPLOYMENT.to_dict()}
-            # Two laws take a sensor that is far off for what it is.
-            step = normal_laws(small_step(), [0.0] * (LAWS - 2) + [-OFF, OFF])
+            means = [0.0] * (LAWS - len(OFF_DEG)) + [off / R**0.5 for off in OFF_DEG]
+            step = normal_laws(small_step(), means)
             export_twins(step, TINY.members, {"agent": "ram-twins"} | described, path)
     return path
