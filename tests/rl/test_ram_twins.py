@@ -31,9 +31,11 @@ from rl.twins.noises import FAMILIES, LINEAR, count_laws, draw_noises
 from rl.twins.records import SAMPLE_TIME, draw_members
 from rl.twins.sequences import principal_directions, split_records
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import STATE, load
+from twin.estimation.learned.ram_twins import FILTER_ALONE, STATE, load
+from twin.estimation.learned.step_network import ALL_PARTS
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
+from twin.reduced.member_set import members_to_dict
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +193,22 @@ def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():
     step = small_step()
     with torch.no_grad():
         assert float(step.widen(torch.zeros(1, step.seen))) == pytest.approx(stats.norm.ppf(0.975), abs=1e-3)
+
+
+@pytest.mark.parametrize("parts", [ALL_PARTS, FILTER_ALONE])
+def test_a_stream_that_begins_anew_goes_on_from_the_angle_that_it_is_given(tmp_path, parts):
+    """Whatever is heard: d of every filter takes what the estimate is off by."""
+    description = {"agent": "ram-twins", "members": members_to_dict(small_members())}
+    export_twins(small_step(), TINY.members, description, tmp_path / "policy.onnx")
+    estimator = dataclasses.replace(load(tmp_path / "policy.onnx"), parts=parts).with_sensor(Sensor(1.0))
+    pull, unseen = np.array([0.5, 0.5]), np.full(2, np.nan)
+    state = estimator.start(pull, np.zeros(2))
+    for measured in (3.0, 4.0, 3.5):
+        state = estimator.step(state, pull, pull, np.full(2, measured))
+    still = estimator.step(state, pull, pull, unseen)
+    anew = estimator.resume(state, pull, state.bend_deg + np.array([0.0, 15.0]))
+    after = estimator.step(anew, pull, pull, unseen)
+    np.testing.assert_allclose(after.bend_deg - still.bend_deg, [0.0, 15.0], atol=0.05)
 
 
 def test_the_document_runs_the_file_in_plain_onnx_runtime(trained, tmp_path):
