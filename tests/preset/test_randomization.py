@@ -47,6 +47,16 @@ def limits_within_those_of(name: str) -> st.SearchStrategy[tuple[str, float, flo
     return pair.map(lambda ends: (name, *sorted(ends)))
 
 
+def test_a_share_of_a_range_is_the_quantile_of_what_is_drawn():
+    limits = ("pretension", 5.0, 8.0), ("sheath_friction", 0.02, 0.08)  # uniform, log-uniform
+    ranges = Ranges(limits)
+    drawn = draw_many(*limits)
+    for share, rank in ((0.0, 0), (0.25, DRAWS // 4), (0.5, DRAWS // 2), (1.0, DRAWS - 1)):
+        preset = ranges.at(PRESET, np.full(2, share))
+        for (name, low, high), values in zip(limits, drawn.T, strict=True):
+            assert getattr(preset, name) == pytest.approx(sorted(values)[rank], abs=0.05 * (high - low))
+
+
 @given(data=st.data(), names=st.sets(st.sampled_from(REALS), min_size=1, max_size=5), seed=st.integers(0, 99))
 def test_drawn_parameters_lie_in_their_ranges_and_no_other_changes(data, names, seed):
     ranges = Ranges(tuple(data.draw(limits_within_those_of(name)) for name in sorted(names)))

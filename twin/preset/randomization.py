@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin.errors import InputError
@@ -66,7 +67,16 @@ class Ranges:
 
     def draw(self, preset: Preset, rng: np.random.Generator) -> Preset:
         """Return a preset with every parameter that has a range drawn at random, independently."""
-        return preset.replace(**{name: _draw(low, high, rng) for name, low, high in self.limits})
+        return self.at(preset, rng.random(len(self.limits)))
+
+    def at(self, preset: Preset, shares: NDArray[np.float64]) -> Preset:
+        """Return a preset with every parameter at a share of its range, 0 to 1: its quantile in `draw`."""
+        return preset.replace(
+            **{
+                name: _quantile(low, high, float(share))
+                for (name, low, high), share in zip(self.limits, shares, strict=True)
+            }
+        )
 
     def lowest(self, name: str, preset: Preset) -> float:
         """Return the lowest value that a parameter can have; that of the preset if it has no range."""
@@ -125,10 +135,10 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
         raise InputError(f"{name_or_path}: {error}") from error
 
 
-def _draw(low: float, high: float, rng: np.random.Generator) -> float:
+def _quantile(low: float, high: float, share: float) -> float:
     if _is_wide(low, high):
-        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-    return float(rng.uniform(low, high))
+        return float(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
+    return low + share * (high - low)
 
 
 def _is_wide(low: float, high: float) -> bool:
