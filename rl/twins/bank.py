@@ -6,6 +6,7 @@ the laws that are believed in. A filter is weighed by how likely its law made al
 changes, what was seen is forgotten.
 """
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -17,6 +18,7 @@ from rl.twins.motion import MemberMotion
 Tensor = torch.Tensor
 
 HISTORY = 400.0  # samples after which what was seen of the noise is forgotten
+CAUTION = 0.2  # R that P shrinks by beyond that of the believed laws, as training begins: no law is certain
 WITHIN = 0.01  # variance of the mean of a noise about that of its law, in units of R
 
 
@@ -100,6 +102,7 @@ class Bank(torch.nn.Module):
         self.motion = motion
         self.laws = Laws(laws)
         self.sharpness = torch.nn.Parameter(torch.zeros(()))  # logarithm of what one sample counts
+        self.caution = torch.nn.Parameter(torch.tensor(math.log(CAUTION)))
 
     def start(self, variance: Tensor) -> BankState:
         """Return the state before anything is measured, for (B,) variances R [deg^2]."""
@@ -168,7 +171,8 @@ class Bank(torch.nn.Module):
         counts_as = (seen * torch.exp(self.sharpness))[:, None]
         evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_law
         after = _believe(laws, evidence)
-        effective = (after.weights * laws.effective).sum(dim=-1) * torch.exp(on_noise)
+        effective = (after.weights * laws.effective).sum(dim=-1) + torch.exp(self.caution)
+        effective = effective * torch.exp(on_noise)
         shrink = (seen / (doubt + variance * effective))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 

@@ -4,6 +4,7 @@ A benchmark's noise has one level and fixed parameters (`twin.signals.noise`). H
 that is to recognise what it has not met must not learn five laws by heart.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -132,14 +133,31 @@ def _uniform(samples: int, rng: np.random.Generator) -> _Drawn:
 
 def _gamma(samples: int, rng: np.random.Generator) -> _Drawn:
     variance, shape = _variance(rng, high=4.0), rng.uniform(*_GAMMA_SHAPES)
-    low, high = _GAMMA_SHAPES
-    kind = min(int(_GAMMA_LAWS * (shape - low) / (high - low)), _GAMMA_LAWS - 1)
     return (
         rng.gamma(shape, np.sqrt(variance / shape), samples),
         variance,
         float(np.sqrt(variance * shape)),
-        kind,
+        _part(shape, _GAMMA_SHAPES, _GAMMA_LAWS),
     )
+
+
+def _weibull(samples: int, rng: np.random.Generator) -> _Drawn:
+    """Another law with an edge: from nearly exponential to Rayleigh's, that of a magnitude, and beyond."""
+    variance, shape = _variance(rng, high=4.0), rng.uniform(*_WEIBULL_SHAPES)
+    first, second = math.gamma(1 + 1 / shape), math.gamma(1 + 2 / shape)
+    scale = math.sqrt(variance / (second - first**2))
+    return (
+        scale * rng.weibull(shape, samples),
+        variance,
+        scale * first,
+        _part(shape, _WEIBULL_SHAPES, _WEIBULL_LAWS),
+    )
+
+
+def _part(value: float, limits: tuple[float, float], parts: int) -> int:
+    """Return which of equal parts of a range a value is in."""
+    low, high = limits
+    return min(int(parts * (value - low) / (high - low)), parts - 1)
 
 
 def _poisson(samples: int, rng: np.random.Generator) -> _Drawn:
@@ -161,6 +179,7 @@ def _outliers(samples: int, rng: np.random.Generator) -> _Drawn:
 
 
 _GAMMA_SHAPES, _GAMMA_LAWS = (1.2, 3.5), 5
+_WEIBULL_SHAPES, _WEIBULL_LAWS = (1.1, 2.6), 4
 
 FAMILIES: dict[str, Family] = {
     "gaussian": Family(0.20, 1, _gaussian),
@@ -168,7 +187,12 @@ FAMILIES: dict[str, Family] = {
     "student-t": Family(0.10, 2, _student),
     "uniform": Family(0.10, 1, _uniform),
     "gamma": Family(0.14, _GAMMA_LAWS, _gamma),
+    "weibull": Family(0.08, _WEIBULL_LAWS, _weibull),
     "poisson": Family(0.14, 1, _poisson),
     "poisson-dithered": Family(0.10, 1, _dithered_poisson),
     "salt-and-pepper": Family(0.12, 6, _outliers),
 }
+"""Families by name, with how often each is met among those of a training."""
+
+STANDARD = tuple(name for name in FAMILIES if name != "weibull")
+"""Families that are met unless others are asked for; Weibull's law tells how well one skew stands for another."""

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any, ClassVar, Self
 
 from rl.options import TrainingOptions, share_of
-from rl.twins.noises import FAMILIES, check_families
+from rl.twins.noises import STANDARD, check_families
 from rl.twins.records import SAMPLE_TIME, STROKE_MM
 from rl.twins.sequences import STRIDES
 from twin.errors import InputError
@@ -70,7 +70,7 @@ class SimulatedTraining:
     learning_rate: float = 1e-2
     linear_penalty: float = 0.3
     bias_weight: float = 0.05
-    noises: tuple[str, ...] = tuple(FAMILIES)
+    noises: tuple[str, ...] = STANDARD
     gain: tuple[str, ...] = ("analytic",)
     sample_times: tuple[float, ...] = SAMPLE_TIMES
     seed: int = 0

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy import stats
 from small_twins import LAWS, drawn, normal_laws, shorter, small_step
 
-from rl.twins.bank import HISTORY
+from rl.twins.bank import CAUTION, HISTORY
 from rl.twins.filter_step import ALL
+from rl.twins.laws import NARROWEST_DEG2
 from rl.twins.learning import filter_sequences
 from rl.twins.noises import count_laws
 
@@ -33,12 +34,12 @@ def kalman_filters(step, sequences, run, means, deviations, prior):
         rows, covariance = rows * keep, np.diag(keep) @ covariance @ np.diag(keep) + np.diag(growth)
         doubt = angle @ covariance @ angle
         innovation = y - middle - rows @ angle - means * np.sqrt(variance)
-        whole = doubt + variance * deviations**2
+        whole = doubt + variance * deviations**2 + NARROWEST_DEG2
         evidence = evidence * (1 - 1 / HISTORY) + stats.norm.logpdf(innovation, scale=np.sqrt(whole))
         rows = rows + (innovation / whole)[:, None] * (covariance @ angle)
         weights = np.exp(prior + evidence - (prior + evidence).max())
         weights /= weights.sum()
-        gain = covariance @ angle / (doubt + variance * weights @ deviations**2)
+        gain = covariance @ angle / (doubt + variance * (weights @ deviations**2 + CAUTION))
         covariance = covariance - np.outer(gain, covariance @ angle)
         offset = rows @ angle
         spread = angle @ covariance @ angle + weights @ (offset - weights @ offset) ** 2

@@ -8,7 +8,7 @@ from small_twins import generator, shorter
 
 from rl.twins.laws import PARTS, Laws, normed
 from rl.twins.laws_lesson import learn_laws
-from rl.twins.noises import FAMILIES, count_laws, draw_noises
+from rl.twins.noises import FAMILIES, STANDARD, count_laws, draw_noises
 
 GRID = np.linspace(-12, 15, 5401)
 
@@ -105,3 +105,18 @@ def test_families_are_divided_into_their_laws():
     shape = (noise.mean_deg**2 / noise.variance)[noise.family == 1]
     order = np.argsort(shape)
     assert (np.diff(noise.law[noise.family == 1][order]) >= 0).all()
+
+
+def test_weibull_laws_are_those_of_their_shapes_and_are_met_where_asked_for():
+    """Mean over deviation falls as the law nears the exponential one; each law has a range of shapes."""
+    assert "weibull" not in STANDARD
+    assert set(STANDARD) | {"weibull"} == set(FAMILIES)
+    noise = draw_noises(["weibull"], 200, 2000, generator(6))
+    of_deviation = noise.mean_deg / np.sqrt(noise.variance)
+    assert (noise.noise_deg >= 0).all()
+    for law in range(count_laws(["weibull"]) - 1):
+        assert of_deviation[noise.law == law].max() < of_deviation[noise.law == law + 1].min()
+    for shape, row in ((1.1, np.argmin(of_deviation)), (2.6, np.argmax(of_deviation))):
+        law = stats.weibull_min(shape)
+        assert of_deviation[row] == pytest.approx(law.mean() / law.std(), abs=0.05)
+        assert stats.skew(noise.noise_deg[row]) == pytest.approx(float(law.stats("s")), abs=0.35)
