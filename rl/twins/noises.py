@@ -195,4 +195,4 @@ FAMILIES: dict[str, Family] = {
 """Families by name, with how often each is met among those of a training."""
 
 STANDARD = tuple(name for name in FAMILIES if name != "weibull")
-"""Families that are met unless others are asked for: Weibull noise tells how well one skew stands for another."""
+"""Families that are met unless others are asked for; Weibull noise shows how one skew stands for another."""
