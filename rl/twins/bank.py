@@ -18,7 +18,7 @@ from rl.twins.motion import MemberMotion
 Tensor = torch.Tensor
 
 HISTORY = 400.0  # samples after which what was seen of the noise is forgotten
-CAUTION = 0.2  # R that P shrinks by beyond that of the believed laws, as training begins: no law is certain
+CAUTION = 0.2  # added to R where P shrinks, as training begins, in units of R: no law is certain
 WITHIN = 0.01  # variance of the mean of a noise about that of its law, in units of R
 
 
