@@ -56,6 +56,7 @@ def test_with_normal_laws_it_is_a_bank_of_kalman_filters():
     prior = np.array([0.0, 1.5, -1.5])
     with torch.no_grad():
         step.bank.laws.prior[-1].bias[:3] = torch.as_tensor(prior)
+        step.bank.caution.fill_(np.log(CAUTION))
         outputs = [output for output, _ in filter_sequences(step, sequences, RECOGNISER_ALONE)]
     for run in range(5):
         wanted = kalman_filters(step, sequences, run, means[:3], deviations[:3], prior)

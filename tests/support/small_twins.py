@@ -80,6 +80,7 @@ def normal_laws(step: TwinsStep, means: ArrayLike = 0.0, deviations: ArrayLike =
     laws = step.bank.laws
     mean, deviation = (torch.as_tensor(of, dtype=torch.float32).expand(LAWS) for of in (means, deviations))
     with torch.no_grad():
+        step.bank.caution.fill_(-20.0)  # nothing is in doubt
         laws.places.zero_()
         laws.places[0] = mean[:, None]
         laws.widths.fill_(-20.0)
