@@ -42,7 +42,7 @@ class Simulated:
     Attributes:
         preset: the endoscope.
         ranges: what varies from one to the next.
-        noises: families of the measurement noise; all that there are, if empty.
+        noises: families of the measurement noise; the training's own, if empty.
         stroke_mm: that the commands lie within; the training's own, if None.
         gain: how the policy learns; the training's own way, if empty.
         sample_times: T that are met, the most frequent first; the training's own, if empty [s].

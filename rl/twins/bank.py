@@ -171,8 +171,8 @@ class Bank(torch.nn.Module):
         counts_as = (seen * torch.exp(self.sharpness))[:, None]
         evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_law
         after = _believe(laws, evidence)
-        effective = (after.weights * laws.effective).sum(dim=-1) + torch.exp(self.caution)
-        effective = effective * torch.exp(on_noise)
+        believed = (after.weights * laws.effective).sum(dim=-1)
+        effective = (believed + torch.exp(self.caution)) * torch.exp(on_noise)
         shrink = (seen / (doubt + variance * effective))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import DivergedError
 from twin.preset.preset import Preset
-from twin.preset.randomization import Ranges
+from twin.preset.randomization import Ranges, quantile
 from twin.reduced import simulate_batch
 from twin.reduced.member_set import MemberSet
 from twin.signals.excitation import SIGNALS, command
@@ -60,11 +60,10 @@ def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int, moving: 
     if not moving:
         return still
     other, period, phase = (of.copy() for of in still[1:])
-    least, most = np.log(_PERIODS)
     courses = _spread(moving, 3, random_stream(seed, SeedUse.TWINS_SHEATHS))
     for number, (bent, of_period, of_phase) in enumerate(courses, count - moving):
         other[number] = ranges.at(preset, np.full(len(ranges.limits), bent)).sheath_bend
-        period[number] = np.exp(least + of_period * (most - least))
+        period[number] = quantile(*_PERIODS, of_period)
         phase[number] = of_phase
     return MemberSet(still.presets, other, period, phase)
 

@@ -50,7 +50,7 @@ def test_a_motor_driver_and_a_sensor_close_the_loop(policy):
         pull = commands.after(pull, wanted)
         bend = plant.step(pull)
         errors.append(bend - wanted)
-    assert np.sqrt(np.mean(np.square(errors[100:]))) < 1.1
+    assert np.sqrt(np.mean(np.square(errors[100:]))) < 1.0
     assert not commands.falls_back
 
 

@@ -97,6 +97,9 @@ def test_members_lie_evenly_over_every_range_and_differ_by_seed():
     )
     for share in shares:
         assert sorted(np.floor(share * 8)) == list(range(8))
+    assert (members.other != [member.sheath_bend for member in members.presets]).tolist() == [False] * 8 + [
+        True
+    ] * 8
     assert draw_members(preset, ranges, 16, 3, moving=8).presets == members.presets
     assert not set(draw_members(preset, ranges, 16, 4, moving=8).presets) & set(members.presets)
 

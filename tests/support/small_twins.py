@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
 from rl.twins.noises import count_laws
-from rl.twins.records import TwinRecords, draw_members, simulate_records
+from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import SequenceSource, by_model, principal_directions
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
 from twin.reduced.member_set import MemberSet
+from twin.signals.streams import SeedUse, random_stream
 
 TINY = TwinsTraining(
     members=6,
@@ -46,9 +47,20 @@ def twins():
 
 
 @functools.cache
+def still_members() -> MemberSet:
+    """A few independent draws: unlike members that are spread evenly, they do not reach every endoscope."""
+    preset, ranges = twins()
+    streams = (random_stream(TINY.seed, SeedUse.TWINS_MEMBERS, number) for number in range(TINY.members))
+    return MemberSet.still([ranges.draw(preset, rng) for rng in streams])
+
+
+@functools.cache
 def small_members() -> MemberSet:
-    """A few members, two of them in a sheath that moves."""
-    return draw_members(*twins(), TINY.members, TINY.seed, moving=TINY.moving)
+    """The same, two of them in a sheath that moves."""
+    presets, *course = still_members()
+    other, period, phase = (of.copy() for of in course)
+    other[-2:], period[-2:], phase[-2:] = (0.7, 4.6), (90.0, 200.0), (0.2, 0.6)
+    return MemberSet(presets, other, period, phase)
 
 
 @functools.cache
@@ -76,11 +88,11 @@ def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
 
 
 def normal_laws(step: TwinsStep, means: ArrayLike = 0.0, deviations: ArrayLike = 1.0) -> TwinsStep:
-    """Make every law of a step a normal one, the same at any R and as likely as any other."""
+    """Make every law of a step a normal one, the same at any R, as likely as any other, and beyond doubt."""
     laws = step.bank.laws
     mean, deviation = (torch.as_tensor(of, dtype=torch.float32).expand(LAWS) for of in (means, deviations))
     with torch.no_grad():
-        step.bank.caution.fill_(-20.0)  # nothing is in doubt
+        step.bank.caution.fill_(-20.0)
         laws.places.zero_()
         laws.places[0] = mean[:, None]
         laws.widths.fill_(-20.0)

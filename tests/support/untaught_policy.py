@@ -4,14 +4,13 @@ import fcntl
 from pathlib import Path
 
 from controlled import DEPLOYMENT, R
-from small_twins import LAWS, TINY, normal_laws, small_step, twins
+from small_twins import LAWS, TINY, normal_laws, small_step, still_members
 
 from rl.twins.graph import export_twins
-from twin.reduced.member_set import MemberSet, members_to_dict
+from twin.reduced.member_set import members_to_dict
 from twin.runtime.deployment import KEY
-from twin.signals.streams import SeedUse, random_stream
 
-OFF_DEG = (-14.0, 18.0)
+OFF_DEG = (-16.0, 18.0)
 """Means of a sensor that is off, each of which its law takes for what it is."""
 
 
@@ -22,10 +21,7 @@ def shared(folder: Path) -> Path:
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            preset, ranges = twins()
-            streams = (random_stream(TINY.seed, SeedUse.TWINS_MEMBERS, of) for of in range(TINY.members))
-            still = MemberSet.still([ranges.draw(preset, rng) for rng in streams])
-            described = {"members": members_to_dict(still), KEY: DEPLOYMENT.to_dict()}
+            described = {"members": members_to_dict(still_members()), KEY: DEPLOYMENT.to_dict()}
             means = [0.0] * (LAWS - len(OFF_DEG)) + [off / R**0.5 for off in OFF_DEG]
             step = normal_laws(small_step(), means)
             export_twins(step, TINY.members, {"agent": "ram-twins"} | described, path)

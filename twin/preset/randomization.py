@@ -73,7 +73,7 @@ class Ranges:
         """Return a preset with every parameter at a share of its range, 0 to 1: its quantile in `draw`."""
         return preset.replace(
             **{
-                name: _quantile(low, high, float(share))
+                name: quantile(low, high, float(share))
                 for (name, low, high), share in zip(self.limits, shares, strict=True)
             }
         )
@@ -135,7 +135,8 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
         raise InputError(f"{name_or_path}: {error}") from error
 
 
-def _quantile(low: float, high: float, share: float) -> float:
+def quantile(low: float, high: float, share: float) -> float:
+    """Return the value below which a share, 0 to 1, of what is drawn from a range lies."""
     if _is_wide(low, high):
         return float(np.exp(np.log(low) + share * (np.log(high) - np.log(low))))
     return low + share * (high - low)
