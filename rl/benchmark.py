@@ -18,8 +18,8 @@ from rl.networks_on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.training import new_ppo, train_policy
 from rl.twins.graph import export_twins
+from rl.twins.members import draw_members
 from rl.twins.noises import count_laws
-from rl.twins.records import draw_members
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.benchmark import runtime

@@ -7,8 +7,9 @@ from rl.trainers import RATES, OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins
 from rl.twins.laws_lesson import learn_laws
 from rl.twins.learning import learn_what_is_familiar
+from rl.twins.members import choose_members
 from rl.twins.noises import count_laws
-from rl.twins.records import TwinRecords, draw_members
+from rl.twins.records import TwinRecords
 from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins
 from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
 from rl.twins.settings import TwinsTraining
@@ -16,7 +17,7 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import members_to_dict
+from twin.reduced.member_set import MemberSet, members_to_dict
 
 
 def train_ram_twins(
@@ -27,7 +28,17 @@ def train_ram_twins(
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Train into a folder, as `train_on_twins` does; the file holds the members too."""
-    members = draw_members(preset, ranges, settings.members, settings.seed, moving=settings.moving)
+
+    def choose(on_share: OnShare) -> MemberSet:
+        return choose_members(
+            preset,
+            ranges,
+            settings.members,
+            settings.seed,
+            moving=settings.moving,
+            stroke_mm=settings.stroke_mm,
+            on_progress=on_share,
+        )
 
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
@@ -46,7 +57,7 @@ def train_ram_twins(
     def guard(step: TwinsStep, source: SequenceSource) -> None:
         learn_what_is_familiar(step, source, settings)
 
-    def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
+    def export(step: TwinsStep, members: MemberSet, description: dict[str, Any], path: Path) -> None:
         export_twins(step, settings.members, description | {"members": members_to_dict(members)}, path)
 
     def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
@@ -54,7 +65,7 @@ def train_ram_twins(
 
         learn_by_ppo(step, source, settings, on_share, on_weights)
 
-    learner = Learner(TRAINING, members, begin, export, prepare=learn_noise, explore=explore, guard=guard)
+    learner = Learner(TRAINING, begin, export, choose, prepare=learn_noise, explore=explore, guard=guard)
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
 

@@ -18,8 +18,7 @@ Tensor = torch.Tensor
 PARTS = 10  # K, normal laws of a mixture
 _IN_DEGREES = 4  # of them, begin as counts: at 0, 1, 2 and 3 deg
 _R = (0.05, 24.0)  # of the noises of the training [deg^2]; beyond, laws are those of the end
-_NARROWEST = 1e-4  # variance of a part, in units of R
-NARROWEST_DEG2 = 0.01  # beside it: no model of the angle is good enough for the lattice of counts to be sharp
+NARROWEST_DEG2 = 0.01  # of a part: no model of the angle is good enough for the lattice of counts to be sharp
 
 
 class NoiseLaws(NamedTuple):
@@ -90,7 +89,7 @@ class Laws(torch.nn.Module):
         weight, total = normed(score)
         place = self.places[0] + torch.exp(-level / 2) * self.places[1]
         in_degrees = torch.exp(2 * self.widths[1]) + NARROWEST_DEG2
-        width = torch.exp(2 * self.widths[0]) + in_degrees / size + _NARROWEST
+        width = torch.exp(2 * self.widths[0]) + in_degrees / size
         one, by_level, by_size = self.effective
         effective = torch.exp((one + level[:, 0] * by_level + size[:, 0] / 4 * by_size).clamp(-4, 1))
         prior = self.prior(level[:, 0] / 3)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import DivergedError
 from twin.preset.preset import Preset
-from twin.preset.randomization import Ranges, quantile
+from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
 from twin.reduced.member_set import MemberSet
 from twin.signals.excitation import SIGNALS, command
@@ -23,7 +23,6 @@ STROKE_MM = (-4.0, 4.0)
 _NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
-_PERIODS = (80.0, 240.0)  # of the sheaths of members, there and back [s]: about half a turn in a minute
 _LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 
@@ -40,44 +39,6 @@ class TwinRecords(NamedTuple):
     pull_mm: Array32
     members_deg: Array32
     truth_deg: Array32
-
-
-def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int, moving: int = 0) -> MemberSet:
-    """Return the twins that a prediction is made of, spread evenly over the ranges.
-
-    Args:
-        preset: what does not vary.
-        ranges: what does.
-        count: number of twins.
-        seed: of the draws.
-        moving: how many of them are in a sheath that moves between two bends from the ranges.
-    """
-    drawn = [
-        ranges.at(preset, shares)
-        for shares in _spread(count, len(ranges.limits), random_stream(seed, SeedUse.TWINS_MEMBERS))
-    ]
-    still = MemberSet.still(drawn)
-    if not moving:
-        return still
-    other, period, phase = (of.copy() for of in still[1:])
-    courses = _spread(moving, 3, random_stream(seed, SeedUse.TWINS_SHEATHS))
-    for number, (bent, of_period, of_phase) in enumerate(courses, count - moving):
-        other[number] = ranges.at(preset, np.full(len(ranges.limits), bent)).sheath_bend
-        period[number] = quantile(*_PERIODS, of_period)
-        phase[number] = of_phase
-    return MemberSet(still.presets, other, period, phase)
-
-
-def _spread(count: int, dimensions: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return (count, dimensions) shares from 0 to 1 that fill their space more evenly than draws do.
-
-    A Latin hypercube (McKay et al. 1979) of small discrepancy. With forty independent draws it was chance
-    how well the members of a training reach other twins.
-    """
-    from scipy.stats.qmc import LatinHypercube  # here: who only reads records needs none
-
-    shares: NDArray[np.float64] = LatinHypercube(dimensions, optimization="random-cd", rng=rng).random(count)
-    return shares
 
 
 def simulate_records(

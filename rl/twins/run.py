@@ -29,12 +29,12 @@ from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import MemberSet, check_members
+from twin.reduced.member_set import NO_MEMBERS, MemberSet, check_members
 from twin.runtime.deployment import KEY as DEPLOYMENT
 from twin.runtime.deployment import prepare_deployment
 
 VALIDATIONS = 12  # over each lesson of the gain
-_COSTS = {"simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}
+_COSTS = {"members": 3, "simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
@@ -49,26 +49,26 @@ class Learner:
 
     Attributes:
         training: its agent and its file.
-        members: twins that are simulated along every command beside those that are estimated.
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
-        export: writes the trained step with a description to a path.
+        export: writes the trained step with its members and a description to a path.
+        choose: returns the twins that are simulated along every command beside those that are estimated.
         prepare: a lesson before that of the gain.
         explore: the lesson of PPO.
         guard: a lesson behind it, of what is like the training and what is not.
     """
 
     training: Training
-    members: MemberSet
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
-    export: Callable[[Any, dict[str, Any], Path], None]
+    export: Callable[[Any, MemberSet, dict[str, Any], Path], None]
+    choose: Callable[[OnShare], MemberSet] | None = None
     prepare: Callable[[Any, OnShare], None] | None = None
     explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
 
     def parts(self, gain: Sequence[str]) -> list[str]:
         """Return the parts of the training that take time, by name."""
-        lessons = ["laws"] if self.prepare else []
-        return ["simulation", *lessons, *gain, "interval"]
+        before = [("members", self.choose), ("simulation", True), ("laws", self.prepare)]
+        return [*(name for name, there in before if there), *gain, "interval"]
 
 
 def train_on_twins(
@@ -133,10 +133,11 @@ def _train(
     shown: "_Shown",
 ) -> None:
     """Simulate, learn, and write the curve and the file."""
+    members = learner.choose(shown.of("members")) if learner.choose else NO_MEMBERS
     records = simulate_records(
         preset,
         ranges,
-        learner.members,
+        members,
         commands=settings.commands,
         twins=settings.twins,
         seconds=settings.seconds,
@@ -193,7 +194,7 @@ def _train(
     sample_time = SAMPLE_TIME * STRIDES[0]
     deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
     description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict()}
-    learner.export(step, description, path)  # the last: where the file is, the run is finished
+    learner.export(step, members, description, path)  # the last: where the file is, the run is finished
     keeper.remove()
 
 

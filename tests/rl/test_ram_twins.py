@@ -28,7 +28,7 @@ from rl.ram_twins import train_ram_twins
 from rl.twins.graph import TwinsGraph, export_twins
 from rl.twins.learning import learn_interval, validation
 from rl.twins.noises import FAMILIES, LINEAR, count_laws, draw_noises
-from rl.twins.records import SAMPLE_TIME, draw_members
+from rl.twins.records import SAMPLE_TIME
 from rl.twins.sequences import principal_directions, split_records
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import FILTER_ALONE, STATE, load
@@ -76,32 +76,6 @@ def test_some_members_are_in_a_sheath_that_moves_and_stands_elsewhere_in_every_r
         still = [simulate(members.presets[place], pull, SAMPLE_TIME).bend_deg for pull in pulls]
         apart = np.abs(records.members_deg[:, place] - np.array(still)).max(axis=1)
         assert (apart > 0.02).all() if moves[place] else (apart < 2e-3).all()
-    assert not draw_members(*twins(), 6, TINY.seed).moves
-
-
-def test_members_lie_evenly_over_every_range_and_differ_by_seed():
-    """A Latin hypercube: of M members, each Mth of a range holds one. Of moving sheaths, courses do so."""
-    preset, ranges = twins()
-    members = draw_members(preset, ranges, 16, 3, moving=8)
-    for name, low, high in ranges.limits:
-        values = np.array([getattr(member, name) for member in members.presets])
-        share = (
-            np.log(values / low) / np.log(high / low) if 0 < 2 * low < high else (values - low) / (high - low)
-        )
-        assert sorted(np.floor(share * 16)) == list(range(16))
-    low, high = {name: limits for name, *limits in ranges.limits}["sheath_bend"]
-    shares = (
-        (members.other[8:] - low) / (high - low),
-        members.phase[8:],
-        np.log(members.period[8:] / 80) / np.log(3),
-    )
-    for share in shares:
-        assert sorted(np.floor(share * 8)) == list(range(8))
-    assert (members.other != [member.sheath_bend for member in members.presets]).tolist() == [False] * 8 + [
-        True
-    ] * 8
-    assert draw_members(preset, ranges, 16, 3, moving=8).presets == members.presets
-    assert not set(draw_members(preset, ranges, 16, 4, moving=8).presets) & set(members.presets)
 
 
 def test_directions_are_those_in_which_members_differ_most():

@@ -5,7 +5,8 @@ import pytest
 from small_twins import twins
 
 from rl.ram_twins import train_ram_twins
-from rl.twins.records import SAMPLE_TIME, draw_members, simulate_records
+from rl.twins.members import draw_members
+from rl.twins.records import SAMPLE_TIME, simulate_records
 from rl.twins.sequences import STRIDES
 from rl.twins.settings import TwinsTraining
 from twin.estimation.estimator import Sensor
