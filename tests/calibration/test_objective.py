@@ -1,10 +1,19 @@
 """The cost of a preset: nothing for the truth, mean squares in units of the bars for others."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from calibrating import TRUTH, loops
 
-from twin.calibration.objective import BEND_SCALE, TENSION_SHARE, predict, residuals
+from twin.calibration.objective import (
+    BEND_SCALE,
+    OFFSET_SPREAD,
+    TENSION_SHARE,
+    predict,
+    residuals,
+    shared_offsets,
+)
 
 
 def test_truth_costs_nothing_and_residuals_are_in_units_of_the_bars():
@@ -16,3 +25,32 @@ def test_truth_costs_nothing_and_residuals_are_in_units_of_the_bars():
     share = TENSION_SHARE * np.ptp(logs[0].tension)
     tension = np.mean((episode.tension - logs[0].tension) ** 2) / share**2
     assert (values**2).sum() == pytest.approx(bend + tension)
+
+
+def measured_higher(origins, degrees):
+    """Return logs of the true endoscope by sensors whose zeros are unknown, that read so much too high."""
+    (log,) = loops(0.5)
+    return [
+        dataclasses.replace(log, offset=True, origin=origin, bend=log.bend + np.radians(high))
+        for origin, high in zip(origins, degrees, strict=True)
+    ]
+
+
+def cost(logs, weight=0.0):
+    return (residuals([TRUTH], logs, weight=weight) ** 2).sum()
+
+
+def test_windows_of_a_file_share_the_zero_of_its_sensor_and_other_logs_have_their_own():
+    assert cost(measured_higher([None, None], [3, 1])) < 1e-12
+    assert cost(measured_higher(["a", "b"], [2, 2])) == pytest.approx(2 * 2**2)
+    assert cost(measured_higher(["a", "a"], [3, 1])) == pytest.approx(2 * 2**2)
+    assert cost(measured_higher(["a", "a"], [1, -1])) < 1e-12
+    apart = 0.1**2 * 2 * (np.radians(1) / OFFSET_SPREAD) ** 2
+    assert cost(measured_higher(["a", "a"], [1, -1]), weight=0.1) == pytest.approx(apart)
+
+
+def test_shared_offsets_are_means_over_the_windows_of_each_file():
+    logs = measured_higher(["a", None, "b", "a", "a"], np.zeros(5))
+    offsets = [np.array([one]) for one in (0.03, 0.5, 0.2, 0.01)]
+    shared = shared_offsets([*offsets, None], logs)
+    np.testing.assert_allclose(np.concatenate(shared), [0.02, 0.0, 0.2, 0.02, 0.02])

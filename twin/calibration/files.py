@@ -13,10 +13,10 @@ from twin.calibration.compared import compare
 from twin.calibration.confirm import steady
 from twin.calibration.figure import fit_figure
 from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop, measured_loop, thinned
+from twin.calibration.measured import MeasuredLoop, measured_loop, origin_of, thinned
 from twin.calibration.report import fit_report
 from twin.calibration.uncertainty import likely_ranges, uncertainty
-from twin.calibration.windows import check_windows, first_windows, origin_of
+from twin.calibration.windows import check_windows, first_windows
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
@@ -68,14 +68,17 @@ def read_loops(
     if sample_time is None:
         kept, rest = ([episode for _, episode in some] for some in (records, unseen))
         sample_time = thinned(kept, base, pace, rest)
-    origins = [origin_of(episode) for _, episode in records]
     loops = [
         measured_loop(
-            episode, _name(path, episode), sample_time, pace=pace, fraction=1.0 if origin else fraction
+            episode,
+            _name(path, episode),
+            sample_time,
+            pace=pace,
+            fraction=1.0 if origin_of(episode) else fraction,
         )
-        for (path, episode), origin in zip(records, origins, strict=True)
+        for path, episode in records
     ]
-    check_windows([*zip(origins, loops, strict=True)])
+    check_windows(loops)
     held_out = [
         measured_loop(episode, _name(path, episode), sample_time, pace=pace).only_predicted()
         for path, episode in unseen

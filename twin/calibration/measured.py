@@ -52,6 +52,7 @@ class MeasuredLoop:
         lateral_bend: measured bending angle in that plane, (N,) [rad]; (0,) if there is none.
         scales: error of each channel that costs 1, its angles before its tensions, (C,) [rad, N]; (0,)
             for the usual ones.
+        origin: of a window, the file that it was cut from; see `origin_of`.
     """
 
     name: str
@@ -67,6 +68,7 @@ class MeasuredLoop:
     lateral_pull: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     lateral_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     scales: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    origin: str | None = None
 
     def only_predicted(self) -> "MeasuredLoop":
         """Return the log with no fitted sample, for prediction only."""
@@ -208,7 +210,14 @@ def measured_loop(
         timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
         lateral_pull=lateral_pull,
         lateral_bend=lateral_bend,
+        origin=origin_of(episode),
     )
+
+
+def origin_of(episode: Episode) -> str | None:
+    """Return what identifies the file that a window was cut from; None of a log that is no window."""
+    facts = episode.metadata
+    return None if facts.get("window") is None else str(facts.get("file_sha256"))
 
 
 def _check_fits(episode: Episode, name: str) -> None:

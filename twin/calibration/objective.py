@@ -69,7 +69,8 @@ def residuals(
 
     Each log weighs the same: its squared differences are divided by its number of samples. An angle whose
     zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, which is the best offset;
-    a large one costs a little, so that what all logs share is told by the endoscope.
+    a large one costs a little, so that what all logs share is told by the endoscope. Windows of one file were
+    measured by one sensor: what their offsets have in common is an error like any other.
 
     Args:
         presets: the candidates.
@@ -82,10 +83,7 @@ def residuals(
         (candidates, R); the sum of squares of a row is the cost of that candidate.
     """
     return np.array(
-        [
-            np.concatenate([_of_log(one, loop, weight) for one, loop in zip(episodes, loops, strict=True)])
-            for episodes in predict(presets, loops, physics, threads)
-        ]
+        [_all_residuals(episodes, loops, weight) for episodes in predict(presets, loops, physics, threads)]
     )
 
 
@@ -161,16 +159,52 @@ def offset_of(error: Array, loop: MeasuredLoop) -> float:
     return float(error[scored].mean()) if loop.offset else 0.0
 
 
-def _of_log(episode: Episode | None, loop: MeasuredLoop, weight: float) -> Array:
+def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop]) -> list[Array]:
+    """Return what the offsets of the windows of a file have in common, (planes,) for each log [rad].
+
+    Args:
+        offsets: (planes,) of each log [rad]; None of one that could not be simulated.
+        loops: the logs. One that is no window shares nothing.
+    """
+    of_file: dict[str, list[Array]] = {}
+    for offset, loop in zip(offsets, loops, strict=True):
+        if loop.origin and offset is not None:
+            of_file.setdefault(loop.origin, []).append(offset)
+    means = {origin: np.mean(found, axis=0) for origin, found in of_file.items()}
+    return [means.get(loop.origin or "", np.zeros(loop.planes)) for loop in loops]
+
+
+def _all_residuals(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop], weight: float) -> Array:
+    """Return the residuals of one candidate against all logs."""
+    pairs = [*zip(episodes, loops, strict=True)]
+    errors = [[] if episode is None else bend_errors(episode, loop) for episode, loop in pairs]
+    offsets = [
+        np.array([offset_of(error, loop) for error in of_log]) if of_log else None
+        for of_log, loop in zip(errors, loops, strict=True)
+    ]
+    parts = []
+    for (episode, loop), of_log, offset, shared in zip(
+        pairs, errors, offsets, shared_offsets(offsets, loops), strict=True
+    ):
+        if episode is None or offset is None:
+            parts.append(_hopeless(loop))
+        else:
+            parts.append(_of_log(episode, loop, of_log, offset - shared, weight))
+    return np.concatenate(parts)
+
+
+def _hopeless(loop: MeasuredLoop) -> Array:
+    """Return the residuals of a log that could not be simulated."""
     count = np.count_nonzero(loop.fitted)
-    if episode is None:
-        parts = loop.planes + loop.tension.shape[1]
-        return np.full(count * parts + loop.planes, _HOPELESS / np.sqrt(count))
-    errors = bend_errors(episode, loop)
-    offsets = np.array([offset_of(error, loop) for error in errors])
+    return np.full(count * len(scales_of(loop)) + loop.planes, _HOPELESS / np.sqrt(count))
+
+
+def _of_log(
+    episode: Episode, loop: MeasuredLoop, errors: list[Array], offsets: Array, weight: float
+) -> Array:
     off = [(error - offset)[loop.fitted] for error, offset in zip(errors, offsets, strict=True)]
     if loop.tension.size:
         off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T)
     off = [error / scale for error, scale in zip(off, scales_of(loop), strict=True)]
-    weighted: Array = np.concatenate(off) / np.sqrt(count)
+    weighted: Array = np.concatenate(off) / np.sqrt(np.count_nonzero(loop.fitted))
     return np.concatenate([weighted, weight * offsets / OFFSET_SPREAD])

@@ -260,7 +260,7 @@ def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], se
     for free in structures:
         inputs += [free.base.to_dict(), list(free.names)]
     for loop in loops:
-        inputs += [loop.name, loop.sample_time, loop.sheath_bend, loop.offset]
+        inputs += [loop.name, loop.sample_time, loop.sheath_bend, loop.offset, loop.origin]
         inputs += [loop.pull, loop.bend, loop.tension, loop.fitted, loop.lateral_pull, loop.lateral_bend]
         inputs.append(loop.scales)
     return state_key(*inputs)

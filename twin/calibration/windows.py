@@ -1,14 +1,19 @@
 """Windows of measured logs in a calibration: which of them are fitted, and what they must show together."""
 
 import collections
-import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.measured import MeasuredLoop, check_angle, check_lateral_angle, check_motion
+from twin.calibration.measured import (
+    MeasuredLoop,
+    check_angle,
+    check_lateral_angle,
+    check_motion,
+    origin_of,
+)
 from twin.episode import Episode
 from twin.errors import InputError
 
@@ -16,12 +21,6 @@ Array = NDArray[np.float64]
 
 Record = tuple[Path, Episode]
 """A log, and the path that it was read from."""
-
-
-def origin_of(episode: Episode) -> str | None:
-    """Return what identifies the file that a window was cut from; None of a log that is no window."""
-    facts = episode.metadata
-    return None if facts.get("window") is None else str(facts.get("file_sha256"))
 
 
 def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Record], list[Record]]:
@@ -45,20 +44,18 @@ def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Reco
     return fitted, rest
 
 
-def check_windows(loops: Sequence[tuple[str | None, MeasuredLoop]]) -> None:
+def check_windows(loops: Sequence[MeasuredLoop]) -> None:
     """Refuse windows of one file whose command reverses in none of them, or whose angle runs against it.
 
     One window may stand still or go one way: friction shows in the others.
 
     Args:
-        loops: logs to fit, each with its `origin_of`.
+        loops: logs to fit.
 
     Raises:
         ValueError: so it is; the line names the first window.
     """
-    ordered = sorted(((origin, loop) for origin, loop in loops if origin), key=lambda one: one[0])
-    for _, group in itertools.groupby(ordered, key=lambda one: one[0]):
-        windows = [loop for _, loop in group]
+    for windows in _by_origin(loops):
         faults = [fault for loop in windows if (fault := _fault(loop))]
         if len(faults) == len(windows):
             raise faults[0]
@@ -67,6 +64,15 @@ def check_windows(loops: Sequence[tuple[str | None, MeasuredLoop]]) -> None:
         if all(loop.lateral_pull.size and loop.lateral_bend.size for loop in windows):
             pull, bend = (_joined(windows, field) for field in ("lateral_pull", "lateral_bend"))
             check_lateral_angle(pull, bend, windows[0].name)
+
+
+def _by_origin(loops: Sequence[MeasuredLoop]) -> list[list[MeasuredLoop]]:
+    """Return the windows of each file."""
+    files: dict[str, list[MeasuredLoop]] = {}
+    for loop in loops:
+        if loop.origin:
+            files.setdefault(loop.origin, []).append(loop)
+    return list(files.values())
 
 
 def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
