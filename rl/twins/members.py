@@ -89,7 +89,8 @@ def choose_members(
 def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """Return which of C candidates make an ensemble under which all of them are likely.
 
-    Members are exchanged for others as long as that is a gain (Fedorov 1972).
+    A hundred times over, each member is exchanged for another candidate, drawn at random, if that is a gain
+    (after Fedorov 1972, who tries all).
 
     Args:
         angles: (C, N) of the candidates [deg].

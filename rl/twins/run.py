@@ -29,7 +29,7 @@ from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import NO_MEMBERS, MemberSet, check_members
+from twin.reduced.member_set import NO_MEMBERS, MemberSet, check_members, members_to_dict
 from twin.runtime.deployment import KEY as DEPLOYMENT
 from twin.runtime.deployment import prepare_deployment
 
@@ -81,7 +81,8 @@ def train_on_twins(
 ) -> Path:
     """Train into a folder (the file, `config.yaml`, `progress.csv`); a finished run stays.
 
-    A training that was stopped simulates its twins again and goes on from its checkpoint.
+    A training that was stopped chooses its members and simulates its twins again, and goes on from its
+    checkpoint if the members are the same.
 
     Args:
         learner: what is trained.
@@ -132,7 +133,7 @@ def _train(
     path: Path,
     shown: "_Shown",
 ) -> None:
-    """Simulate, learn, and write the curve and the file."""
+    """Choose members, simulate, learn, and write the curve and the file."""
     members = learner.choose(shown.of("members")) if learner.choose else NO_MEMBERS
     records = simulate_records(
         preset,
@@ -152,7 +153,8 @@ def _train(
     )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
-    key = state_key(__version__, torch.__version__, configuration)
+    told = members_to_dict(members) if members.presets else None
+    key = state_key(__version__, torch.__version__, configuration, told)
     columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
     keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step, columns=len(columns))
     losses: list[float] = []  # since the last validation

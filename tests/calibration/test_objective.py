@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from calibrating import TRUTH, loops
 
+from twin.calibration import objective
+from twin.calibration.compared import TWIN, compare
 from twin.calibration.objective import (
     BEND_SCALE,
     OFFSET_SPREAD,
@@ -42,15 +44,40 @@ def cost(logs, weight=0.0):
 
 def test_windows_of_a_file_share_the_zero_of_its_sensor_and_other_logs_have_their_own():
     assert cost(measured_higher([None, None], [3, 1])) < 1e-12
-    assert cost(measured_higher(["a", "b"], [2, 2])) == pytest.approx(2 * 2**2)
+    assert cost(measured_higher(["a", "b"], [2, 2])) < 1e-12  # of one window, nothing tells the zero
+    assert cost(measured_higher(["a", "a", "b", "b"], [2, 2, -2, -2])) == pytest.approx(4 * 2**2)
     assert cost(measured_higher(["a", "a"], [3, 1])) == pytest.approx(2 * 2**2)
     assert cost(measured_higher(["a", "a"], [1, -1])) < 1e-12
     apart = 0.1**2 * 2 * (np.radians(1) / OFFSET_SPREAD) ** 2
     assert cost(measured_higher(["a", "a"], [1, -1]), weight=0.1) == pytest.approx(apart)
 
 
-def test_shared_offsets_are_means_over_the_windows_of_each_file():
+def test_shared_offsets_are_means_over_the_windows_of_each_file_in_each_plane():
     logs = measured_higher(["a", None, "b", "a", "a"], np.zeros(5))
-    offsets = [np.array([one]) for one in (0.03, 0.5, 0.2, 0.01)]
+    logs = [dataclasses.replace(log, lateral_bend=log.bend) for log in logs]
+    offsets = [np.array(pair) for pair in ((0.03, -0.1), (0.5, 0.5), (0.2, 0.2), (0.01, -0.3))]
     shared = shared_offsets([*offsets, None], logs)
-    np.testing.assert_allclose(np.concatenate(shared), [0.02, 0.0, 0.2, 0.02, 0.02])
+    of_a, none = (0.02, -0.2), (0.0, 0.0)
+    np.testing.assert_allclose(shared, [of_a, none, none, of_a, of_a])
+
+
+def test_what_windows_share_is_not_taken_off_where_the_fit_is_shown():
+    """The fit counts it as an error, and so do report and figure; a window that is predicted is as it is."""
+    logs = measured_higher(["a", "a", "a"], [3, 1, 4])
+    logs[2] = logs[2].only_predicted()
+    first, second, predicted = compare(TRUTH, logs)
+    off = [float(np.degrees(one.errors[0][TWIN].mean())) for one in (first, second, predicted)]
+    np.testing.assert_allclose(off, [-2, -2, -4], atol=1e-6)
+    np.testing.assert_allclose(np.degrees([*first.offsets, *second.offsets]), [-1, 1], atol=1e-6)
+
+
+def test_a_window_that_could_not_be_simulated_leaves_the_zero_to_the_others(monkeypatch):
+    logs = measured_higher(["a", "a", "a"], [2, 2, 2])
+    whole = residuals([TRUTH], logs)
+    simulated = predict([TRUTH], logs)[0]
+    monkeypatch.setattr(objective, "predict", lambda *_: [[None, *simulated[1:]]])
+    failed = residuals([TRUTH], logs)
+    assert failed.shape == whole.shape
+    one = whole.shape[1] // 3
+    np.testing.assert_allclose(failed[0, one:], whole[0, one:])
+    assert failed[0, :one].min() > 1

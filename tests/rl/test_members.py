@@ -57,7 +57,7 @@ def test_unlikelihood_is_that_of_a_normal_law_with_the_members_moments():
     assert ensemble_unlikelihood(members, others) == pytest.approx(expected)
 
 
-def test_no_exchange_of_one_member_makes_others_likelier():
+def test_where_few_exchanges_are_possible_none_is_left_that_makes_others_likelier():
     """Of all pairs of candidates, a member and one that is none, in the space of the angles themselves."""
     angles = generator(7).normal(0.0, [12.0, 8.0, 3.0, 1.0], (14, 4))
     apart = angles - angles.mean(axis=0)

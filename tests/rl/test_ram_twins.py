@@ -20,13 +20,17 @@ from small_twins import (
     small_records,
     small_source,
     small_step,
+    still_members,
     twins,
 )
 
+import rl.ram_twins
+import rl.twins.run
 import scripts.train
 from rl.ram_twins import train_ram_twins
 from rl.twins.graph import TwinsGraph, export_twins
 from rl.twins.learning import learn_interval, validation
+from rl.twins.members import choose_members
 from rl.twins.noises import FAMILIES, LINEAR, count_laws, draw_noises
 from rl.twins.records import SAMPLE_TIME
 from rl.twins.sequences import principal_directions, split_records
@@ -132,6 +136,8 @@ def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
     description = read_trained_file(path).description
     assert description["training"]["seed"] == TINY.seed
     assert description["preset"]["name"] == "ureteroscope"
+    chosen = choose_members(*twins(), TINY.members, TINY.seed, moving=TINY.moving, stroke_mm=TINY.stroke_mm)
+    assert description["members"] == members_to_dict(chosen)
     assert [done for done, _, _ in told] == sorted(done for done, _, _ in told)
     assert told[-1][:2] == (1000, 1000)
     assert np.isfinite(told[-1][2])
@@ -255,6 +261,36 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_numbers(tmp_path):
     assert weights["whole"].keys() == weights["stopped"].keys()
     for name, values in weights["whole"].items():
         np.testing.assert_array_equal(values, weights["stopped"][name], err_msg=name)
+
+
+def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
+    """Its weights learned on other twins; members are computed, and may differ with the libraries."""
+    settings = shorter(updates=4)
+
+    def simulate_records(preset, ranges, members, **named):
+        records = small_records()
+        still = members is still_members()
+        return records._replace(members_deg=records.members_deg[:, ::-1]) if still else records
+
+    monkeypatch.setattr(rl.twins.run, "simulate_records", simulate_records)
+
+    def stop(done, total, error):
+        if (tmp_path / "stopped" / "checkpoint.state").exists():
+            raise Stopped
+
+    def choose(members):
+        monkeypatch.setattr(rl.ram_twins, "choose_members", lambda *given, **named: members)
+
+    choose(still_members())
+    with pytest.raises(Stopped):
+        train_ram_twins(*twins(), settings, tmp_path / "stopped", stop)
+    choose(small_members())
+    learned = []
+    for name in ("stopped", "new"):
+        graph = onnx.load(train_ram_twins(*twins(), settings, tmp_path / name)).graph
+        learned.append({part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer})
+    for name, values in learned[1].items():
+        np.testing.assert_array_equal(learned[0][name], values, err_msg=name)
 
 
 def test_a_foreign_checkpoint_is_left_alone(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.measured import MeasuredLoop
-from twin.calibration.objective import bend_errors, offset_of, predict
+from twin.calibration.objective import bend_errors, offset_of, predict, shared_offsets
 from twin.calibration.rivals import rival_errors
 from twin.episode import Episode
 from twin.preset.preset import Preset
@@ -26,9 +26,10 @@ class Compared:
         loop: the log.
         episode: its simulation; None where it diverged.
         errors: for each bending plane, how far each is above the measured angle, by name, (N,) [rad]; None
-            where there is nothing to compare. Offsets of a fitted log's angle are taken off; a log that is
-            only predicted is compared as it is.
-        offsets: of the twin in each plane [rad]; zero where none was fitted.
+            where there is nothing to compare. Offsets of a fitted log's angle are taken off, of the twin's
+            those that the fit allows; a log that is only predicted is compared as it is.
+        offsets: of the twin in each plane [rad], less what windows of a file share; zero where none was
+            fitted.
     """
 
     loop: MeasuredLoop
@@ -50,6 +51,7 @@ def compare(
     """
     episodes = predict([preset], loops)[0]
     planes = range(max(loop.planes for loop in loops))
+    shared = _shared(episodes, loops)
     theirs = {name: [rival_errors(name, loops, seed, plane) for plane in planes] for name in rivals}
     found = []
     for place, (loop, episode) in enumerate(zip(loops, episodes, strict=True)):
@@ -58,12 +60,25 @@ def compare(
             twin = None if episode is None else bend_errors(episode, loop)[plane]
             raw = {TWIN: twin} | {name: of_planes[plane][place] for name, of_planes in theirs.items()}
             offset = {name: _offset(error, loop) for name, error in raw.items()}
+            if loop.fitted.any():
+                offset[TWIN] -= float(shared[place][plane])
             errors.append(
                 {name: None if error is None else error - offset[name] for name, error in raw.items()}
             )
             offsets.append(offset[TWIN])
         found.append(Compared(loop, episode, tuple(errors), tuple(offsets)))
     return found
+
+
+def _shared(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop]) -> list[Array]:
+    """Return what the offsets of fitted windows have in common, (planes,) for each log [rad]."""
+    offsets = [
+        None
+        if episode is None or not loop.fitted.any()
+        else np.array([offset_of(error, loop) for error in bend_errors(episode, loop)])
+        for episode, loop in zip(episodes, loops, strict=True)
+    ]
+    return shared_offsets(offsets, loops)
 
 
 def _offset(error: Array | None, loop: MeasuredLoop) -> float:

@@ -70,7 +70,8 @@ def residuals(
     Each log weighs the same: its squared differences are divided by its number of samples. An angle whose
     zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, which is the best offset;
     a large one costs a little, so that what all logs share is told by the endoscope. Windows of one file were
-    measured by one sensor: what their offsets have in common is an error like any other.
+    measured by one sensor: what their offsets have in common is an error like any other, so that windows of
+    several files have to share one zero.
 
     Args:
         presets: the candidates.
@@ -164,13 +165,13 @@ def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop
 
     Args:
         offsets: (planes,) of each log [rad]; None of one that could not be simulated.
-        loops: the logs. One that is no window shares nothing.
+        loops: the logs. One that is no window, or the only one of its file, shares nothing.
     """
     of_file: dict[str, list[Array]] = {}
     for offset, loop in zip(offsets, loops, strict=True):
         if loop.origin and offset is not None:
             of_file.setdefault(loop.origin, []).append(offset)
-    means = {origin: np.mean(found, axis=0) for origin, found in of_file.items()}
+    means = {origin: np.mean(found, axis=0) for origin, found in of_file.items() if len(found) > 1}
     return [means.get(loop.origin or "", np.zeros(loop.planes)) for loop in loops]
 
 
