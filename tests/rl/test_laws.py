@@ -109,8 +109,7 @@ def test_families_are_divided_into_their_laws():
 
 def test_weibull_laws_are_those_of_their_shapes_and_are_met_where_asked_for():
     """Mean over deviation falls as the law nears the exponential one; each law has a range of shapes."""
-    assert "weibull" not in STANDARD
-    assert set(STANDARD) | {"weibull"} == set(FAMILIES)
+    assert set(FAMILIES) - set(STANDARD) == {"weibull", "contaminated"}
     noise = draw_noises(["weibull"], 200, 2000, generator(6))
     of_deviation = noise.mean_deg / np.sqrt(noise.variance)
     assert (noise.noise_deg >= 0).all()
@@ -120,3 +119,15 @@ def test_weibull_laws_are_those_of_their_shapes_and_are_met_where_asked_for():
         law = stats.weibull_min(shape)
         assert of_deviation[row] == pytest.approx(law.mean() / law.std(), abs=0.05)
         assert stats.skew(noise.noise_deg[row]) == pytest.approx(float(law.stats("s")), abs=0.35)
+
+
+def test_contaminated_noise_has_the_moments_that_are_told_and_its_skew_is_to_the_side_of_its_mean():
+    """Of two normal laws; three laws have the mean on either side, by the share of the other."""
+    noise = draw_noises(["contaminated"], 300, 20000, generator(6))
+    root = np.sqrt(noise.variance)
+    np.testing.assert_allclose(noise.noise_deg.mean(axis=1) / root, noise.mean_deg / root, atol=0.04)
+    np.testing.assert_allclose(noise.noise_deg.var(axis=1) / noise.variance, 1, atol=0.15)
+    skew = stats.skew(noise.noise_deg, axis=1)
+    assert (np.sign(skew) == np.sign(noise.mean_deg))[np.abs(skew) > 0.2].all()
+    assert (np.sign(noise.mean_deg) == np.where(noise.law >= 3, 1, -1)).all()
+    assert set(noise.law.tolist()) == set(range(count_laws(["contaminated"])))
