@@ -17,7 +17,7 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import MemberSet, members_to_dict
+from twin.reduced.member_set import MemberSet
 
 
 def train_ram_twins(
@@ -57,8 +57,8 @@ def train_ram_twins(
     def guard(step: TwinsStep, source: SequenceSource) -> None:
         learn_what_is_familiar(step, source, settings)
 
-    def export(step: TwinsStep, members: MemberSet, description: dict[str, Any], path: Path) -> None:
-        export_twins(step, settings.members, description | {"members": members_to_dict(members)}, path)
+    def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
+        export_twins(step, settings.members, description, path)
 
     def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
         from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3

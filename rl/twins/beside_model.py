@@ -18,7 +18,6 @@ from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import MemberSet
 
 
 def train_beside_model(
@@ -51,7 +50,7 @@ def train_beside_model(
     def begin(records: TwinRecords) -> tuple[FilterStep, Prediction]:
         return make(settings), by_model(model())
 
-    def export(step: FilterStep, _: MemberSet, description: dict[str, Any], path: Path) -> None:
+    def export(step: FilterStep, description: dict[str, Any], path: Path) -> None:
         write(step, description | {"model": model_to_dict(model())}, path)
 
     return train_on_twins(Learner(training, begin, export), preset, ranges, settings, folder, on_progress)

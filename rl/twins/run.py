@@ -50,7 +50,7 @@ class Learner:
     Attributes:
         training: its agent and its file.
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
-        export: writes the trained step with its members and a description to a path.
+        export: writes the trained step with a description, which has the members, to a path.
         choose: returns the twins that are simulated along every command beside those that are estimated.
         prepare: a lesson before that of the gain.
         explore: the lesson of PPO.
@@ -59,7 +59,7 @@ class Learner:
 
     training: Training
     begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
-    export: Callable[[Any, MemberSet, dict[str, Any], Path], None]
+    export: Callable[[Any, dict[str, Any], Path], None]
     choose: Callable[[OnShare], MemberSet] | None = None
     prepare: Callable[[Any, OnShare], None] | None = None
     explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None
@@ -153,7 +153,7 @@ def _train(
     )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
-    told = members_to_dict(members) if members.presets else None
+    told = {"members": members_to_dict(members)} if members.presets else {}
     key = state_key(__version__, torch.__version__, configuration, told)
     columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
     keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step, columns=len(columns))
@@ -195,8 +195,8 @@ def _train(
     nominal = nominal_records(preset, settings.stroke_mm, settings.seed, SAMPLE_TIME, STRIDES[0])
     sample_time = SAMPLE_TIME * STRIDES[0]
     deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
-    description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict()}
-    learner.export(step, members, description, path)  # the last: where the file is, the run is finished
+    description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict(), **told}
+    learner.export(step, description, path)  # the last: where the file is, the run is finished
     keeper.remove()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.measured import MeasuredLoop
-from twin.calibration.objective import bend_errors, offset_of, predict, shared_offsets
+from twin.calibration.objective import bend_errors, offset_of, offsets_taken_off, predict
 from twin.calibration.rivals import rival_errors
 from twin.episode import Episode
 from twin.preset.preset import Preset
@@ -51,17 +51,18 @@ def compare(
     """
     episodes = predict([preset], loops)[0]
     planes = range(max(loop.planes for loop in loops))
-    shared = _shared(episodes, loops)
+    pairs = [*zip(loops, episodes, strict=True)]
+    own = [[] if episode is None else bend_errors(episode, loop) for loop, episode in pairs]
+    taken_off = offsets_taken_off(own, loops)
     theirs = {name: [rival_errors(name, loops, seed, plane) for plane in planes] for name in rivals}
     found = []
-    for place, (loop, episode) in enumerate(zip(loops, episodes, strict=True)):
+    for place, (loop, episode) in enumerate(pairs):
         errors, offsets = [], []
         for plane in planes[: loop.planes]:
-            twin = None if episode is None else bend_errors(episode, loop)[plane]
-            raw = {TWIN: twin} | {name: of_planes[plane][place] for name, of_planes in theirs.items()}
-            offset = {name: _offset(error, loop) for name, error in raw.items()}
-            if loop.fitted.any():
-                offset[TWIN] -= float(shared[place][plane])
+            rivals_raw = {name: of_planes[plane][place] for name, of_planes in theirs.items()}
+            raw = {TWIN: own[place][plane] if own[place] else None} | rivals_raw
+            offset = {TWIN: float(taken_off[place][plane])}
+            offset |= {name: _offset(error, loop) for name, error in rivals_raw.items()}
             errors.append(
                 {name: None if error is None else error - offset[name] for name, error in raw.items()}
             )
@@ -70,17 +71,6 @@ def compare(
     return found
 
 
-def _shared(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop]) -> list[Array]:
-    """Return what the offsets of fitted windows have in common, (planes,) for each log [rad]."""
-    offsets = [
-        None
-        if episode is None or not loop.fitted.any()
-        else np.array([offset_of(error, loop) for error in bend_errors(episode, loop)])
-        for episode, loop in zip(episodes, loops, strict=True)
-    ]
-    return shared_offsets(offsets, loops)
-
-
 def _offset(error: Array | None, loop: MeasuredLoop) -> float:
-    """Return the offset of a fitted log [rad], 0 of one that is only predicted."""
+    """Return the offset of a rival along a fitted log [rad], 0 of one that is only predicted."""
     return offset_of(error, loop) if error is not None and loop.fitted.any() else 0.0

@@ -220,6 +220,15 @@ def origin_of(episode: Episode) -> str | None:
     return None if facts.get("window") is None else str(facts.get("file_sha256"))
 
 
+def windows_of_files(loops: Sequence[MeasuredLoop]) -> list[list[int]]:
+    """Return the places of the windows of each file among logs."""
+    files: dict[str, list[int]] = {}
+    for place, loop in enumerate(loops):
+        if loop.origin:
+            files.setdefault(loop.origin, []).append(place)
+    return list(files.values())
+
+
 def _check_fits(episode: Episode, name: str) -> None:
     """Check that the log has a constant sheath bend, and a measured angle in every plane that is pulled."""
     if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.measured import MeasuredLoop
+from twin.calibration.measured import MeasuredLoop, windows_of_files
 from twin.calibration.parameters import FreeParameters
 from twin.episode import Episode
 from twin.preset.preset import Preset
@@ -160,38 +160,52 @@ def offset_of(error: Array, loop: MeasuredLoop) -> float:
     return float(error[scored].mean()) if loop.offset else 0.0
 
 
+def offsets_taken_off(errors: Sequence[Sequence[Array]], loops: Sequence[MeasuredLoop]) -> list[Array]:
+    """Return the offsets that fitted logs are compared less, (planes,) for each log [rad].
+
+    Args:
+        errors: of each plane of each log (N,) [rad]; none of a log that could not be simulated.
+        loops: the logs. Nothing is taken off one that is only predicted.
+    """
+    offsets = [
+        np.array([offset_of(error, loop) for error in of_log]) if of_log and loop.fitted.any() else None
+        for of_log, loop in zip(errors, loops, strict=True)
+    ]
+    return [
+        np.zeros(loop.planes) if offset is None else offset - shared
+        for loop, offset, shared in zip(loops, offsets, shared_offsets(offsets, loops), strict=True)
+    ]
+
+
 def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop]) -> list[Array]:
     """Return what the offsets of the windows of a file have in common, (planes,) for each log [rad].
 
     Args:
-        offsets: (planes,) of each log [rad]; None of one that could not be simulated.
+        offsets: (planes,) of each log [rad]; None of one that has none.
         loops: the logs. One that is no window, or the only one of its file, shares nothing.
     """
-    of_file: dict[str, list[Array]] = {}
-    for offset, loop in zip(offsets, loops, strict=True):
-        if loop.origin and offset is not None:
-            of_file.setdefault(loop.origin, []).append(offset)
-    means = {origin: np.mean(found, axis=0) for origin, found in of_file.items() if len(found) > 1}
-    return [means.get(loop.origin or "", np.zeros(loop.planes)) for loop in loops]
+    shared = [np.zeros(loop.planes) for loop in loops]
+    for places in windows_of_files(loops):
+        found = [offset for place in places if (offset := offsets[place]) is not None]
+        if len(found) > 1:
+            for place in places:
+                shared[place] = np.mean(found, axis=0)
+    return shared
 
 
 def _all_residuals(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop], weight: float) -> Array:
     """Return the residuals of one candidate against all logs."""
-    pairs = [*zip(episodes, loops, strict=True)]
-    errors = [[] if episode is None else bend_errors(episode, loop) for episode, loop in pairs]
-    offsets = [
-        np.array([offset_of(error, loop) for error in of_log]) if of_log else None
-        for of_log, loop in zip(errors, loops, strict=True)
+    errors = [
+        [] if episode is None else bend_errors(episode, loop)
+        for episode, loop in zip(episodes, loops, strict=True)
     ]
-    parts = []
-    for (episode, loop), of_log, offset, shared in zip(
-        pairs, errors, offsets, shared_offsets(offsets, loops), strict=True
-    ):
-        if episode is None or offset is None:
-            parts.append(_hopeless(loop))
-        else:
-            parts.append(_of_log(episode, loop, of_log, offset - shared, weight))
-    return np.concatenate(parts)
+    taken_off = offsets_taken_off(errors, loops)
+    return np.concatenate(
+        [
+            _hopeless(loop) if episode is None else _of_log(episode, loop, of_log, offsets, weight)
+            for episode, loop, of_log, offsets in zip(episodes, loops, errors, taken_off, strict=True)
+        ]
+    )
 
 
 def _hopeless(loop: MeasuredLoop) -> Array:

@@ -13,6 +13,7 @@ from twin.calibration.measured import (
     check_lateral_angle,
     check_motion,
     origin_of,
+    windows_of_files,
 )
 from twin.episode import Episode
 from twin.errors import InputError
@@ -55,7 +56,8 @@ def check_windows(loops: Sequence[MeasuredLoop]) -> None:
     Raises:
         ValueError: so it is; the line names the first window.
     """
-    for windows in _by_origin(loops):
+    for places in windows_of_files(loops):
+        windows = [loops[place] for place in places]
         faults = [fault for loop in windows if (fault := _fault(loop))]
         if len(faults) == len(windows):
             raise faults[0]
@@ -64,15 +66,6 @@ def check_windows(loops: Sequence[MeasuredLoop]) -> None:
         if all(loop.lateral_pull.size and loop.lateral_bend.size for loop in windows):
             pull, bend = (_joined(windows, field) for field in ("lateral_pull", "lateral_bend"))
             check_lateral_angle(pull, bend, windows[0].name)
-
-
-def _by_origin(loops: Sequence[MeasuredLoop]) -> list[list[MeasuredLoop]]:
-    """Return the windows of each file."""
-    files: dict[str, list[MeasuredLoop]] = {}
-    for loop in loops:
-        if loop.origin:
-            files.setdefault(loop.origin, []).append(loop)
-    return list(files.values())
 
 
 def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
