@@ -52,7 +52,7 @@ class Train:
     """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
     noises: tuple[str, ...] = ()
     """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all
-    but weibull and contaminated, if not given."""
+    but weibull, if not given."""
     stroke: tuple[float, float] | None = None
     """Protocol twins: lowest and highest pulling distance that is met [mm]; -4 4, if not given."""
     gain: tuple[str, ...] = ()

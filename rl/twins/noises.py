@@ -207,5 +207,5 @@ FAMILIES: dict[str, Family] = {
 }
 """Families by name, with how often each is met among those of a training."""
 
-STANDARD = tuple(name for name in FAMILIES if name not in ("weibull", "contaminated"))
-"""Families that are met unless others are asked for: those that all published trainings met."""
+STANDARD = tuple(name for name in FAMILIES if name != "weibull")
+"""Families that are met unless others are asked for. Weibull is kept for trainings without gamma and Poisson."""

@@ -109,7 +109,7 @@ def test_families_are_divided_into_their_laws():
 
 def test_weibull_laws_are_those_of_their_shapes_and_are_met_where_asked_for():
     """Mean over deviation falls as the law nears the exponential one; each law has a range of shapes."""
-    assert set(FAMILIES) - set(STANDARD) == {"weibull", "contaminated"}
+    assert set(FAMILIES) - set(STANDARD) == {"weibull"}
     noise = draw_noises(["weibull"], 200, 2000, generator(6))
     of_deviation = noise.mean_deg / np.sqrt(noise.variance)
     assert (noise.noise_deg >= 0).all()
