@@ -1,4 +1,4 @@
-"""Training of RAM (twins): simulated twins of a preset, then three lessons, into one run folder."""
+"""Training of RAM (twins): simulated twins of a preset, then four lessons, into one run folder."""
 
 from pathlib import Path
 from typing import Any

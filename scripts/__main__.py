@@ -14,7 +14,7 @@ VERBS = {
     "export": "write episodes anew: as a LeRobot dataset in Parquet, as CSV, as MCAP",
     "calibrate": "fit the physical parameters of a preset to logs",
     "identify": "fit a model of hysteresis to records",
-    "train": "train a learned method on records",
+    "train": "train a learned estimator, on records or on simulated twins",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "run": "run a trained estimator on a log or a live stream, sample by sample",
     "render": "draw a record as PNG or MP4, without a screen",

@@ -38,4 +38,4 @@ def _words(value: Any) -> list[str]:
     """Return a value as the words of a command line."""
     if isinstance(value, tuple | list):
         return [word for part in value for word in _words(part)]
-    return [f"{value:g}" if isinstance(value, float) else str(value)]
+    return [repr(value).removesuffix(".0") if isinstance(value, float) else str(value)]

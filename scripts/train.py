@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
-_OF_TWINS = ("noises", "stroke", "gain", "sample_times")
+_OF_TWINS = ("preset", "noises", "stroke", "gain", "sample_times")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 
 
@@ -32,9 +32,10 @@ def agents_in_words(default: str = "") -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Train:
-    """Train a policy by PPO on records, the paper's Table I as defaults; a stopped run is taken up again.
+    """Train a learned estimator on records, or on simulated twins; a stopped run of a policy goes on.
 
-    A finished run of PPO goes on where --episodes asks for more.
+    Defaults are the paper's: RAM by PPO on records, with Table I. A finished run of PPO goes on where
+    --episodes asks for more.
     """
 
     out: Path
@@ -254,7 +255,7 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     from twin.hysteresis import load_model
 
     for name in _OF_TWINS:
-        if getattr(args, name):
+        if getattr(args, name) != getattr(Train, name):
             raise ValueError(
                 f"--{name.replace('_', '-')} is for --protocol twins: a training on records has none"
             )

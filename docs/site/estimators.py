@@ -7,7 +7,7 @@ import inspect
 import re
 from pathlib import Path
 
-from twin.estimation.registry import MethodSpec, method_specs
+from twin.estimation.registry import MethodSpec, Training, method_specs
 from twin.evaluation.paper import noise_label
 from twin.report.facts import agent_names
 
@@ -54,8 +54,15 @@ def _index(specs: list[MethodSpec]) -> str:
 
 def _learned(spec: MethodSpec) -> str:
     if spec.training:
-        return f"`train --agent {spec.training.agent}`"
+        return f"`train {_agent(spec.training)}`"
     return f"the file of `{spec.trained_as}`" if spec.trained_as else "-"
+
+
+def _agent(training: Training) -> str:
+    """Return the words of `endotwin train` that train a method."""
+    if not training.on_twins:
+        return f"--agent {training.agent}"
+    return f"--agent {training.agent.removesuffix('-twins')} --protocol twins"
 
 
 def _page(spec: MethodSpec) -> str:
@@ -68,7 +75,7 @@ def _page(spec: MethodSpec) -> str:
         facts.append(("fitted on the training records", ", ".join(fit.key for fit in spec.fits)))
     if spec.training:
         on = "simulated twins of a preset" if spec.training.on_twins else "training records"
-        facts.append(("trained on", f"{on}, by `endotwin train --agent {spec.training.agent}`"))
+        facts.append(("trained on", f"{on}, by `endotwin train {_agent(spec.training)}`"))
     if spec.trained_as:
         facts.append(("runs on", f"the trained file of {agent_names()[spec.trained_as]}"))
     if spec.oracle or spec.is_limit:

@@ -75,7 +75,7 @@ endotwin(
 # ## Train
 #
 # Twins are drawn from the ranges of the calibrated preset, noise of every kind is put on their angles, and the estimator learns on these. One episode
-# is enough to have a file; the whole training (`--episodes` left out) takes a quarter of an hour.
+# is enough to have a file; the whole training (`--episodes` left out) takes some six minutes.
 
 # %%
 endotwin(

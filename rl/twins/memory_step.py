@@ -35,7 +35,7 @@ class MemoryState(NamedTuple):
     Attributes:
         mean: (B, 2) of theta + b [deg] and f [deg / s].
         covariance: (B, 3) of theta, of theta and f, of f.
-        hidden: (B, HIDDEN) of the policy.
+        hidden: (B, hidden) of the policy.
         innovation: (B,) the last one in units of sqrt(R).
         samples: (B,) measured so far.
     """

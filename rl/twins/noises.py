@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 LINEAR = ("gaussian", "uniform")
 """Families without tails and skew: what a policy could gain there is little, what it can spoil is much."""
 VARIANCES = (0.05, 8.0)
-"""Least and greatest R of a noise [deg^2]."""
+"""Least and greatest R of most families [deg^2]; a variance of outliers may be larger."""
 
 
 class NoiseBatch(NamedTuple):
@@ -81,11 +81,13 @@ def check_families(families: Sequence[str]) -> None:
     """Refuse families that there are not.
 
     Raises:
-        ValueError: one is unknown, or there is none.
+        ValueError: one is unknown, or given twice, or there is none.
     """
-    unknown = [name for name in families if name not in FAMILIES]
-    if unknown or not families:
-        raise InputError(f"training noises {', '.join(unknown) or 'none'}: choose from {', '.join(FAMILIES)}")
+    wrong = [name for name in families if name not in FAMILIES or families.count(name) > 1]
+    if wrong or not families:
+        raise InputError(
+            f"training noises {', '.join(wrong) or 'none'}: choose from {', '.join(FAMILIES)}, each once"
+        )
 
 
 _Drawn = tuple[Array, float, float, int]
@@ -208,4 +210,4 @@ FAMILIES: dict[str, Family] = {
 """Families by name, with how often each is met among those of a training."""
 
 STANDARD = tuple(name for name in FAMILIES if name != "weibull")
-"""Families that are met unless others are asked for. Weibull is kept for trainings without gamma and Poisson."""
+"""Families that are met unless others are asked for; weibull is like gamma, and can stand in for it."""

@@ -41,6 +41,14 @@ def test_a_window_that_stands_still_tells_nothing():
     assert first_guess(TRUTH, [still, moving]) == pytest.approx(first_guess(TRUTH, [moving]))
 
 
+def test_a_coarse_sensor_tells_the_distance_of_the_wires_by_its_range():
+    """Its angle stands still in nearly all samples, and then moves by a whole degree."""
+    fine = np.linspace(0, 1, 1000)
+    coarse = np.radians(np.round(np.degrees(fine)))
+    loop = dataclasses.replace(held(5e-3 * fine, coarse, fine), tension=np.empty((1000, 0)))
+    assert first_guess(TRUTH, [loop])["wire_offset"] == pytest.approx(5e-3, rel=0.02)
+
+
 def test_without_load_cells_no_force_is_guessed():
     bend = np.linspace(0, 1, 200)
     blind = dataclasses.replace(held(5e-3 * bend, bend, bend), tension=np.empty((200, 0)))

@@ -40,7 +40,7 @@ def test_records_that_cannot_identify_a_loop_are_refused(name):
         ({"name": "bouc-wen", "thresholds_mm": (0.0, 1.0)}, "prandtl-ishlinskii models only"),
         ({"name": "prandtl-ishlinskii", "thresholds_mm": (0.0, -1.0)}, "not negative"),
         ({"name": "prandtl-ishlinskii", "thresholds_mm": (0.5, 0.5)}, "must be different"),
-        ({"population": 3}, "population 3"),
+        ({"population": 3}, "population = 3"),
         ({"name": "bouc-wen", "generations": 0}, "generations = 0"),
     ],
 )

@@ -111,9 +111,10 @@ def test_a_noise_has_the_moments_that_it_tells(family):
     assert (noise.family == 0).all()
 
 
-def test_an_unknown_family_is_refused():
+@pytest.mark.parametrize("families", [["gausian"], [], ["gamma", "uniform", "gamma"]])
+def test_families_that_are_unknown_none_or_given_twice_are_refused(families):
     with pytest.raises(ValueError, match="choose from gaussian, laplace"):
-        draw_noises(["gausian"], 1, 10, generator())
+        draw_noises(families, 1, 10, generator())
 
 
 def test_the_interval_holds_the_truth_as_often_as_it_says():

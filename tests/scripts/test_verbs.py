@@ -322,6 +322,7 @@ def mistakes(workspace):
         ("train data/train --model absurd.json --out x", "the first two positive"),
         ("train data/train --model coleman_hodgdon.json --workers 2 --out x", "are for several trainings"),
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
+        ("train data/train --model coleman_hodgdon.json --preset vio_com --out x", "is for --protocol twins"),
         ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
         (
             "train --protocol twins --agent gru --search --out x",

@@ -13,7 +13,7 @@ from twin.calibration.compared import compare
 from twin.calibration.confirm import steady
 from twin.calibration.figure import fit_figure
 from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop, measured_loop, origin_of, thinned
+from twin.calibration.measured import MeasuredLoop, file_of_window, measured_loop, thinned
 from twin.calibration.report import fit_report
 from twin.calibration.uncertainty import likely_ranges, uncertainty
 from twin.calibration.windows import check_windows, first_windows
@@ -74,7 +74,7 @@ def read_loops(
             _name(path, episode),
             sample_time,
             pace=pace,
-            fraction=1.0 if origin_of(episode) else fraction,
+            fraction=1.0 if file_of_window(episode) else fraction,
         )
         for path, episode in records
     ]

@@ -66,10 +66,14 @@ def _kinematics(loop: MeasuredLoop) -> tuple[float, float]:
 
 
 def _slope(values: Array, pull: Array, least: float) -> float:
-    """Return how steeply values (N,) follow a pull where it moves faster than a share of its fastest step."""
+    """Return how steeply values (N,) follow a pull where it moves faster than a share of its fastest step.
+
+    A coarse sensor moves in few of these steps: what is left is the ratio of the ranges.
+    """
     steps = np.abs(np.diff(pull))
     moving = steps > least * steps.max()
-    return float(np.percentile(np.abs(np.diff(values))[moving] / steps[moving], 80))
+    steepness = float(np.percentile(np.abs(np.diff(values))[moving] / steps[moving], 80))
+    return steepness or float(np.ptp(values) / np.ptp(pull))
 
 
 def _inside(name: str, value: float) -> float:

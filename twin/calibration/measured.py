@@ -52,7 +52,7 @@ class MeasuredLoop:
         lateral_bend: measured bending angle in that plane, (N,) [rad]; (0,) if there is none.
         scales: error of each channel that costs 1, its angles before its tensions, (C,) [rad, N]; (0,)
             for the usual ones.
-        origin: of a window, the file that it was cut from; see `origin_of`.
+        origin: of a window, the file that it was cut from; see `file_of_window`.
     """
 
     name: str
@@ -210,14 +210,15 @@ def measured_loop(
         timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
         lateral_pull=lateral_pull,
         lateral_bend=lateral_bend,
-        origin=origin_of(episode),
+        origin=file_of_window(episode),
     )
 
 
-def origin_of(episode: Episode) -> str | None:
-    """Return what identifies the file that a window was cut from; None of a log that is no window."""
+def file_of_window(episode: Episode) -> str | None:
+    """Return what identifies the file that a window was cut from; None of a whole log, or if not told."""
     facts = episode.metadata
-    return None if facts.get("window") is None else str(facts.get("file_sha256"))
+    window, origin = facts.get("window"), facts.get("file_sha256")
+    return None if window is None or origin is None else str(origin)
 
 
 def windows_of_files(loops: Sequence[MeasuredLoop]) -> list[list[int]]:

@@ -12,7 +12,7 @@ from twin.calibration.measured import (
     check_angle,
     check_lateral_angle,
     check_motion,
-    origin_of,
+    file_of_window,
     windows_of_files,
 )
 from twin.episode import Episode
@@ -33,10 +33,10 @@ def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Reco
             a share of its samples is fitted, which is not done here.
     """
     fitted, rest = [], []
-    windows = collections.Counter(origin_of(episode) for _, episode in records)
+    windows = collections.Counter(file_of_window(episode) for _, episode in records)
     wanted = {origin: max(round(fraction * count), 1) for origin, count in windows.items()}
     for record in records:
-        origin = origin_of(record[1])
+        origin = file_of_window(record[1])
         if origin is None or wanted[origin] > 0:
             fitted.append(record)
         else:

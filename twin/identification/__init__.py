@@ -12,7 +12,7 @@ from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
 
 __all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
 
-POPULATIONS = (2, 10_000)
+POPULATIONS = (4, 10_000)
 """Smallest and largest population of a genetic algorithm."""
 MOST_GENERATIONS = 100_000
 """Largest number of generations of a genetic algorithm."""

@@ -9,8 +9,6 @@ from pymoo.core.callback import Callback
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 
-from twin.errors import InputError
-
 Array = NDArray[np.float64]
 
 
@@ -34,12 +32,7 @@ def search(
 
     Returns:
         The best point (variables,), and its cost [deg^2].
-
-    Raises:
-        ValueError: the population or the number of generations is too small.
     """
-    if population < 4 or generations < 1:
-        raise InputError(f"population {population}, generations {generations}: at least 4 and 1")
     result = minimize(
         _UnitCube(cost, variables),
         GA(pop_size=population, eliminate_duplicates=True),

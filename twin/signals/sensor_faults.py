@@ -1,7 +1,8 @@
 """Faults of a sensor along a record: what real ones do beside noise of a law, and nobody tells a filter.
 
 Each has Gaussian noise of which the variance R is told, and a fault of one level that is not: a drift, a
-memory, a mixture, steps, gaps, a delay, or a value that stays. No training of ours meets them.
+memory, a mixture, steps, gaps, a delay, or a value that stays. No training of ours meets them, but for
+noise that is like the mixture: see `rl.twins.noises`.
 """
 
 import dataclasses
@@ -141,9 +142,7 @@ FAULTS = {
     "drifting-bias": SensorErrors("Drift, {:g} deg a minute", "deg in a minute", 1e3, _drifting, _told),
     "correlated": SensorErrors("Correlated over {:g} s", "s", 1e3, _correlated, _told),
     "mixture": SensorErrors("Mixture, R = {:g} deg²", "deg^2", 1e6, _mixed, lambda level: level),
-    "quantised": SensorErrors(
-        "Steps of {:g} deg", "deg", 1e3, _in_steps, lambda level: FINE_DEG2 + level**2 / 12
-    ),
+    "quantised": SensorErrors("Steps of {:g} deg", "deg", 1e3, _in_steps, _of_steps),
     "drop-outs": SensorErrors("Gaps, {:g} of the time", "of the time", 0.95, _with_gaps, _told),
     "delayed": SensorErrors("Late by {:g} s", "s", 60.0, _late, _told),
     "stuck": SensorErrors("Stuck, {:g} of the time", "of the time", 0.95, _stuck, _told),

@@ -31,8 +31,6 @@ SAMPLE_TIME = 0.02  # of the records; coarser sampling thins them
 RANDOMIZED = 20
 BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
 
-# What one seed is used for: the streams of these never meet.
-
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
