@@ -104,7 +104,7 @@ def test_a_training_keeps_what_was_best_on_held_out_twins(gain, tmp_path):
 
 
 def test_families_that_were_never_met_count_as_others_do():
-    """With sixteen sequences of nine families, a sample time may miss one."""
+    """With sixteen sequences of eight families, a sample time may miss one."""
     for seed in range(4):
         settings = shorter(seed=seed)
         outside = environment(small_step(), 64, settings)

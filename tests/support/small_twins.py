@@ -8,7 +8,7 @@ import torch
 from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
-from rl.twins.noises import count_laws
+from rl.twins.noises import STANDARD, count_laws
 from rl.twins.records import TwinRecords, simulate_records
 from rl.twins.sequences import SequenceSource, by_model, principal_directions
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
@@ -19,6 +19,7 @@ from twin.reduced.member_set import MemberSet
 from twin.signals.streams import SeedUse, random_stream
 
 TINY = TwinsTraining(
+    noises=tuple(name for name in STANDARD if name != "contaminated"),  # eight: few sequences meet them all
     members=6,
     moving=2,
     rank=4,
