@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from twin.errors import InputError
+from twin.files.lock import claim
 from twin.files.ours import MADE_BY, refuse_foreign
 
 _made: list[Path] = []
@@ -76,10 +77,11 @@ def output_file(
 
 
 def remove_empty_folders() -> None:
-    """Remove the folders that this command has made and left empty."""
+    """Remove the folders that this command has made and left empty; those that others write into stay."""
     while _made:
-        with contextlib.suppress(OSError):
-            _made.pop().rmdir()
+        folder = _made.pop()
+        with contextlib.suppress(OSError, InputError), claim(folder):
+            folder.rmdir()
 
 
 def keep_folders() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from scripts.outputs import keep_folders, output_file, output_folder, remove_empty_folders
+from twin.files.lock import claim
 from twin.files.ours import MADE_BY
 
 
@@ -65,3 +66,11 @@ def test_a_parent_that_is_a_file_is_told_in_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match=r"^cannot write to the folder .*/file/a: Not a directory$"):
         output_file(tmp_path / "file" / "a" / "model.json")
+
+
+def test_a_folder_that_another_run_has_taken_stays_although_it_is_empty(tmp_path):
+    """Of several runs at once, one that is refused must not remove what the first is about to fill."""
+    folder = output_folder(tmp_path / "out")
+    with claim(folder):
+        remove_empty_folders()
+    assert folder.is_dir()
