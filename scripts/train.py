@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -231,16 +231,22 @@ def _agent(args: Train) -> str:
     raise ValueError(f"--agent {args.agent} is not trained on twins; valid with --protocol twins: {valid}")
 
 
+def _first_given(args: Train, names: Collection[str]) -> str | None:
+    """Return the flag of the first of some options that is not as it is by default; None if all are."""
+    for field in dataclasses.fields(Train):
+        if field.name in names and getattr(args, field.name) != field.default:
+            return f"--{field.name.replace('_', '-')}"
+    return None
+
+
 def _on_twins(args: Train) -> "tuple[Material, str]":
     from rl.trainers import Material, Simulated
     from twin.preset import load_preset, load_ranges
 
     if args.data or args.model:
         raise ValueError("--protocol twins simulates what it is trained on: give no data and no --model")
-    for field in dataclasses.fields(Train):
-        if field.name in _OF_RECORDS and getattr(args, field.name) != field.default:
-            flag = f"--{field.name.replace('_', '-')}"
-            raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
+    if flag := _first_given(args, _OF_RECORDS):
+        raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     preset = load_preset(args.preset)
     simulated = Simulated(
         preset, load_ranges(args.preset), args.noises, args.stroke, args.gain, args.sample_times
@@ -254,11 +260,8 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     from twin.evaluation.reading import true_records
     from twin.hysteresis import load_model
 
-    for name in _OF_TWINS:
-        if getattr(args, name) != getattr(Train, name):
-            raise ValueError(
-                f"--{name.replace('_', '-')} is for --protocol twins: a training on records has none"
-            )
+    if flag := _first_given(args, _OF_TWINS):
+        raise ValueError(f"{flag} is for --protocol twins: a training on records has none")
     if not args.data or args.model is None:
         missing = "--model" if args.data else "folders of MCAP files"
         raise ValueError(f"--protocol {args.protocol} needs {missing}; --protocol twins simulates its own")

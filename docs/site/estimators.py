@@ -60,9 +60,8 @@ def _learned(spec: MethodSpec) -> str:
 
 def _agent(training: Training) -> str:
     """Return the words of `endotwin train` that train a method."""
-    if not training.on_twins:
-        return f"--agent {training.agent}"
-    return f"--agent {training.agent.removesuffix('-twins')} --protocol twins"
+    words = f"--agent {training.agent}"
+    return f"--protocol twins {words}" if training.on_twins else words
 
 
 def _page(spec: MethodSpec) -> str:
@@ -162,10 +161,8 @@ def _try(spec: MethodSpec) -> str:
         return f"`endotwin evaluate --suite full --methods {_quoted(spec)} --out results` compares it."
     lines = [f"endotwin evaluate data/test --train data/train --methods {_quoted(spec)} --out results"]
     if spec.training:
-        data = "--protocol twins" if spec.training.on_twins else "data/train --model coleman_hodgdon.json"
-        lines.insert(
-            0, f"endotwin train {data} --agent {spec.training.agent} --out runs/{spec.training.agent}"
-        )
+        data = "" if spec.training.on_twins else "data/train --model coleman_hodgdon.json "
+        lines.insert(0, f"endotwin train {data}{_agent(spec.training)} --out runs/{spec.training.agent}")
         lines[1] += f" --policy runs/{spec.training.agent}/{spec.training.file}"
     return "```sh\n" + "\n".join(lines) + "\n```"
 

@@ -8,10 +8,10 @@ import numpy as np
 import onnx
 import pytest
 from faulty_stream import run_faulty
+from small_twins import TINY
 
 from rl.options import TrainingOptions
 from rl.trainers import Material, Simulated, find_trainer
-from rl.twins.noises import STANDARD
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.trained_file import read_trained_file
@@ -23,8 +23,6 @@ from twin.runtime import load_runtime, prepare_runtime
 from twin.runtime.deployment import Deployment
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
-EIGHT = tuple(name for name in STANDARD if name != "contaminated")
-"""Families that so short a training tells apart; whole trainings, of all nine, are back in time too."""
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 
 
@@ -32,7 +30,8 @@ FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    material = Material(records, ActiveModel(model, 0.1), Simulated(PRESET, RANGES, EIGHT))
+    simulated = Simulated(PRESET, RANGES, TINY.noises)  # whole trainings, of all nine, are back in time too
+    material = Material(records, ActiveModel(model, 0.1), simulated)
     return find_trainer(request.param).run(material, options, folder)
 
 
