@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.tip_position import tip_position
 from twin.preset.preset import Preset
 from twin.reduced import simulate_batch
 
@@ -17,7 +18,9 @@ START = 0.3  # direction that the circle starts in [rad]; it makes no difference
 
 
 def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
-    """Return how far the tip's path is from a circle about neutral, as a share of its radius.
+    """Return how far the tip's path is from a circle about its middle, as a share of its radius.
+
+    It is seen along the shaft. An initial bend shifts the path, which is as round for that.
 
     Args:
         presets: B endoscopes; what they have of a second plane is that of the first.
@@ -39,9 +42,13 @@ def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
         lateral_pulls=[radius * np.sin(angle) for _, radius in runs],
     )
     shares = np.full(len(runs), np.inf)
-    for number, episode in enumerate(episodes):
+    for number, ((preset, _), episode) in enumerate(zip(runs, episodes, strict=True)):
         if episode is not None:
-            reach = np.hypot(episode.bend, episode.lateral_bend)[-round(PERIOD / SAMPLE_TIME) :]
+            turn = slice(-round(PERIOD / SAMPLE_TIME), None)
+            tip = tip_position(
+                episode.joint_angle[turn], episode.lateral_joint_angle[turn], preset.section_length
+            )
+            reach = np.hypot(*(tip - tip.mean(axis=0)).T[1:])
             if reach.any():
                 shares[number] = np.abs(reach / reach.mean() - 1).max()
     return shares.reshape(len(presets), len(radii))
