@@ -43,23 +43,10 @@ def export_module(
         ValueError: torch cannot export the module, or what it exports is not valid.
         OSError: the disk is full or fails.
     """
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages not used here
-    axes = {name: {axis: torch.export.Dim.DYNAMIC for axis in free.get(name, ())} for name in inputs}
     with warnings.catch_warnings(), no_folder_of_compiled_code():
         warnings.simplefilter("ignore")  # between torch and its exporter
         try:
-            program = torch.onnx.export(
-                module.eval(),
-                tuple(inputs.values()),
-                input_names=list(inputs),
-                output_names=list(outputs),
-                dynamic_shapes=tuple(axes.values()),
-                dynamo=True,
-                external_data=False,
-                verbose=False,
-            )
-            assert program is not None
-            graph = program.model_proto
+            graph = onnx_graph(module.eval(), inputs, outputs, free)
             told = dict(description) | {PARAMETERS: sum(part.numel() for part in module.parameters())}
             if reference is not None:
                 told[REFERENCE] = _reference(module, reference, inputs, outputs)
@@ -69,6 +56,29 @@ def export_module(
             first = str(error).strip().partition("\n")[0]
             raise InputError(f"{path}: torch could not export it: {first:.150}") from error
     write_whole(path, graph.SerializeToString())
+
+
+def onnx_graph(
+    module: torch.nn.Module,
+    inputs: Mapping[str, torch.Tensor],
+    outputs: Sequence[str],
+    free: Mapping[str, Sequence[int]],
+) -> onnx.ModelProto:
+    """Return a module as ONNX; arguments as of `export_module`."""
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages not used here
+    axes = {name: {axis: torch.export.Dim.DYNAMIC for axis in free.get(name, ())} for name in inputs}
+    program = torch.onnx.export(
+        module,
+        tuple(inputs.values()),
+        input_names=list(inputs),
+        output_names=list(outputs),
+        dynamic_shapes=tuple(axes.values()),
+        dynamo=True,
+        external_data=False,
+        verbose=False,
+    )
+    assert program is not None
+    return program.model_proto
 
 
 def _reference(

@@ -1,11 +1,14 @@
 import os
 import shutil
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thread each
 
 import numpy as np
 import pytest
+import quick_export
 import small_policy
 import untaught_policy
 from hypothesis import settings
@@ -32,6 +35,30 @@ LONGEST = (
     "test_interrupted.py",
 )
 """Files that begin first, so that no worker waits long for another's last one."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quick_exporter() -> Iterator[None]:
+    """Trained files are exported by tracing, in a second where torch's own exporter takes ten."""
+    with pytest.MonkeyPatch.context() as patch:
+        quick_export.take(patch)
+        yield
+
+
+@pytest.fixture(scope="module")
+def in_one_process() -> Iterator[None]:
+    """What workers would do is done here in turn: that they do the same is asserted elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.workers.processes.local_workers", lambda *_: ThreadPoolExecutor(1))
+        yield
+
+
+@pytest.fixture(scope="module")
+def own_exporter() -> Iterator[None]:
+    """Trained files are exported as the product does it."""
+    with pytest.MonkeyPatch.context() as patch:
+        quick_export.leave(patch)
+        yield
 
 
 @pytest.fixture(scope="session")

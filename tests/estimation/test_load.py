@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import briefly
 import numpy as np
 import onnx
 import pytest
@@ -32,7 +33,9 @@ def trained(request, records, model, tmp_path_factory):
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
     simulated = Simulated(PRESET, RANGES, TINY.noises)  # whole trainings, of all nine, are back in time too
     material = Material(records, ActiveModel(model, 0.1), simulated)
-    return find_trainer(request.param).run(material, options, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        briefly.choose_members(patch)
+        return find_trainer(request.param).run(material, options, folder)
 
 
 def test_it_filters_and_a_stream_gives_what_the_record_gives(trained, records):

@@ -36,6 +36,7 @@ from twin.estimation.learned.policy import PolicyEstimator, load_policy
 from twin.estimation.learned.recurrent import OnnxNetwork
 from twin.estimation.learned.trained_file import read_trained_file
 
+pytestmark = pytest.mark.usefixtures("own_exporter")
 T = 0.1
 LENGTHS = [300, pytest.param(100_000, marks=pytest.mark.endurance)]
 SINGLE = 1e-5

@@ -34,7 +34,7 @@ class Demo(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def short(tmp_path_factory, few_steps) -> Demo:
+def short(tmp_path_factory, few_steps, in_one_process) -> Demo:
     """Few episodes and short records, its commands one after the other in this process."""
 
     def in_turn(commands: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ import hostile_cases
 import pytest
 
 
-@pytest.mark.parametrize("count", [120, pytest.param(2000, marks=pytest.mark.endurance)])
+@pytest.mark.parametrize("count", [50, pytest.param(2000, marks=pytest.mark.endurance)])
 def test_hostile_arguments_end_in_good_output_or_one_line(workbench, runner, count):
     cases = [*hostile_cases.argument_cases(count, quick=count < 1000)]
     tally = hostile_cases.run_all(cases, workbench, runner)

@@ -7,7 +7,7 @@ import hostile_cases
 import pytest
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.endurance)])
+@pytest.mark.parametrize("count", [60, pytest.param(3000, marks=pytest.mark.endurance)])
 def test_hostile_files_end_in_good_output_or_one_line(workbench, runner, count):
     cases = [*hostile_cases.file_cases(workbench, count, quick=count < 1000)]
     tally = hostile_cases.run_all(cases, workbench, runner)

@@ -38,7 +38,7 @@ def small(variant):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_records():
+def few_records(in_one_process):
     """The benchmark's records on one stroke, with one command."""
 
     def few(*of):

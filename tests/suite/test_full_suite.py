@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 
+import briefly
 import numpy as np
 import pytest
 from distributed import LocalCluster
@@ -64,11 +65,13 @@ SMALL = "--suite full --seconds 6 --members 12 --episodes 10 --seeds 2 --seed 1 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_numbers():
-    """One randomised twin for each kind of signal, and a short search for each model."""
+def small_numbers(in_one_process):
+    """One randomised twin for each kind of signal, and short searches for models, filters and members."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("twin.suite.scenarios.RANDOMIZED", len(SIGNALS))
         patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        briefly.tune_filters(patch)
+        briefly.choose_members(patch)
         yield
 
 

@@ -16,3 +16,9 @@ def tune_filters(patch: pytest.MonkeyPatch) -> None:
         return minimize(*args, options=options | {"maxfev": most}, **others)
 
     patch.setattr("scipy.optimize.minimize", briefly)
+
+
+def choose_members(patch: pytest.MonkeyPatch) -> None:
+    """Members of RAM (twins) are chosen from few endoscopes along few commands."""
+    patch.setattr("rl.twins.members.CANDIDATES", 2)
+    patch.setattr("rl.twins.members.COMMANDS", 2)

@@ -31,7 +31,7 @@ ALONE = ("docs/quickstart.md",)
 """Documents that begin anew."""
 
 SMALLER: tuple[tuple[str, str], ...] = (
-    (r"(endotwin generate .*--sensor stereo.*) --episodes \d+ --seconds \d+", r"\1 --episodes 1 --seconds 6"),
+    (r"(endotwin generate .*--sensor stereo.*) --episodes \d+ --seconds \d+", r"\1 --episodes 1 --seconds 2"),
     (r"--seconds (60|40|30)\b", "--seconds 8"),
     (r"--seeds \d+", "--seeds 1"),
     (r"--trainings \d+", "--trainings 1"),
