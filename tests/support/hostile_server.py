@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-import pytest
 
 LAZY = (
     "onnxruntime",
@@ -56,7 +55,6 @@ def import_everything() -> None:
 
 def export_once() -> None:
     """Export a network of one unit: half a thousand modules are imported by the first export alone."""
-    import quick_export
     import torch
     from torch.onnx._internal.exporter._registration import ONNXRegistry
 
@@ -69,7 +67,6 @@ def export_once() -> None:
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(action="ignore"):
         torch.onnx.export(network, (torch.zeros(1, 1),), dynamo=True)
     logging.disable(logging.NOTSET)
-    quick_export.take(pytest.MonkeyPatch())
 
 
 def main() -> None:
