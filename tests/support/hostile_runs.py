@@ -22,6 +22,8 @@ IDLE_SECONDS = 10
 """A run that sleeps so long, without a child at work, waits for something that never comes."""
 MOST_CPU_SECONDS = 15.0
 """When it is stopped by what it has used of the processor."""
+NO_THREADS = {"JE_ARROW_MALLOC_CONF": "background_thread:false", "ARROW_DEFAULT_MEMORY_POOL": "system"}
+"""Arrow's allocator has a thread of its own: a fork may find a lock that it held, and wait for ever."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Server:
             [sys.executable, str(SUPPORT / "hostile_server.py")],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=os.environ | threads | {"PYTHONPATH": path},
+            env=os.environ | threads | NO_THREADS | {"PYTHONPATH": path},
             text=True,
         )
 
