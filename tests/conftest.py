@@ -1,11 +1,11 @@
 import os
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thread each
 
+import briefly
 import numpy as np
 import pytest
 import quick_export
@@ -47,9 +47,9 @@ def quick_exporter() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def in_one_process() -> Iterator[None]:
-    """What workers would do is done here in turn: that they do the same is asserted elsewhere."""
+    """Work of local workers is done in this process, for all tests of a file."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.workers.processes.local_workers", lambda *_: ThreadPoolExecutor(1))
+        briefly.work_in_place(patch)
         yield
 
 

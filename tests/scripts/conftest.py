@@ -1,6 +1,5 @@
 import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import briefly
@@ -43,5 +42,5 @@ def workbench(tmp_path_factory: pytest.TempPathFactory, runner: Runner) -> built
 
 @pytest.fixture
 def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Episodes are made in this process: that workers make the same is asserted elsewhere."""
-    monkeypatch.setattr("twin.workers.processes.local_workers", ThreadPoolExecutor)
+    """Work of local workers is done in this process, for one test."""
+    briefly.work_in_place(monkeypatch)

@@ -1,5 +1,6 @@
 """Searches cut short, for tests whose assertions do not depend on how good their ends are."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -16,6 +17,11 @@ def tune_filters(patch: pytest.MonkeyPatch) -> None:
         return minimize(*args, options=options | {"maxfev": most}, **others)
 
     patch.setattr("scipy.optimize.minimize", briefly)
+
+
+def work_in_place(patch: pytest.MonkeyPatch) -> None:
+    """Work of local workers is done in this process, in turn: that they do the same has its own tests."""
+    patch.setattr("twin.workers.processes.local_workers", lambda *_: ThreadPoolExecutor(1))
 
 
 def choose_members(patch: pytest.MonkeyPatch) -> None:

@@ -41,14 +41,19 @@ def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
         SAMPLE_TIME,
         lateral_pulls=[radius * np.sin(angle) for _, radius in runs],
     )
-    shares = np.full(len(runs), np.inf)
+    shares, turn = np.full(len(runs), np.inf), slice(-round(PERIOD / SAMPLE_TIME), None)
     for number, ((preset, _), episode) in enumerate(zip(runs, episodes, strict=True)):
         if episode is not None:
-            turn = slice(-round(PERIOD / SAMPLE_TIME), None)
-            tip = tip_position(
-                episode.joint_angle[turn], episode.lateral_joint_angle[turn], preset.section_length
-            )
-            reach = np.hypot(*(tip - tip.mean(axis=0)).T[1:])
-            if reach.any():
-                shares[number] = np.abs(reach / reach.mean() - 1).max()
+            angles = (episode.joint_angle[turn], episode.lateral_joint_angle[turn])
+            shares[number] = path_out_of_round(tip_position(*angles, preset.section_length))
     return shares.reshape(len(presets), len(radii))
+
+
+def path_out_of_round(tip: Array) -> float:
+    """Return how far a turn of the tip is from a circle, as a share of its radius; infinity where it stays.
+
+    Args:
+        tip: (N, 3) its position along the turn [m].
+    """
+    reach = np.hypot(*(tip - tip.mean(axis=0)).T[1:])
+    return float(np.abs(reach / reach.mean() - 1).max()) if reach.any() else np.inf
