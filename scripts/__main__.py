@@ -4,49 +4,52 @@ import difflib
 import importlib
 import sys
 
-from scripts.command import MODULES
-from scripts.ending import MISTAKE, complain, prepare_streams, say, stop_at_once
+from scripts.command import (
+    MISTAKE,
+    MODULES,
+    complain,
+    leave_at_once,
+    prepare_streams,
+    say,
+    signals_handled_by,
+)
 from twin import __version__
 
 VERBS = {
     "generate": "simulate episodes of an endoscope into a folder of MCAP files",
     "import": "read a measured log, a CSV file, into an MCAP file of the same form",
-    "export": "write episodes anew: as a LeRobot dataset in Parquet, as CSV, as MCAP",
+    "export": "convert episodes: to a LeRobot dataset in Parquet, as CSV, as MCAP",
     "calibrate": "fit the physical parameters of a preset to logs",
     "identify": "fit a model of hysteresis to records",
     "train": "train a learned estimator, on records or on simulated twins",
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "run": "run a trained estimator on a log or a live stream, sample by sample",
     "render": "draw a record as PNG or MP4, without a screen",
-    "report": "make one self-contained HTML page of a run",
+    "report": "write a self-contained HTML page about a run",
     "control": "track a reference bend on the twin, by every controller",
     "gate": "go or no-go for a policy before it is deployed, with reasons",
     "samples": "copy the sample logs and a tiny dataset that ship with the package",
     "benchmark": "measure the physics at full size, and the speed",
-    "demo": "all of it, end to end",
+    "demo": "the complete pipeline, end to end",
 }
 
 
 def main() -> int:
     """Run the verb that the command line names; returns the exit code."""
-    with stop_at_once():
+    with signals_handled_by(leave_at_once):  # until the verb works there is nothing to clean up
         prepare_streams()
-        return _run()
-
-
-def _run() -> int:
-    words = sys.argv[1:]
-    if not words or words[0] in ("-h", "--help"):
-        return 0 if say(_help()) else MISTAKE
-    if words[0] in ("-V", "--version"):
-        return 0 if say(f"endotwin {__version__}") else MISTAKE
-    verb, *rest = words
-    if verb not in VERBS:
-        close = difflib.get_close_matches(verb, VERBS, n=1)
-        guess = f" (did you mean {close[0]!r}?)" if close else ""
-        complain(f"endotwin: unknown verb {verb!r:.40}{guess}; valid: {', '.join(VERBS)}")
-        return MISTAKE
-    return int(importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest))
+        words = sys.argv[1:]
+        if not words or words[0] in ("-h", "--help"):
+            return 0 if say(_help()) else MISTAKE
+        if words[0] in ("-V", "--version"):
+            return 0 if say(f"endotwin {__version__}") else MISTAKE
+        verb, *rest = words
+        if verb not in VERBS:
+            close = difflib.get_close_matches(verb, VERBS, n=1)
+            guess = f" (did you mean {close[0]!r}?)" if close else ""
+            complain(f"endotwin: unknown verb {verb!r:.40}{guess}; valid: {', '.join(VERBS)}")
+            return MISTAKE
+        return int(importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest))
 
 
 def _help() -> str:

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, run_verb
+from scripts.command import Summary, command_line, run_verb
 from scripts.compiling import compile_once
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
-from scripts.repeat import command_of
 from twin.errors import require_extra
 from twin.files.ours import MADE_BY
 
@@ -83,7 +82,7 @@ def ablate(args: Ablate) -> Summary:
     with choose_workers(trainings, args.workers) as (executor, _), shared_table() as shares:
         progress = TrainingProgress(f"train {len(ablation.variants)} variants", "thousandths")
         rows = run_ablation(ablation, executor, Progress, progress, shares)
-    command = command_of("ablate", args, ("out",)).replace("endotwin ", "python -m scripts.", 1)
+    command = command_line("ablate", args, ("out",)).replace("endotwin ", "python -m scripts.", 1)
     contents = {"rows": [row.to_dict() for row in rows], "origin": origin_of(command, [])}
     table = ablation_table(rows)
     write_whole(args.out / f"{NAME}.json", json.dumps(contents, indent=2, allow_nan=False) + "\n")

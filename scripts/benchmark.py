@@ -6,8 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, complain, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import require_extra
@@ -71,7 +70,7 @@ def benchmark(args: Benchmark) -> Summary:
     )
     check_measurements(size, names, table_of_all)
     table = args.out.with_suffix(".md")
-    out = output_file(args.out, (".json",), '"peer_value"', beside={table.name: MADE_BY})
+    out = output_file(args.out, (".json",), '"peer_value"', companions={table.name: MADE_BY})
     results = measure(size, names, _begin, table_of_all)
     contents = {name: result.to_dict() for name, result in results.items()}
     write_whole(out, json.dumps(contents, indent=2) + "\n")

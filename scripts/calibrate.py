@@ -8,11 +8,9 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
-from scripts.repeat import command_of
 from twin.errors import require_extra
 
 
@@ -74,9 +72,11 @@ def run_calibration(args: Calibrate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     check_effort(args.starts, args.seed)
     report, figure = report_files(args.out)
-    beside = {figure.name: MADE_BY, report.name: '"standard_deviation"'}
+    companions = {figure.name: MADE_BY, report.name: '"standard_deviation"'}
     inputs = [*args.data, *args.predict, Path(args.preset)]
-    out = output_file(args.out, (".yaml", ".yml"), "`endotwin calibrate`", beside=beside, inputs=inputs)
+    out = output_file(
+        args.out, (".yaml", ".yml"), "`endotwin calibrate`", companions=companions, inputs=inputs
+    )
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)
     loops, held_out, base = read_loops(
         args.data,
@@ -104,7 +104,7 @@ def run_calibration(args: Calibrate) -> Summary:
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
     given = [*args.data, *args.predict]
-    origin = origin_of(command_of("calibrate", args, ("out",)), given)
+    origin = origin_of(command_line("calibrate", args, ("out",)), given)
     values = write_fit(out, fit, loops, held_out, args.seed, args.rivals, origin)
     remove_state(state_file, STATE)
     for warning in values["warnings"]:

@@ -1,7 +1,8 @@
-"""Common run of all verbs: the command line is parsed, the verb works, its summary is printed.
+"""Common run of all verbs: parse the command line, work, print the summary, and end with an exit code.
 
-Nothing heavy is imported here or at the top of a verb's file: `--help` answers at once. A verb imports what
-it needs when it runs.
+Whatever a command is given, it ends in a summary on stdout, or in one line on stderr that is no longer than
+`LONGEST_LINE`. ENDOTWIN_TRACEBACK=1 shows where an error comes from. Heavy packages are imported when a verb
+runs, not at the top of its file: `--help` answers at once.
 """
 
 import contextlib
@@ -10,30 +11,33 @@ import io
 import itertools
 import json
 import logging
+import os
 import re
+import shlex
+import signal
 import sys
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+import threading
+import traceback
+import typing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from types import FrameType
+from typing import Any, TextIO, TypeVar
 
-from scripts.ending import (
-    MISTAKE,
-    complain,
-    described,
-    exit_status,
-    flush_stdout,
-    one_line,
-    prepare_streams,
-    say,
-    stop_by_signals,
-)
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
-from twin.errors import InputError
+from twin.errors import InputError, MissingExtraError, missing_extra
 
 Arguments = TypeVar("Arguments")
+MISTAKE = 2
+"""Exit status where something cannot be done."""
+LONGEST_LINE = 300
+"""Characters of the line that states why."""
 MODULES = {"import": "import_log"}
-"""Module of each verb that cannot name one: `import` is a word of Python."""
-SPOKEN = {
+"""Module of each verb that cannot name one: `import` is a keyword of Python."""
+EXPECTED_ERRORS = (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor)
+"""Errors whose text is for the user; any other is a fault of the program."""
+FLAGS = {
     "address": "--dask",
     "folder": "--out",
     "pulley_radius": "--pulley-radius-mm",
@@ -42,23 +46,28 @@ SPOKEN = {
     "reverse_angle": "--reverse-angle",
     "reverse_lateral_angle": "--reverse-lateral-angle",
 }
-"""Names of the library that a command line spells otherwise, or that belong to another verb."""
+"""Parameters of the library whose flag has another name, or belongs to another verb."""
+
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """Summary of a verb."""
+    """Summary of a verb.
+
+    Attributes:
+        line: one sentence for a person.
+        values: the same for a program, printed as one JSON object by `--json`.
+        code: exit code of the command.
+        table: table for a person, printed before the sentence.
+        to_stderr: whether stdout is a stream of something else.
+    """
 
     line: str
-    """One sentence for a person."""
     values: dict[str, Any]
-    """The same for a program: printed as one JSON object by `--json`."""
     code: int = 0
-    """Exit code of the command."""
     table: str = ""
-    """Table for a person, printed before the sentence."""
     to_stderr: bool = False
-    """Print it on stderr: stdout is a stream of something else."""
 
 
 def run_verb(
@@ -66,11 +75,7 @@ def run_verb(
     verb: Callable[[Arguments], Summary],
     argv: Sequence[str] | None = None,
 ) -> int:
-    """Parse the command line, run a verb and print its summary; returns the exit code.
-
-    A user's mistake (a wrong value, file or folder) is one line on stderr and exit code 2, without a
-    traceback.
-    """
+    """Parse the command line, run a verb and print its summary; returns the exit code."""
     module = verb.__module__.rsplit(".", 1)[-1]
     word = next((word for word, name in MODULES.items() if name == module), module)
     name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
@@ -80,7 +85,7 @@ def run_verb(
     if parsed is None:
         return MISTAKE
     try:
-        with stop_by_signals():
+        with _stop_by_signals():
             seed = getattr(parsed, "seed", None)
             if seed is not None and seed < 0:
                 raise InputError(f"--seed {seed}: must not be negative")
@@ -88,26 +93,22 @@ def run_verb(
     except (Exception, KeyboardInterrupt) as error:
         Progress.close_all()  # the line about the mistake is the last
         remove_empty_folders()
-        complain(f"{name}: {with_flags(described(error), parsed)}")
+        complain(f"{name}: {with_flags(describe_error(error), parsed)}")
         return exit_status(error)
     keep_folders()
-    return _tell(name, summary, as_json=getattr(parsed, "json", False))
-
-
-def _tell(name: str, summary: Summary, *, as_json: bool) -> int:
-    """Print a summary; returns the exit code."""
+    as_json = getattr(parsed, "json", False)
     if summary.table:
         say(summary.table, sys.stderr if as_json else sys.stdout)
-    stream = sys.stderr if summary.to_stderr else None
-    if not say(json.dumps(summary.values) if as_json else summary.line, stream):
-        complain(f"{name}: the summary cannot be written to standard output; what was made is whole")
+    text = json.dumps(summary.values) if as_json else summary.line
+    if not say(text, sys.stderr if summary.to_stderr else None):
+        complain(f"{name}: the summary cannot be written to standard output; the results are complete")
         return MISTAKE
     return summary.code
 
 
 def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] | None) -> Arguments | None:
-    """Parse the command line; of a mistake, print what tyro says in its box as one line and return None."""
-    import tyro  # here, so that what needs no command line does not wait for it
+    """Parse the command line; after a mistake, print tyro's message as one line and return None."""
+    import tyro
 
     if not all(word.strip() for word in (sys.argv[1:] if argv is None else argv)):
         complain(f"{name}: an argument is empty: is a variable not set?")
@@ -116,15 +117,15 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     try:
         with contextlib.redirect_stderr(printed):
             return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
-    except BrokenPipeError:  # who asked for help has gone
+    except BrokenPipeError:  # `--help | head`
         raise SystemExit(0) from None
     except SystemExit as end:
         if not end.code:
-            flush_stdout()
+            say("")
             raise
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
-    said = itertools.dropwhile(_is_rule, inside)  # the box has lines of dashes where there is no Unicode
-    message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), said))
+    box = itertools.dropwhile(_is_rule, inside)  # lines of dashes where there is no Unicode
+    message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), box))
     wrong = re.search(
         r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])", message
     )
@@ -140,9 +141,212 @@ def _is_rule(line: str) -> bool:
 
 def with_flags(line: str, arguments: Any = None) -> str:
     """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
-    flags = SPOKEN | {
+    flags = FLAGS | {
         field.name: "--" + field.name.replace("_", "-")
         for field in (dataclasses.fields(arguments) if arguments else ())
     }
     line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
     return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)
+
+
+def command_line(verb: str, args: Any, leave_out: typing.Collection[str] = ()) -> str:
+    """Return the command line that repeats a verb: what differs from the defaults, and the seed.
+
+    Options that no result depends on are left out, and those of `leave_out`.
+    """
+    import tyro
+
+    positional: list[str] = []
+    flags: list[str] = []
+    marker = typing.get_args(tyro.conf.Positional[int])[1]
+    for field in dataclasses.fields(args):
+        value = getattr(args, field.name)
+        if field.name in ("workers", "dask", "json", *leave_out) or value is None:
+            continue
+        if marker in typing.get_args(field.type)[1:]:
+            positional += _words(value)
+        elif field.name == "seed" or value != field.default:
+            flag = f"--{field.name.replace('_', '-')}"
+            flags += [flag] if value is True else [flag, *_words(value)]
+    return shlex.join(["endotwin", verb, *positional, *flags])
+
+
+def _words(value: Any) -> list[str]:
+    if isinstance(value, tuple | list):
+        return [word for part in value for word in _words(part)]
+    return [repr(value).removesuffix(".0") if isinstance(value, float) else str(value)]
+
+
+# Output
+
+
+def one_line(text: str, longest: int = LONGEST_LINE) -> str:
+    """Return text on one line of printable characters, its middle cut out where it is too long."""
+    words = " ".join(text.split())
+    line = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
+    if len(line) <= longest:
+        return line
+    end = longest // 3
+    return f"{line[: longest - end - 5]} ... {line[-end:]}"
+
+
+def complain(line: str) -> None:
+    """Print one line on stderr, as far as that can be written."""
+    with contextlib.suppress(OSError, ValueError):
+        print(one_line(line), file=sys.stderr, flush=True)
+
+
+def say(text: str, stream: TextIO | None = None) -> bool:
+    """Print text on stdout or another stream; returns False where it cannot be written, as on a full disk.
+
+    A closed pipe is no failure: its reader has seen enough.
+    """
+    try:
+        print(text, file=stream or sys.stdout, end="\n" if text else "", flush=True)
+    except BrokenPipeError:
+        _discard_stdout()
+    except (OSError, ValueError):
+        _discard_stdout()
+        return False
+    return True
+
+
+def stream_line(line: str) -> bool:
+    """Write one line of a stream to stdout; returns False where its reader has gone.
+
+    Raises:
+        OSError: it cannot be written, as on a full disk.
+    """
+    try:
+        sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _discard_stdout()
+        return False
+    return True
+
+
+def _discard_stdout() -> None:
+    """Redirect stdout, so that Python does not try to write the rest of its buffer at exit."""
+    with contextlib.suppress(OSError, ValueError, io.UnsupportedOperation):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def prepare_streams() -> None:
+    """Open stdout and stderr where they are closed, and escape characters that they cannot show."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  open as long as the process
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+# Errors and signals
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal that asks the command to end: it cleans up first."""
+
+
+class _Signal:
+    """The signal that has asked for the end, and whether it waits for the end of a step."""
+
+    number: int | None = None
+    waits = False
+
+
+class UninterruptedStep:
+    """Context manager: a signal that comes within the block ends the command after it."""
+
+    def __enter__(self) -> None:
+        """Let signals wait."""
+        _Signal.waits = True
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Let signals end the command again; raise one that has come meanwhile."""
+        _Signal.waits = False
+        if _Signal.number is not None and kind is None:
+            raise Stopped
+
+
+def leave_at_once(number: int, frame: FrameType | None = None) -> None:
+    """Handle a signal where there is nothing to clean up."""
+    with contextlib.suppress(OSError):
+        os.write(2, b"endotwin: stopped\n")
+    os._exit(128 + number)
+
+
+@contextlib.contextmanager
+def signals_handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Context manager: SIGINT, SIGTERM and SIGHUP call `handler`."""
+    if threading.current_thread() is not threading.main_thread():  # Python handles signals only there
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)
+
+
+@contextlib.contextmanager
+def _stop_by_signals() -> Iterator[None]:
+    """Context manager: a signal ends the block by an exception, so that it cleans up; a second, at once."""
+    _Signal.number, _Signal.waits = None, False
+    hook, sys.unraisablehook = sys.unraisablehook, _deliver_again
+    try:
+        with signals_handled_by(_stop):
+            yield
+    finally:
+        sys.unraisablehook = hook
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    if _Signal.number is not None:
+        leave_at_once(number)
+    _Signal.number = number
+    if not _Signal.waits:
+        raise Stopped
+
+
+def _deliver_again(unraisable: Any) -> None:
+    """Send a signal once more whose exception came where none can pass, as in a callback from C."""
+    if isinstance(unraisable.exc_value, Stopped):
+        number, _Signal.number = _Signal.number, None
+        threading.Timer(0.05, os.kill, (os.getpid(), number)).start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
+def _is_stop(error: BaseException) -> bool:
+    """Return whether a signal caused an exception: libraries may have turned it into another one."""
+    return isinstance(error, KeyboardInterrupt) or _Signal.number is not None
+
+
+def exit_status(error: BaseException) -> int:
+    """Return the exit status for an exception that ends a command."""
+    return 128 + (_Signal.number or signal.SIGINT) if _is_stop(error) else MISTAKE
+
+
+def describe_error(error: BaseException) -> str:
+    """Return on one line why a command ends."""
+    if os.environ.get("ENDOTWIN_TRACEBACK"):
+        traceback.print_exception(error)
+    if _is_stop(error):
+        return f"stopped{error if isinstance(error, KeyboardInterrupt) else ''}"
+    if isinstance(error, ImportError):
+        missing = error if isinstance(error, MissingExtraError) else missing_extra(error)
+        if missing is not None:
+            return str(missing)
+    if isinstance(error, MemoryError):
+        return f"out of memory{f': {error}' if str(error) else ''}"
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, EXPECTED_ERRORS):
+        return str(error) or type(error).__name__
+    fault = f"a fault of the program, please report it: {type(error).__name__}: {error}"
+    return f"{fault} (ENDOTWIN_TRACEBACK=1 shows where)"

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from scripts.ending import complain
+from scripts.command import complain
 
 if TYPE_CHECKING:
     from twin.preset.preset import Preset

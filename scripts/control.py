@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress
-from scripts.repeat import command_of
 from twin.files.ours import MADE_BY
 
 if TYPE_CHECKING:
@@ -140,7 +138,7 @@ def control(args: Control) -> Summary:
         comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))
         ours = next((spec.name for spec in specs if spec.ours), None)
         trained = [path for path in (args.policy, args.tracking_policy) if path is not None]
-        origin = origin_of(command_of("control", args, ("out",)), trained)
+        origin = origin_of(command_line("control", args, ("out",)), trained)
         values = control_values(comparison, settings, ours, origin)
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)

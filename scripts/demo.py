@@ -15,8 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from scripts.command import Summary, run_verb
-from scripts.ending import say
+from scripts.command import Summary, run_verb, say
 from scripts.outputs import output_folder
 from twin import __version__
 from twin.errors import InputError

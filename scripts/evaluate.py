@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
-from scripts.repeat import command_of
 
 if TYPE_CHECKING:
     from twin.evaluation.score import Score
@@ -266,7 +264,7 @@ def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
 
     models = (path for path in (args.train, model) if path is not None)
     given = [*args.data, *models, *args.policy, *args.method_file]
-    return origin_of(command_of("evaluate", args, ("out",)), list(dict.fromkeys(given)))
+    return origin_of(command_line("evaluate", args, ("out",)), list(dict.fromkeys(given)))
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":

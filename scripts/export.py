@@ -8,8 +8,7 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import tyro
 
-from scripts.command import Summary, run_verb
+from scripts.command import Summary, command_line, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
-from scripts.repeat import command_of
 
 VERDICT_FILE = "gate.json"
 NO_GO = 1
@@ -48,7 +47,7 @@ class Gate:
 def gate(args: Gate) -> Summary:
     """Write page and `gate.json`."""
     out = output_file(
-        args.out, (".html",), beside={VERDICT_FILE: '"verdict"'}, inputs=(args.policy, *args.logs)
+        args.out, (".html",), companions={VERDICT_FILE: '"verdict"'}, inputs=(args.policy, *args.logs)
     )
     from twin.errors import require_extra
 
@@ -75,7 +74,7 @@ def gate(args: Gate) -> Summary:
     )
     verdict = run_gate(material, Progress("gate"))
     given = [args.policy, *args.logs]
-    origin = origin_of(command_of("gate", args, ("out",)), given)
+    origin = origin_of(command_line("gate", args, ("out",)), given)
     write_page(gate_page(verdict, Origin(**origin), str(out)), out)
     write_verdict(verdict, out.with_name(VERDICT_FILE), origin)
     first = verdict.reasons[0]

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb, with_flags
+from scripts.command import Summary, complain, run_verb, with_flags
 from scripts.compiling import compile_once
-from scripts.ending import complain
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 from twin.errors import require_extra

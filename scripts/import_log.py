@@ -8,8 +8,7 @@ from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb, with_flags
-from scripts.ending import complain
+from scripts.command import Summary, complain, run_verb, with_flags
 from scripts.outputs import output_folder
 
 

@@ -5,8 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from scripts.command import Summary, run_verb
-from scripts.ending import complain
+from scripts.command import Summary, complain, run_verb
 from twin.errors import require_extra
 
 if TYPE_CHECKING:

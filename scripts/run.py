@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from scripts.command import Summary, run_verb
-from scripts.ending import Stopped, WholeStep, complain, described, exit_status, say_at_once
+from scripts.command import (
+    Stopped,
+    Summary,
+    UninterruptedStep,
+    complain,
+    describe_error,
+    exit_status,
+    run_verb,
+    stream_line,
+)
 from scripts.outputs import output_file, output_folder
 from scripts.progress import Progress
 from scripts.run_sinks import Pace, Sinks, live_recording, live_viewer
@@ -95,13 +103,13 @@ def _stream(args: Run) -> Summary:
             for answer in answers(runtime, sys.stdin.buffer, commands):
                 not_samples += answer.sample is None
                 if answer.sample is not None:
-                    with WholeStep():  # what was answered is recorded, whatever stops this command
+                    with UninterruptedStep():  # what was answered is recorded, whatever stops this command
                         sinks.add(answer.sample)
-                if not say_at_once(answer.text):
+                if not stream_line(answer.text):
                     ended = "the reader of the answers has gone"
                     break
         except Stopped as stop:
-            ended, code = described(stop), exit_status(stop)
+            ended, code = describe_error(stop), exit_status(stop)
     line = f"{f'{args.out}: ' if args.out else ''}{runtime.method}, {ended}: {counts}"
     if not_samples:
         line += f"; {not_samples} lines that are no samples"
@@ -186,7 +194,7 @@ def _with_out(args: Run, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _say_of_failure(error: Exception) -> None:
-    complain(f"endotwin run: {described(error)}; the stream goes on without it")
+    complain(f"endotwin run: {describe_error(error)}; the stream goes on without it")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scripts.ending import complain
+from scripts.command import complain
 
 if TYPE_CHECKING:
     from twin.stream import Sink, StreamSample

@@ -1,7 +1,7 @@
 """`endotwin VERB` and `python -m twin VERB`: runs the command line, one file per verb in `scripts/`.
 
-In a checkout that folder lies beside `twin`. In a wheel it lies inside, so that no package called `scripts`
-is installed for everybody; here it gets the name that its files call one another by.
+In a checkout that folder is next to `twin`, in a wheel inside it, so that no package called `scripts` is
+installed. Here it gets the name that its files import one another by.
 """
 
 import importlib.util
@@ -15,19 +15,9 @@ from types import FrameType
 def main() -> int:
     """Run the verb that the command line names; returns the exit code."""
     signal.signal(signal.SIGINT, _stop_at_once)
-    return _run()
-
-
-def _stop_at_once(number: int, frame: FrameType | None) -> None:
-    """Handle Ctrl-C before the command line can see to it, and again behind its end."""
-    os.write(2, b"endotwin: stopped\n")
-    os._exit(128 + number)
-
-
-def _run() -> int:
     inside = Path(__file__).resolve().parent / "scripts"
     folder = inside if inside.is_dir() else inside.parents[1] / "scripts"
-    # By its path: `import scripts` might find another folder of that name, as where the user stands.
+    # By its path: `import scripts` might find another folder of that name in the current one.
     spec = importlib.util.spec_from_file_location(
         "scripts", folder / "__init__.py", submodule_search_locations=[str(folder)]
     )
@@ -36,6 +26,12 @@ def _run() -> int:
     sys.modules["scripts"] = package = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(package)
     return int(importlib.import_module("scripts.__main__").main())
+
+
+def _stop_at_once(number: int, frame: FrameType | None) -> None:
+    """Handle Ctrl-C while the command line is imported, and at exit."""
+    os.write(2, b"endotwin: stopped\n")
+    os._exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def test_the_files_of_others_are_not_replaced(tmp_path):
     (tmp_path / "model.json").write_text('{"rmse_deg": 1}')
     output_file(tmp_path / "model.json", (".json",), '"rmse_deg"')
     with pytest.raises(ValueError, match=r"notes\.md is there and no such command made it"):
-        output_file(tmp_path / "model.json", (".json",), '"rmse_deg"', beside={"notes.md": MADE_BY})
+        output_file(tmp_path / "model.json", (".json",), '"rmse_deg"', companions={"notes.md": MADE_BY})
     with pytest.raises(ValueError, match=r"model\.json is there and no such command made it"):
         output_folder(tmp_path, {"model.json": '"protocol"'})
 

@@ -20,7 +20,7 @@ from pickles import PICKLES
 from verdict import Expected, Verdict, judge, unread
 from workbench import BY_NAME, COMMANDS
 
-from scripts.ending import one_line
+from scripts.command import one_line
 
 VARIABLE = "HOSTILE"
 """Environment variable that names cases, one in a line, to run them alone."""
