@@ -31,7 +31,7 @@ def folder(tmp_path, monkeypatch):
 def test_ghost_and_reference_of_the_files_are_drawn(folder):
     assert main(["run.mcap", "--ghost", "ghost.mcap", "--out", "a.png"]) == 0
     beside = Beside(make_episode(amplitude_deg=-30), np.arange(41.0))
-    wanted = np.asarray(Image.open(render(make_episode(), folder / "b.png", companions=companions)))
+    wanted = np.asarray(Image.open(render(make_episode(), folder / "b.png", beside=beside)))
     drawn = np.asarray(Image.open("a.png"))
     assert np.abs(drawn.astype(int) - wanted).mean() < 0.5  # angles went through degrees
 
