@@ -12,7 +12,7 @@ from scripts.compiling import compile_once
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
 from twin.errors import require_extra
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY
 
 NAME = "ablation"
 

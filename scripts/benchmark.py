@@ -51,8 +51,7 @@ def benchmark(args: Benchmark) -> Summary:
     require_extra("sim")
     from rl.benchmark import OF_LEARNING
     from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
-    from twin.files.atomic import write_whole
-    from twin.files.ours import MADE_BY
+    from twin.files.atomic import MADE_BY, write_whole
 
     table_of_all = MEASUREMENTS | OF_LEARNING
     names = args.only or tuple(table_of_all)

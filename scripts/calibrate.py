@@ -62,8 +62,8 @@ def run_calibration(args: Calibrate) -> Summary:
     from twin.calibration.files import log_summary, read_loops, report_files, write_fit
     from twin.calibration.search import check_effort, foreseen_seconds
     from twin.calibration.stages import STATE
+    from twin.files.atomic import MADE_BY
     from twin.files.origin import origin_of
-    from twin.files.ours import MADE_BY
     from twin.files.state_file import remove_state
     from twin.preset.file import load_preset
     from twin.preset.preset import parse_changes

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY
 
 if TYPE_CHECKING:
     from twin.control.comparison import Comparison

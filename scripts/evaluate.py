@@ -168,9 +168,8 @@ def _paper(args: Evaluate) -> Summary:
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
     from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements
-    from twin.files.atomic import write_whole
+    from twin.files.atomic import MADE_BY, write_whole
     from twin.files.bounds import check_between
-    from twin.files.ours import MADE_BY
     from twin.hysteresis import ColemanHodgdon
     from twin.report.figures import rmse_figure, to_png_bytes
     from twin.report.paper_figures import paper_figures

@@ -45,7 +45,7 @@ def export(args: Export) -> Summary:
     """Write the folder."""
     from twin.export.export import Plan, export_records
     from twin.export.names import named_files
-    from twin.files.whole_folder import WholeFolder
+    from twin.files.atomic import WholeFolder
 
     if args.columns == "all" and args.format != "csv":
         raise ValueError(f"--columns all is for --format csv, not {args.format}, which holds all there is")

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from twin.errors import InputError
-from twin.files.lock import claim
-from twin.files.ours import MADE_BY, refuse_foreign
+from twin.files.atomic import MADE_BY, check_overwritable, claim
 
 _made: list[Path] = []
 """Folders that this command has made."""
@@ -31,7 +30,7 @@ def output_folder(path: Path, files: Mapping[str, str] | None = None) -> Path:
     except OSError as error:
         raise InputError(f"cannot write to the folder {path}: {os.strerror(error.errno or 0)}") from error
     for name, sign in (files or {}).items():
-        refuse_foreign(path / name, sign)
+        check_overwritable(path / name, sign)
     return path
 
 

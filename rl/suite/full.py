@@ -30,8 +30,7 @@ from twin.evaluation.record import EvaluationRecord
 from twin.evaluation.runs import save_runs
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
-from twin.files.atomic import write_whole
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY, write_whole
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members

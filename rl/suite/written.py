@@ -1,6 +1,6 @@
 """Files that a comparison may write, and the sign by which each is known as ours."""
 
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY
 from twin.report.condition_pages import page_names
 
 SCORES = "scores.csv"

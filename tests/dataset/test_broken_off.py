@@ -12,7 +12,7 @@ from small_dataset import NAMES, RECIPE, changed, contents, make
 from twin.dataset import write as dataset
 from twin.dataset.recipe import EpisodeKey, Recipe
 from twin.dataset.write import write_dataset
-from twin.files.lock import claim
+from twin.files.atomic import claim
 
 
 def stop(done: int, total: int) -> None:

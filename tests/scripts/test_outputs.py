@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from scripts.outputs import keep_folders, output_file, output_folder, remove_empty_folders
-from twin.files.lock import claim
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY, claim
 
 
 @pytest.fixture(autouse=True)

@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from twin.files.atomic import write_whole
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY, write_whole
 
 TABLE = "control.md"
 """File of all tables."""

@@ -15,7 +15,7 @@ from twin.dataset.recipe import Recipe, to_yaml
 from twin.dataset.recipe_file import load_recipe
 from twin.dataset.versions import VERSIONS
 from twin.errors import InputError
-from twin.files.atomic import write_whole
+from twin.files.atomic import claim, write_whole
 from twin.files.dataset_json import (
     NAME,
     SimulatedDataset,
@@ -25,7 +25,6 @@ from twin.files.dataset_json import (
     to_text,
     write_contents,
 )
-from twin.files.lock import claim
 from twin.recording.listing import features_of, totals
 
 AT_ONCE = 8

@@ -10,8 +10,7 @@ from typing import Any
 import yaml
 
 from twin.errors import InputError
-from twin.files.atomic import write_whole
-from twin.files.lock import claim
+from twin.files.atomic import claim, write_whole
 from twin.files.shown import cut
 from twin.files.yaml_text import parse_yaml, read_yaml
 

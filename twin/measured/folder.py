@@ -8,6 +8,7 @@ from typing import Any
 from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.files.atomic import claim
 from twin.files.dataset_json import (
     NAME,
     MeasuredDataset,
@@ -15,7 +16,6 @@ from twin.files.dataset_json import (
     to_json_values,
     write_contents,
 )
-from twin.files.lock import claim
 from twin.files.names import check_file_name
 from twin.recording import read_episode, read_metadata, write_episode
 from twin.recording.features import FEATURES, describe_features

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from twin import __version__
-from twin.files.partial import PartialFile
+from twin.files.atomic import PartialFile
 from twin.recording.live_messages import LiveMessages, LiveSample
 from twin.recording.mcap_file.chunks import CHUNK_SIZE, GrowingChunk
 from twin.recording.mcap_file.container import Container

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.files.atomic import write_whole
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY, write_whole
 from twin.rendering.composition import Composition, PlotCell, Record, sample_at
 from twin.rendering.layers import Layer, on_paper, straight
 from twin.rendering.look import Look

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from twin.errors import InputError
-from twin.files.atomic import WholeFile
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY, WholeFile
 
 Picture = NDArray[np.uint8]
 

@@ -6,7 +6,7 @@ from twin.estimation.registry import method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
 from twin.evaluation.score import Score
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY
 from twin.report.best import clear_best
 from twin.report.limit import chosen_scores, groups_of
 from twin.report.tables import aligned_table, group_name

@@ -20,7 +20,7 @@ from twin.estimation.registry import Style, method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
-from twin.files.ours import MADE_BY
+from twin.files.atomic import MADE_BY
 from twin.report.tables import ordered, protocol_scores
 
 Array = NDArray[np.float64]

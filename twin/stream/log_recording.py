@@ -14,7 +14,7 @@ from twin.recording.estimate import HEALTH_TOPIC, estimate_message, estimate_top
 from twin.stream.sample import StreamSample
 
 SIGN = '"endotwin run"'
-"""Item of the metadata by which the recording of a run on a log is known (`twin.files.ours`)."""
+"""Item of the metadata by which the recording of a run on a log is known (`twin.files.atomic`)."""
 PAUSE_S = 1.0
 """Time between two records that follow one another in one file [s]."""
 
