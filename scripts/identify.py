@@ -130,7 +130,7 @@ def _log(episode: "Episode", args: Identify) -> "Log":
     has_clock = episode.is_measured and episode.metadata.get("seconds_per_cycle") is None
     return Log(
         episode.pull_mm,
-        episode.measured_bend_deg,
+        episode.measured_deg,
         tuple(whole_ranges(episode, fitted)),
         has_offset=(episode.is_measured and has_zero) if args.offset == "auto" else args.offset == "on",
         has_delay=(has_clock and tells_delay(episode.pull_mm))

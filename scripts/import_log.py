@@ -102,7 +102,7 @@ def import_log(args: Import) -> Summary:
     paths = write_windows(folder, name, episodes) if windows else [write_measured(folder, name, episodes[0])]
     pull_mm, bend_deg, measured = (
         np.concatenate([getattr(one, field) for one in episodes])
-        for field in ("pull_mm", "bend_deg", "measured_bend")
+        for field in ("pull_mm", "truth_deg", "measured_bend")
     )
     low, high, least, most = map(float, (bend_deg.min(), bend_deg.max(), pull_mm.min(), pull_mm.max()))
     missing = int(np.isnan(measured).sum())

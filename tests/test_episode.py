@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.episode import Episode
+from twin.episode import Episode, Record
 
 PER_SAMPLE = ("pull", "bend", "measured_bend", "joint_angle", "wire_tension", "sheath_friction")
 
@@ -44,7 +44,7 @@ def test_gap_is_refused_with_its_place(field, gap):
     arrays = make_arrays()
     arrays[field][7:9] = gap
     if field == "measured_bend" and np.isnan(gap):
-        assert np.isnan(Episode(**arrays).measured_bend_deg).sum() == 2  # a measurement may be missing
+        assert np.isnan(Episode(**arrays).measured_deg).sum() == 2  # a measurement may be missing
         return
     with pytest.raises(ValueError, match=f"^{field} is not finite at sample 7$"):
         Episode(**arrays)
@@ -74,8 +74,8 @@ def test_millimetres_and_degrees_at_the_edge():
     }
     episode = Episode(**arrays)
     np.testing.assert_allclose(episode.pull_mm, [0.0, 1.0, -4.5], rtol=1e-15)
-    np.testing.assert_allclose(episode.bend_deg, [0.0, 180.0, -90.0], rtol=1e-15)
-    np.testing.assert_allclose(episode.measured_bend_deg, [1.0, 45.0, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(episode.truth_deg, [0.0, 180.0, -90.0], rtol=1e-15)
+    np.testing.assert_allclose(episode.measured_deg, [1.0, 45.0, 0.0], rtol=1e-15)
 
 
 def test_tension_is_that_of_the_lengths_at_the_pulley():
@@ -93,7 +93,7 @@ def test_sample_time_is_the_usual_one_where_a_sample_is_late():
 @given(step=st.integers(1, 8), sample_time=st.sampled_from([0.001, 0.01, 0.02, 0.1, 1 / 30]))
 def test_thinned_record_is_every_nth_sample_of_every_array(step, sample_time):
     episode = make_episode(20, sample_time)
-    thin = episode.every(step * sample_time)
+    thin = episode.resampled(step * sample_time)
     for field in ("time", *PER_SAMPLE):
         np.testing.assert_array_equal(getattr(thin, field), getattr(episode, field)[::step])
     assert thin.sample_time == pytest.approx(step * sample_time)
@@ -103,8 +103,8 @@ def test_thinned_record_is_every_nth_sample_of_every_array(step, sample_time):
 @given(first=st.integers(1, 3), second=st.integers(1, 3))
 def test_thinning_twice_is_thinning_once(first, second):
     episode = make_episode(40)
-    twice = episode.every(first * 0.02).every(first * second * 0.02)
-    once = episode.every(first * second * 0.02)
+    twice = episode.resampled(first * 0.02).resampled(first * second * 0.02)
+    once = episode.resampled(first * second * 0.02)
     for field in ("time", *PER_SAMPLE):
         np.testing.assert_array_equal(getattr(twice, field), getattr(once, field))
 
@@ -112,12 +112,12 @@ def test_thinning_twice_is_thinning_once(first, second):
 @pytest.mark.parametrize("sample_time", [0.03, 0.01, 0.0201, 0.0, -0.02])
 def test_sample_time_that_is_no_multiple_is_refused(sample_time):
     with pytest.raises(ValueError, match=r"must be a whole multiple of the record's 0\.02 s"):
-        make_episode().every(sample_time)
+        make_episode().resampled(sample_time)
 
 
 def test_thinning_to_a_single_sample_is_refused():
     with pytest.raises(ValueError, match="at least 2 samples, got 1"):
-        make_episode(20).every(0.4)
+        make_episode(20).resampled(0.4)
 
 
 def test_episode_cannot_be_changed_by_assignment():
@@ -135,14 +135,14 @@ def holed(missing, time=None):
 
 @given(missing=st.lists(st.booleans(), min_size=40, max_size=40), step=st.integers(1, 5))
 def test_thinned_record_keeps_its_holes(missing, step):
-    thin = holed(missing).every(step * 0.02)
+    thin = holed(missing).resampled(step * 0.02)
     np.testing.assert_array_equal(np.isnan(thin.measured_bend), missing[::step])
 
 
 @given(missing=st.lists(st.booleans(), min_size=40, max_size=40), start=st.sampled_from([0.0, 0.1, 1e6]))
 def test_a_record_on_its_own_samples_keeps_its_holes(missing, start):
     episode = holed(missing, start + np.arange(40) * 0.02)
-    even = episode.on_grid(0.02)
+    even = episode.resampled(0.02, "interpolate")
     np.testing.assert_array_equal(np.isnan(even.measured_bend), missing)
     for field in PER_SAMPLE:
         np.testing.assert_allclose(getattr(even, field), getattr(episode, field), atol=1e-6)
@@ -157,7 +157,7 @@ def test_even_samples_are_missing_between_measurements_far_apart_and_linear_else
     steps, missing, sample_time
 ):
     episode = holed(missing, np.concatenate([[0.0], np.cumsum(steps)]))
-    even = episode.on_grid(sample_time)
+    even = episode.resampled(sample_time, "interpolate")
     reach = max(sample_time, episode.sample_time)
     assert np.isfinite(even.bend).all()
     known = ~np.array(missing)
@@ -174,13 +174,13 @@ def test_even_samples_are_missing_between_measurements_far_apart_and_linear_else
 
 
 def test_a_record_without_any_measurement_has_none_on_even_samples():
-    assert np.isnan(holed([True] * 40).on_grid(0.05).measured_bend).all()
+    assert np.isnan(holed([True] * 40).resampled(0.05, "interpolate").measured_bend).all()
 
 
 def test_an_even_grid_that_would_fill_the_memory_is_refused():
     episode = dataclasses.replace(make_episode(3), time=np.array([0.0, 0.1, 1e9]))
     with pytest.raises(ValueError, match=r"a record of 1e\+09 s would be more than 10000000 samples"):
-        episode.on_grid(0.1)
+        episode.resampled(0.1, "interpolate")
 
 
 def test_repr_is_three_lines_of_what_it_is_and_not_its_arrays():
@@ -197,6 +197,49 @@ def test_repr_is_three_lines_of_what_it_is_and_not_its_arrays():
     measured = Episode(**arrays, metadata={"source": "measured", "name": "loop"})
     assert repr(measured).startswith("Episode 'loop', measured\n")
     assert repr(Episode(**arrays)).startswith("Episode of unknown origin\n")
+
+
+def test_record_has_the_columns_of_an_estimator():
+    arrays = make_arrays()
+    facts = {"preset": {"name": "ureteroscope"}, "twin": "reduced", "episode": 2, "stroke_mm": [0, 4]}
+    record = Episode(**arrays, metadata=facts).record()
+    np.testing.assert_array_equal(record.pull_mm, arrays["pull"] * 1e3)
+    np.testing.assert_array_equal(record.reference_deg, np.degrees(arrays["bend"]))
+    np.testing.assert_array_equal(record.measured_deg, np.degrees(arrays["measured_bend"]))
+    assert (record.name, record.source, record.preset) == ("episode_0002", "reduced", "ureteroscope")
+    assert record.stroke_mm == (0, 4)
+    assert not record.is_measured
+    measured = Episode(**arrays, metadata={"source": "measured"}).record(number=7)
+    assert (measured.name, measured.source, measured.preset) == ("episode_0007", "measured", "")
+    assert np.isnan(measured.truth_deg).all()
+    np.testing.assert_array_equal(measured.reference_deg, measured.measured_deg)
+    assert measured.stroke_mm == tuple(np.round([record.pull_mm.min(), record.pull_mm.max()], 1))
+
+
+@pytest.mark.parametrize("method", ["thin", "nearest", "interpolate"])
+@given(missing=st.lists(st.booleans(), min_size=40, max_size=40))
+def test_record_and_episode_are_resampled_alike(method, missing):
+    episode = holed(missing)
+    whole, even = episode.record().resampled(0.06, method), episode.resampled(0.06, method).record()
+    for name in ("time", "pull_mm", "truth_deg", "measured_deg"):
+        np.testing.assert_allclose(getattr(whole, name), getattr(even, name), atol=1e-12)
+
+
+def test_records_of_several_twins_share_a_command():
+    rng = np.random.default_rng(1)
+    truth = rng.normal(size=(2, 3, 20))
+    estimates = {"EKF": truth + 1.0}
+    record = Record(np.arange(20) * 0.1, rng.normal(size=(2, 1, 20)), truth, estimates=estimates)
+    assert np.isnan(record.measured_deg).all()
+    np.testing.assert_allclose(record.error_deg("EKF"), 1.0)
+    thin = record.part(4).resampled(0.2)
+    np.testing.assert_array_equal(thin.truth_deg, truth[..., 4::2])
+    np.testing.assert_allclose(thin.error_deg("EKF"), 1.0)
+    assert thin.resampled(0.3, "nearest").time.tolist() == thin.time[::2].tolist()
+    with pytest.raises(ValueError, match="no estimates of 'UKF'; there are: EKF"):
+        record.error_deg("UKF")
+    with pytest.raises(ValueError, match="truth_deg has 19 samples, time has 20"):
+        dataclasses.replace(record, truth_deg=truth[..., 1:])
 
 
 def test_help_tells_the_shape_and_unit_of_every_field():

@@ -1,7 +1,8 @@
 """One episode as arrays: what was commanded, what was true, what a sensor saw. Time is the leading axis."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Collection, Mapping
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,12 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
+
+Method = Literal["thin", "nearest", "interpolate"]
+"""Method of `resample`."""
+
+UNKNOWN: Array = np.empty(0)
+"""Default of an angle of a `Record`: NaN throughout."""
 
 LARGEST_GRID = 10_000_000
 """Samples of an even grid: more come of a wrong time stamp, and would fill the memory."""
@@ -102,7 +109,7 @@ class Episode:
             if values.size and name not in ("time", "pull", "bend")
         ]
         seconds = float(self.time[-1] - self.time[0])
-        pull, bend = self.pull_mm, self.bend_deg
+        pull, bend = self.pull_mm, self.truth_deg
         return (
             f"Episode {self._origin()}\n"
             f"  {len(self.time)} samples every {self.sample_time:g} s, {seconds:g} s; "
@@ -126,12 +133,12 @@ class Episode:
         return self.pull * 1e3
 
     @property
-    def bend_deg(self) -> Array:
+    def truth_deg(self) -> Array:
         """(N,) true bending angle in degrees."""
         return np.degrees(self.bend)
 
     @property
-    def measured_bend_deg(self) -> Array:
+    def measured_deg(self) -> Array:
         """(N,) measured bending angle in degrees, NaN where it is missing."""
         return np.degrees(self.measured_bend)
 
@@ -140,75 +147,54 @@ class Episode:
         """(N, wires) tension of the wires at the pulley, where a load cell would sit [N]."""
         return self.wire_tension[:, :, 0]
 
-    def every(self, sample_time: float) -> "Episode":
-        """Return the record thinned to a longer sample time.
+    def resampled(self, sample_time: float, method: Method | None = None) -> "Episode":
+        """Episode at a sample time T [s]; see `resample` for the methods and what they refuse.
 
-        Raises:
-            ValueError: `sample_time` is not a whole multiple of the record's own.
+        By default a simulated episode is thinned and a measured one interpolated.
         """
-        ratio = sample_time / self.sample_time
-        step = round(ratio) if np.isfinite(ratio) else 0
-        if step < 1 or abs(ratio - step) > 1e-6 * ratio:
-            raise InputError(
-                f"`sample_time` {sample_time:g} s: "
-                f"must be a whole multiple of the record's {self.sample_time:g} s"
-            )
-        return dataclasses.replace(self, **{name: values[::step] for name, values in self._arrays().items()})
+        return dataclasses.replace(
+            self,
+            **resample(
+                self.time,
+                self._arrays(),
+                sample_time,
+                method or ("interpolate" if self.is_measured else "thin"),
+                with_gaps=("measured_bend",),
+            ),
+        )
 
-    def on_grid(self, sample_time: float) -> "Episode":
-        """Return the record at even samples, linear between its own: for a log that has none.
+    def record(self, number: int = 0) -> "Record":
+        """Return the columns of an estimator [mm, deg]; the truth of a measured log is unknown.
 
-        A sample of the grid lies in a gap where the measurements before and after it are two sample times or
-        more apart (of the grid or of the record, whichever is longer), unless it is at one of them. Its
-        `measured_bend` is NaN; everything else is linear there too.
-
-        Raises:
-            ValueError: `sample_time` is not positive, or the record is shorter than two samples or longer
-                than `LARGEST_GRID`.
+        Args:
+            number: names the episode where its metadata have neither a name nor a number.
         """
-        if not 0 < sample_time < np.inf:
-            raise InputError(f"sample time {sample_time:g} s: must be positive")
-        seconds = float(self.time[-1] - self.time[0])
-        if seconds / sample_time > LARGEST_GRID:
-            raise InputError(
-                f"sample time {sample_time:g} s: a record of {seconds:g} s would be more than "
-                f"{LARGEST_GRID} samples: choose a longer one, or check the record's time"
-            )
-        grid = np.arange(self.time[0], self.time[-1] + 1e-9, sample_time)
+        facts = self.metadata
+        low, high = facts.get("stroke_mm") or np.round([self.pull_mm.min(), self.pull_mm.max()], 1) + 0.0
+        preset = "" if self.is_measured else self._preset()
+        return Record(
+            time=self.time,
+            pull_mm=self.pull_mm,
+            truth_deg=np.full(len(self.time), np.nan) if self.is_measured else self.truth_deg,
+            measured_deg=self.measured_deg,
+            name=str(facts.get("name") or f"episode_{facts.get('episode', number):04}"),
+            source=str(facts.get("twin") or ("measured" if self.is_measured else preset or "simulated")),
+            preset=preset,
+            stroke_mm=(float(low), float(high)),
+        )
 
-        def even(values: Array) -> Array:
-            if len(values) == 0:
-                return values
-            shape = (len(grid), *values.shape[1:])
-            columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
-            return np.array([np.interp(grid, self.time, column) for column in columns.T]).T.reshape(shape)
-
-        arrays = {name: even(values) for name, values in self._arrays().items() if name != "measured_bend"}
-        measured = self._measured_on(grid, max(sample_time, self.sample_time))
-        return dataclasses.replace(self, **(arrays | {"time": grid - grid[0], "measured_bend": measured}))
-
-    def _measured_on(self, grid: Array, reach: float) -> Array:
-        """(M,) measured angle on a grid, NaN between measurements that are twice `reach` or more apart."""
-        known = ~np.isnan(self.measured_bend)
-        if not known.any():
-            return np.full(len(grid), np.nan)
-        time = self.time[known]
-        place = np.searchsorted(time, grid)
-        before, after = np.append(-np.inf, time)[place], np.append(time, np.inf)[place]
-        rounding = 1e-6 * reach
-        seen = after - before < 2 * (reach - rounding)
-        seen |= np.minimum(grid - before, after - grid) <= rounding
-        return np.where(seen, np.interp(grid, time, self.measured_bend[known]), np.nan)
+    def _preset(self) -> str:
+        preset = self.metadata.get("preset")
+        return str((preset.get("name") if isinstance(preset, Mapping) else preset) or "")
 
     def _origin(self) -> str:
-        """Maker of the record, as far as its metadata tells."""
+        """Maker of the record, as far as its metadata state it."""
         facts = self.metadata
-        preset = facts.get("preset")
-        preset = preset.get("name") if isinstance(preset, dict) else preset
-        told = [f"{facts['name']!r}"] if facts.get("name") else []
-        told += ["measured"] if self.is_measured else [f"of {preset}"] if preset else []
-        told += [f"{name} {facts[name]}" for name in ("signal", "seed", "episode") if name in facts]
-        return ", ".join(told) or "of unknown origin"
+        preset = self._preset()
+        known = [f"{facts['name']!r}"] if facts.get("name") else []
+        known += ["measured"] if self.is_measured else [f"of {preset}"] if preset else []
+        known += [f"{name} {facts[name]}" for name in ("signal", "seed", "episode") if name in facts]
+        return ", ".join(known) or "of unknown origin"
 
     def _arrays(self) -> dict[str, Any]:
         return {
@@ -216,6 +202,165 @@ class Episode:
             for field in dataclasses.fields(self)
             if field.name not in ("metadata", "attachments")
         }
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """N samples of a command and of an angle, in the units of estimators; time is the last axis.
+
+    Leading axes hold records along the same times; a command that they share has length 1 there.
+
+    Attributes:
+        time: (N,) time [s].
+        pull_mm: (..., N) commanded pulling distance [mm].
+        truth_deg: (..., N) true bending angle, NaN where it is unknown [deg].
+        measured_deg: (..., N) measured bending angle, NaN where it is missing [deg].
+        name: name of the record in messages and tables.
+        source: kind of twin, preset, or "measured".
+        preset: name of the preset that simulated it; empty if unknown.
+        stroke_mm: range of the pulling distance, requested or found [mm].
+        estimates: (..., N) estimated bending angle by method [deg].
+    """
+
+    time: Array
+    pull_mm: Array
+    truth_deg: Array = dataclasses.field(default_factory=lambda: UNKNOWN)
+    measured_deg: Array = dataclasses.field(default_factory=lambda: UNKNOWN)
+    name: str = ""
+    source: str = ""
+    preset: str = ""
+    stroke_mm: tuple[float, float] = (np.nan, np.nan)
+    estimates: dict[str, Array] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Fill unknown angles with NaN, and refuse columns of different lengths."""
+        shape = self.pull_mm.shape
+        for name in ("truth_deg", "measured_deg"):
+            if getattr(self, name) is UNKNOWN:
+                object.__setattr__(self, name, np.broadcast_to(np.nan, shape))
+        for name, values in self._arrays().items():
+            if values.shape[-1] != len(self.time):
+                raise InputError(f"{name} has {values.shape[-1]} samples, time has {len(self.time)}")
+
+    @property
+    def sample_time(self) -> float:
+        """Median time between two samples [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def is_measured(self) -> bool:
+        """True where a real endoscope left this record, not the twin."""
+        return self.source == "measured"
+
+    @property
+    def reference_deg(self) -> Array:
+        """(..., N) reference of scores: the truth; of a measured record, the measurement [deg]."""
+        return self.measured_deg if self.is_measured else self.truth_deg
+
+    def error_deg(self, method: str) -> Array:
+        """Return estimate minus reference (..., N) of a method [deg]; NaN where the reference is unknown."""
+        if method not in self.estimates:
+            raise InputError(f"no estimates of {method!r}; there are: {', '.join(self.estimates)}")
+        return self.estimates[method] - self.reference_deg
+
+    def part(self, begin: int = 0, end: int | None = None) -> "Record":
+        """Return the samples from `begin` to before `end`, at their own times."""
+        return self._with({name: values[..., begin:end] for name, values in self._arrays().items()})
+
+    def resampled(self, sample_time: float, method: Method | None = None) -> "Record":
+        """Record at a sample time T [s]; see `resample` for the methods and what they refuse.
+
+        By default a simulated record is thinned and a measured one interpolated.
+        """
+        columns = {name: np.moveaxis(values, -1, 0) for name, values in self._arrays().items()}
+        method = method or ("interpolate" if self.is_measured else "thin")
+        gaps = [name for name, values in columns.items() if name == "measured_deg" or np.isnan(values).any()]
+        found = resample(self.time, columns, sample_time, method, with_gaps=gaps)
+        return self._with({name: np.moveaxis(values, 0, -1) for name, values in found.items()})
+
+    def _arrays(self) -> dict[str, Array]:
+        columns = {name: getattr(self, name) for name in ("time", "pull_mm", "truth_deg", "measured_deg")}
+        return columns | {f"estimate of {method}": values for method, values in self.estimates.items()}
+
+    def _with(self, columns: Mapping[str, Array]) -> "Record":
+        own: dict[str, Any] = {
+            name: columns[name] for name in ("time", "pull_mm", "truth_deg", "measured_deg")
+        }
+        estimates = {method: columns[f"estimate of {method}"] for method in self.estimates}
+        return dataclasses.replace(self, estimates=estimates, **own)
+
+
+def resample(
+    time: Array,
+    columns: Mapping[str, Array],
+    sample_time: float,
+    method: Method,
+    *,
+    with_gaps: Collection[str] = (),
+) -> dict[str, Any]:
+    """Columns (N, ...) at another sample time, `time` among them.
+
+    Args:
+        time: (N,) times, increasing [s].
+        columns: arrays of N samples, or empty.
+        sample_time: T [s].
+        method: `thin` keeps every n-th sample and refuses a T that is no multiple of the median sample time;
+            `nearest` keeps every n-th, n being the integer nearest to their ratio and at least 1;
+            `interpolate` is linear on an even grid from 0 on.
+        with_gaps: columns with NaN where a value is missing. A grid point between two known values that are
+            two sample times or more apart (of the grid or of the record, the longer one) is NaN, unless it
+            coincides with one of them.
+
+    Raises:
+        ValueError: T does not fit, or the grid would have more than `LARGEST_GRID` samples.
+    """
+    own = float(np.median(np.diff(time)))
+    if method != "interpolate":
+        ratio = sample_time / own
+        step = round(ratio) if np.isfinite(ratio) else 0
+        if method == "nearest":
+            step = max(step, 1)
+        elif step < 1 or abs(ratio - step) > 1e-6 * ratio:
+            raise InputError(
+                f"`sample_time` {sample_time:g} s: must be a whole multiple of the record's {own:g} s"
+            )
+        return {name: values[::step] for name, values in columns.items()} | {"time": time[::step]}
+    if not 0 < sample_time < np.inf:
+        raise InputError(f"sample time {sample_time:g} s: must be positive")
+    seconds = float(time[-1] - time[0])
+    if seconds / sample_time > LARGEST_GRID:
+        raise InputError(
+            f"sample time {sample_time:g} s: a record of {seconds:g} s would be more than "
+            f"{LARGEST_GRID} samples: choose a longer one, or check the record's time"
+        )
+    grid = np.arange(time[0], time[-1] + 1e-9, sample_time)
+    reach = max(sample_time, own)
+    found = {}
+    for name, values in columns.items():
+        if not len(values):
+            found[name] = values
+            continue
+        rows = values.reshape(len(values), int(np.prod(values.shape[1:]))).T
+        if name in with_gaps:
+            even = [_with_gaps(time, row, grid, reach) for row in rows]
+        else:
+            even = [np.interp(grid, time, row) for row in rows]
+        found[name] = np.array(even).T.reshape(len(grid), *values.shape[1:])
+    return found | {"time": grid - grid[0]}
+
+
+def _with_gaps(time: Array, values: Array, grid: Array, reach: float) -> Array:
+    """(M,) values linear on a grid, NaN between known ones that are twice `reach` or more apart."""
+    known = ~np.isnan(values)
+    if not known.any():
+        return np.full(len(grid), np.nan)
+    time = time[known]
+    place = np.searchsorted(time, grid)
+    before, after = np.append(-np.inf, time)[place], np.append(time, np.inf)[place]
+    rounding = 1e-6 * reach
+    seen = after - before < 2 * (reach - rounding)
+    seen |= np.minimum(grid - before, after - grid) <= rounding
+    return np.where(seen, np.interp(grid, time, values[known]), np.nan)
 
 
 def without_holes(time: Array, angle: Array) -> Array:

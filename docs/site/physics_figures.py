@@ -57,7 +57,7 @@ def rates() -> Figure:
     episodes = whole(simulate_batch([PRESET] * 3, paths, SAMPLE_TIME))
     for episode, period, colour, line in zip(episodes, periods, COLOURS, LINES, strict=True):
         second = slice(round(period / SAMPLE_TIME), None)
-        loop = episode.pull_mm[second], episode.bend_deg[second]
+        loop = episode.pull_mm[second], episode.truth_deg[second]
         axes.plot(*loop, color=colour, linestyle=line, linewidth=1.4, label=f"{period:g} s a cycle")
     axes.legend(frameon=False, fontsize=8.5)
     return figure
@@ -72,11 +72,11 @@ def minor_loops() -> Figure:
     after = np.linspace(low, -1, 200)[1:]
     paths = [AMPLITUDE * np.concatenate(parts) for parts in ((before, minor, after), (before, after))]
     looped, plain = whole(simulate_batch([PRESET] * 2, paths, SAMPLE_TIME))
-    axes.plot(plain.pull_mm, plain.bend_deg, color="#9aa3ad", linewidth=2.6, label="without the minor loop")
+    axes.plot(plain.pull_mm, plain.truth_deg, color="#9aa3ad", linewidth=2.6, label="without the minor loop")
     dashed = {"color": INK, "linewidth": 1.0, "linestyle": (0, (5, 2))}
-    axes.plot(looped.pull_mm, looped.bend_deg, label="with it", **dashed)
+    axes.plot(looped.pull_mm, looped.truth_deg, label="with it", **dashed)
     inside = slice(len(before), len(before) + len(minor))
-    small = looped.pull_mm[inside], looped.bend_deg[inside]
+    small = looped.pull_mm[inside], looped.truth_deg[inside]
     axes.plot(*small, color=COLOURS[0], linewidth=1.6, label="the minor loop")
     axes.legend(frameon=False, fontsize=8.5)
     return figure
@@ -92,7 +92,7 @@ def without_friction() -> Figure:
         episodes, (INK, COLOURS[0]), LINES, ("with friction", "without friction"), strict=False
     ):
         axes.plot(
-            episode.pull_mm[second], episode.bend_deg[second], color=colour, linestyle=line, label=label
+            episode.pull_mm[second], episode.truth_deg[second], color=colour, linestyle=line, label=label
         )
     axes.legend(frameon=False, fontsize=8.5)
     return figure

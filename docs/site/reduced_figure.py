@@ -62,10 +62,12 @@ def draw(record: Worst) -> Figure:
             whole(simulate_batch([finer], [record.pull], T, physics=p))[0] for p in ("mujoco", "reduced")
         )
         label = "step h" if parts == 1 else f"h / {parts}"
-        apart.plot(mujoco.time, reduced.bend_deg - mujoco.bend_deg, color=colour, linewidth=1.2, label=label)
+        apart.plot(
+            mujoco.time, reduced.truth_deg - mujoco.truth_deg, color=colour, linewidth=1.2, label=label
+        )
         if parts == 1:
-            loop.plot(mujoco.pull_mm, mujoco.bend_deg, color=INK, linewidth=2.6, label="MuJoCo")
-            loop.plot(reduced.pull_mm, reduced.bend_deg, color=colour, linewidth=1.1, label="reduced")
+            loop.plot(mujoco.pull_mm, mujoco.truth_deg, color=INK, linewidth=2.6, label="MuJoCo")
+            loop.plot(reduced.pull_mm, reduced.truth_deg, color=colour, linewidth=1.1, label="reduced")
     loop.set(xlabel="pull [mm]", ylabel="bend [deg]")
     apart.set(xlabel="time [s]", ylabel="reduced less MuJoCo [deg]")
     for axes in (loop, apart):

@@ -69,7 +69,7 @@ episodes = twin.read_dataset(folder)
 for episode in episodes:
     print(
         f"{episode.metadata['signal']:>12}: {episode.pull_mm.min():.1f} to {episode.pull_mm.max():.1f} mm bend the tip "
-        f"by {np.ptp(episode.bend_deg):.0f} deg"
+        f"by {np.ptp(episode.truth_deg):.0f} deg"
     )
 # >         sine: -0.3 to 1.0 mm bend the tip by 12 deg
 # > random-steps: 0.0 to 0.3 mm bend the tip by 2 deg
@@ -83,7 +83,7 @@ for episode in episodes:
 loop = episodes[0]
 rising = np.gradient(loop.pull_mm) > 0
 near = np.abs(loop.pull_mm) < 0.05
-there, back = loop.bend_deg[near & rising].mean(), loop.bend_deg[near & ~rising].mean()
+there, back = loop.truth_deg[near & rising].mean(), loop.truth_deg[near & ~rising].mean()
 print(f"near a pull of zero: {there:.1f} deg on the way up, {back:.1f} deg on the way down")
 # > near a pull of zero: 0.1 deg on the way up, 9.2 deg on the way down
 

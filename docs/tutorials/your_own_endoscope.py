@@ -104,7 +104,7 @@ for k in range(50):
     reading = runtime.push(
         time_s=float(log.time[k]),
         pull_mm=float(log.pull_mm[k]),
-        measurement_deg=float(log.measured_bend_deg[k]),
+        measurement_deg=float(log.measured_deg[k]),
     )
 print(f"after 5 s: {reading.bend_deg:.0f} deg, made by {reading.source}")
 # > after 5 s: 23 deg, made by Source.ADVANCED

@@ -148,7 +148,7 @@ def _along_commands(
         pull = command(kinds[number % len(kinds)], stroke, _SECONDS, _SAMPLE_TIME, rng)
         episodes = simulate_batch(presets, [pull] * len(presets), _SAMPLE_TIME)
         nothing = np.full(len(pull), np.nan)
-        angles.append([(nothing if e is None else e.bend_deg)[::_EVERY] for e in episodes])
+        angles.append([(nothing if e is None else e.truth_deg)[::_EVERY] for e in episodes])
         if on_progress:
             on_progress(number + 1, COMMANDS)
     whole = np.concatenate(angles, axis=1)

@@ -88,7 +88,7 @@ def simulate_records(
             )
         # One command at a time: a whole record holds a hundred times what is kept of it.
         episodes = simulate_batch(presets, [pull] * len(presets), SAMPLE_TIME, sheath_bends=sheath_bends)
-        angles = [episode.bend_deg.astype(np.float32) for episode in episodes if episode is not None]
+        angles = [episode.truth_deg.astype(np.float32) for episode in episodes if episode is not None]
         if any(episode is None for episode in episodes[:count]) or len(angles) < count + twins:
             raise DivergedError(f"twins along training command {number} found no equilibrium")
         pulls.append(pull)

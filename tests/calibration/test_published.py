@@ -60,14 +60,14 @@ def test_outcome_is_what_identification_and_evaluation_find(commands):
     outcome = outcomes([TRUTH, other], commands, NOISES)[0]
     assert outcome is not None
     episodes = twin.simulate_batch([TRUTH] * 3, list(commands.identified[1]), 0.1, physics="reduced")
-    model, misfit = identify([(e.pull_mm, e.bend_deg) for e in episodes], seed=1)
+    model, misfit = identify([(e.pull_mm, e.truth_deg) for e in episodes], seed=1)
     assert outcome.misfit[1] == pytest.approx(misfit, rel=1e-3)
     found = [model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm]
     np.testing.assert_allclose(outcome.model[1], found, rtol=1e-2)
 
     reached = ColemanHodgdon(*outcome.model[1])
     tested = twin.simulate_batch([TRUTH] * 3, list(commands.tested[1]), 0.1, physics="reduced")
-    off = [reached.response(e.pull_mm, e.bend_deg[0]) - e.bend_deg for e in tested]
+    off = [reached.response(e.pull_mm, e.truth_deg[0]) - e.truth_deg for e in tested]
     assert outcome.steady[1] == pytest.approx(np.sqrt(np.mean(np.array(off)[:, 50:] ** 2)))
     assert outcome.static[1] > outcome.steady[1]
     rng = np.random.default_rng(9)
@@ -75,9 +75,9 @@ def test_outcome_is_what_identification_and_evaluation_find(commands):
         am = ActiveModel(reached, 0.1).with_sensor(Sensor(variance=level))
         squares = []
         for e in tested * 12:
-            measured = e.bend_deg + draw_noise(kind, level, e.bend_deg.shape, rng)
-            estimate = am.estimate(e.pull_mm[None], measured[None], e.bend_deg[:1] + 20.0)[0]
-            squares.append(((estimate - e.bend_deg)[1:] ** 2).mean())
+            measured = e.truth_deg + draw_noise(kind, level, e.truth_deg.shape, rng)
+            estimate = am.estimate(e.pull_mm[None], measured[None], e.truth_deg[:1] + 20.0)[0]
+            squares.append(((estimate - e.truth_deg)[1:] ** 2).mean())
         assert outcome.active[1, row] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.05)
 
 

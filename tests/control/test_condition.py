@@ -114,8 +114,8 @@ def test_the_command_may_go_as_far_as_any_endoscope_of_the_ranges_needs():
             ]
         )
         for episode in simulate_batch(presets, [sweep * 1e-3] * len(presets), 0.02, physics="reduced"):
-            assert episode.bend_deg[100:400].max() > middle + half * width
-            assert episode.bend_deg[400:].min() < middle - half * width
+            assert episode.truth_deg[100:400].max() > middle + half * width
+            assert episode.truth_deg[400:].min() < middle - half * width
 
 
 def test_an_unknown_suite_is_refused():

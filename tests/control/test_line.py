@@ -44,7 +44,7 @@ def test_without_friction_and_slack_it_foretells_the_bend_of_any_command():
     for physics in ("reduced", "mujoco"):
         episode = simulate(LINEAR, pull, T, physics=physics)
         foretold = line.slope * episode.pull_mm + line.offset_deg
-        np.testing.assert_allclose(foretold, episode.bend_deg, atol=0.1)
+        np.testing.assert_allclose(foretold, episode.truth_deg, atol=0.1)
 
 
 def test_with_friction_a_stroke_about_zero_has_a_line_through_zero():

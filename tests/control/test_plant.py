@@ -32,7 +32,7 @@ def test_commands_one_by_one_are_a_simulation_bit_for_bit(physics, preset, sampl
     bend = [plant.start(pull[0])]
     for k in range(1, N):
         bend.append(plant.step(pull[k], sheath[k] if bends else None))
-    np.testing.assert_array_equal(bend, whole.bend_deg)
+    np.testing.assert_array_equal(bend, whole.truth_deg)
     assert np.ptp(bend) > 10
 
 

@@ -87,7 +87,7 @@ def test_its_angle_is_that_of_a_simulation_along_its_commands(witnesses, physics
     sheath = PRESET.sheath_bend + 0.5 * np.linspace(0, 1, HELD + 20)
     trial = run_trial("witness", knowledge(), drive(physics=physics, sheath_bend=sheath))
     expected = simulate(PRESET, trial.pull_mm * 1e-3, T, physics=physics, sheath_bend=sheath)
-    np.testing.assert_array_equal(trial.bend_deg, expected.bend_deg)
+    np.testing.assert_array_equal(trial.bend_deg, expected.truth_deg)
     # The command of a sample acts at the end of it.
     samples = np.arange(1, len(trial.pull_mm))
     np.testing.assert_allclose(trial.pull_mm[2:], 1 + 0.5 * np.sin(0.3 * samples[1:]), atol=1e-12)

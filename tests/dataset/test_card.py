@@ -164,8 +164,8 @@ def test_figure_has_a_panel_for_each_episode_with_its_own_loop(folder, count):
     assert len(drawn) == count
     for axes, episode in zip(drawn, episodes, strict=True):
         measured, true = axes.get_lines()
-        np.testing.assert_array_equal(true.get_xydata(), np.stack([episode.pull_mm, episode.bend_deg], 1))
-        np.testing.assert_array_equal(measured.get_ydata(), episode.measured_bend_deg)
+        np.testing.assert_array_equal(true.get_xydata(), np.stack([episode.pull_mm, episode.truth_deg], 1))
+        np.testing.assert_array_equal(measured.get_ydata(), episode.measured_deg)
         assert axes.get_title() == episode.metadata["signal"].replace("-", " ")
 
 

@@ -21,12 +21,12 @@ HALF_TURN = np.sin(np.pi / 2 * np.minimum(np.arange(300) * 0.02 / 4, 1))
 )
 def test_farthest_pull_bends_by_two_turns_without_friction(preset, physics):
     record = simulate(preset, farthest_pull(preset) * HALF_TURN, 0.02, physics=physics)
-    assert record.bend_deg[-1] == pytest.approx(720, rel=5e-3)
+    assert record.truth_deg[-1] == pytest.approx(720, rel=5e-3)
 
 
 def test_friction_only_lessens_the_bend():
     record = simulate(SMALL, farthest_pull(SMALL) * HALF_TURN, 0.02)
-    assert 360 < record.bend_deg[-1] < 720
+    assert 360 < record.truth_deg[-1] < 720
 
 
 def test_a_stroke_beyond_one_turn_of_the_wire_is_simulated_and_a_wrong_unit_refused():

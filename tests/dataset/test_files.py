@@ -21,7 +21,7 @@ def test_file_whose_numbers_are_not_those_of_its_metadata_is_made_anew(folder):
     whole = contents(folder)
     (folder / "dataset.json").unlink()
     episode = read_episode(folder / SECOND)
-    write_episode(folder / SECOND, episode.every(0.04))
+    write_episode(folder / SECOND, episode.resampled(0.04))
     third = read_episode(folder / NAMES[2])
     write_episode(folder / NAMES[2], dataclasses.replace(third, bend=third.bend + 0.01))
     written = make(folder, csv=True)

@@ -97,7 +97,7 @@ def test_measurements_that_are_missing_and_times_that_are_moved_are_found_to_dif
 
 
 def test_shorter_file_is_found_to_differ(tmp_path):
-    result = replay(write_episode(tmp_path / "a.mcap", made().every(0.04)))
+    result = replay(write_episode(tmp_path / "a.mcap", made().resampled(0.04)))
     assert not result.same
     assert "bend_deg (not the same shape)" in result.differs
 

@@ -129,14 +129,14 @@ def test_measurement_is_the_truth_with_the_noise_of_the_sensor():
     episode = episode_of(changed(sensor_variance_deg2=0.0), 0)
     np.testing.assert_array_equal(episode.measured_bend, episode.bend)
     episode = episode_of(changed(sensor_variance_deg2=4.0, seconds=20.0), 0)
-    assert (episode.measured_bend_deg - episode.bend_deg).var() == pytest.approx(4.0, rel=0.2)
+    assert (episode.measured_deg - episode.truth_deg).var() == pytest.approx(4.0, rel=0.2)
 
 
 def test_table_beside_the_recording_holds_the_same_numbers(folder):
     episode = read_dataset(folder)[1]
     table = np.genfromtxt(table_of(folder, 1), delimiter=",", names=True)
     np.testing.assert_allclose(table["pull_mm"], episode.pull_mm, rtol=1e-12)
-    np.testing.assert_allclose(table["bend_deg"], episode.bend_deg, rtol=1e-12)
+    np.testing.assert_allclose(table["bend_deg"], episode.truth_deg, rtol=1e-12)
     np.testing.assert_allclose(table["tension_b_n"], episode.tension[:, 1], rtol=1e-12)
 
 
@@ -282,7 +282,7 @@ def test_noise_of_the_preset_and_of_the_recipe_add_up():
     noisy = SMALL.replace(sensor_noise=float(np.radians(2.0)))
     for variance, expected in ((0.0, 4.0), (5.0, 9.0)):
         episode = episode_of(changed(preset=noisy, sensor_variance_deg2=variance, seconds=20.0), 0)
-        assert (episode.measured_bend_deg - episode.bend_deg).var() == pytest.approx(expected, rel=0.2)
+        assert (episode.measured_deg - episode.truth_deg).var() == pytest.approx(expected, rel=0.2)
 
 
 def test_sensor_is_the_one_that_was_drawn():

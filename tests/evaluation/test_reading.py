@@ -75,7 +75,7 @@ def test_a_simulated_record_is_known_throughout(tmp_path):
     )
     (record,) = evaluation_records([path], 0.04)
     assert record.seen.all()
-    np.testing.assert_allclose(record.bend_deg, episode.bend_deg[::2])
+    np.testing.assert_allclose(record.bend_deg, episode.truth_deg[::2])
     assert (record.stroke_mm, record.twin, record.name) == ((2.0, 4.0), "Öse", "episode_0007")
 
 
@@ -132,7 +132,7 @@ def test_pieces_hold_every_measured_step_once_and_in_order(missing):
     pieces = whole_pieces(episode)
     assert all(np.isfinite(pull).all() and np.isfinite(bend).all() for pull, bend in pieces)
     found = [pair for _, bend in pieces for pair in itertools.pairwise(bend)]
-    measured = episode.measured_bend_deg
+    measured = episode.measured_deg
     assert found == [(measured[k], measured[after]) for k, after in steps]
     found = [pair for pull, _ in pieces for pair in itertools.pairwise(pull)]
     assert found == [(episode.pull_mm[k], episode.pull_mm[after]) for k, after in steps]

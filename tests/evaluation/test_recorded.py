@@ -56,10 +56,10 @@ def test_methods_get_what_the_sensor_saw_with_its_rate_latency_and_resolution(fo
     scores, *_ = evaluate(records, [Method("y", look)], RECORDED)
     (case,) = seen
     for row, episode in zip(case.measurement_deg, episodes, strict=True):
-        np.testing.assert_array_equal(row, episode.measured_bend_deg)
+        np.testing.assert_array_equal(row, episode.measured_deg)
     np.testing.assert_array_equal(case.sensor.variance, [0.3] * len(records))
     (score,) = scores
-    errors = np.concatenate([(e.measured_bend_deg - e.bend_deg)[1:] for e in episodes])
+    errors = np.concatenate([(e.measured_deg - e.truth_deg)[1:] for e in episodes])
     assert score.rmse_deg == pytest.approx(np.sqrt(np.mean(errors**2)))
     assert (score.noise, score.level, score.seeds) == ("recorded", 0.3, 1)
 
@@ -160,7 +160,7 @@ def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):
     episode = read_episode(episode_files(folder)[0])
     assert_equal(read_episode(written[0]), episode)
     messages = list(read_protobuf_messages(written[0], topics=["/estimate/AM_toy_x"]))
-    record = evaluation_record(episode.every(0.1), 0)
+    record = evaluation_record(episode.resampled(0.1), 0)
     estimates = dataclasses.replace(active_model, measurement_variance=0.3).estimate(
         record.pull_mm, record.measured_deg, record.bend_deg[0] + 20
     )

@@ -34,4 +34,4 @@ def test_a_record_is_cut_where_samples_are_missing_and_nothing_is_made_up():
     assert whole_pieces_in_time(full) == [full]
     long_enough = whole_pieces_in_time(cut, 7 * 0.02)  # the first lasts 6 steps, the second 7
     assert [piece.time[0] for piece in long_enough] == [full.time[12]]
-    assert len(long_enough[0].every(7 * 0.02).time) == 2
+    assert len(long_enough[0].resampled(7 * 0.02).time) == 2

@@ -74,7 +74,7 @@ def test_whole_mcap_files_stay_as_they_are_and_thinned_ones_are_written_anew(dat
     words = (data, "--out", tmp_path / "thin", "--format", "mcap", "--sample-time", "0.1")
     assert run(capsys, *words)[0] == 0
     thin = read_episode(tmp_path / "thin" / "episode_0000.mcap")
-    assert_equal(thin, read_episode(data / "episode_0000.mcap").every(0.1))
+    assert_equal(thin, read_episode(data / "episode_0000.mcap").resampled(0.1))
 
 
 def test_files_of_one_name_are_told_apart_by_their_folders(data, tmp_path, capsys):

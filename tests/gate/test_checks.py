@@ -121,7 +121,7 @@ def test_a_file_without_reference_steps_shows_nothing(untrained_twins, tmp_path)
 def test_a_policy_of_five_records_fails_on_logs_outside_of_them(tmp_path):
     preset, _ = twins()
     seen = logs_on(preset, (2.0, 4.0), seconds=20.0)
-    records = [(episode.pull_mm, episode.bend_deg) for episode in seen + seen[:1] + seen]
+    records = [(episode.pull_mm, episode.truth_deg) for episode in seen + seen[:1] + seen]
     assert len(records) == 5
     options = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
     active_model = ActiveModel(ColemanHodgdon(1.33, 22.3, 3.4), 0.1)

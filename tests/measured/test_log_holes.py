@@ -16,8 +16,8 @@ def test_an_angle_that_is_missing_stays_missing_in_the_record(tmp_path):
     )
     log = write(tmp_path, columns)
     episode = read_measured_log(log, on_warning=said.append)
-    np.testing.assert_allclose(episode.measured_bend_deg, [np.nan, 3, np.nan, 7, np.nan])
-    np.testing.assert_allclose(episode.bend_deg, [3, 3, 6, 7, 7])  # linear in time, level at the ends
+    np.testing.assert_allclose(episode.measured_deg, [np.nan, 3, np.nan, 7, np.nan])
+    np.testing.assert_allclose(episode.truth_deg, [3, 3, 6, 7, 7])  # linear in time, level at the ends
     np.testing.assert_allclose(episode.pull, np.radians([0, 1, 2, 1, 0]) * 0.01)
     assert said == [f"{log} line 2: angle_deg is missing, as in 3 of 5 rows: nothing is measured there"]
     assert not {"rows_dropped", "commands_held"} & episode.metadata.keys()
@@ -47,7 +47,7 @@ def test_values_at_one_time_are_averaged_over_those_that_are_there(tmp_path):
     }
     episode = read_measured_log(write(tmp_path, columns))
     np.testing.assert_allclose(np.degrees(episode.pull / 0.01), [4, 2, 2])
-    np.testing.assert_allclose(episode.measured_bend_deg, [2, 5, np.nan])
+    np.testing.assert_allclose(episode.measured_deg, [2, 5, np.nan])
 
 
 def test_rows_without_a_time_and_rows_that_come_late_are_dropped_and_counted(tmp_path):
@@ -131,4 +131,4 @@ def test_no_hole_of_a_log_becomes_a_hole_of_the_record(tmp_path_factory, data):
                 angles[latest].append(float(angle))
     np.testing.assert_allclose(episode.time, np.array([*angles]) - min(angles), atol=1e-12)
     wanted = [sum(seen) / len(seen) if seen else np.nan for seen in angles.values()]
-    np.testing.assert_allclose(episode.measured_bend_deg, wanted, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(episode.measured_deg, wanted, rtol=1e-9, atol=1e-9)

@@ -21,7 +21,7 @@ def test_the_second_plane_is_read_in_si_units_and_comes_back_from_the_file(tmp_p
     episode = read_measured_log(write(tmp_path, LOG), form)
     np.testing.assert_allclose(episode.lateral_pull, np.radians(LOG["side_deg"]) * 0.02, rtol=1e-12)
     np.testing.assert_allclose(np.degrees(episode.lateral_bend), LOG["tilt_deg"], rtol=1e-12)
-    np.testing.assert_allclose(episode.bend_deg, LOG["angle_deg"], rtol=1e-12)
+    np.testing.assert_allclose(episode.truth_deg, LOG["angle_deg"], rtol=1e-12)
     assert episode.wire_tension.shape == (4, 4, 0)
     turned = read_measured_log(tmp_path / "log.csv", LogFormat(reverse_lateral_angle=True, **PLANES))
     np.testing.assert_array_equal(turned.lateral_bend, -episode.lateral_bend)
@@ -58,8 +58,8 @@ def test_a_sample_counts_as_measured_where_both_angles_are(tmp_path):
     }
     log = write(tmp_path, columns)
     episode = read_measured_log(log, LogFormat(**PLANES), on_warning=said.append)
-    np.testing.assert_allclose(episode.measured_bend_deg, [0, np.nan, np.nan, 2, np.nan])
-    np.testing.assert_allclose(episode.bend_deg, [0, 1, 4, 2, 0])
+    np.testing.assert_allclose(episode.measured_deg, [0, np.nan, np.nan, 2, np.nan])
+    np.testing.assert_allclose(episode.truth_deg, [0, 1, 4, 2, 0])
     np.testing.assert_allclose(np.degrees(episode.lateral_bend), [1, 2, 5, 6, 6])
     np.testing.assert_allclose(np.degrees(episode.lateral_pull) * 100, [2, 2, 1, 0, 1])
     rest = "is missing, as in"

@@ -36,7 +36,7 @@ def test_each_window_is_an_episode_from_time_0_in_the_order_of_the_file(tmp_path
     for place, log in enumerate(logs):
         np.testing.assert_allclose(log.time, [0, 0.5, 1, 1.5])
         np.testing.assert_allclose(np.degrees(log.pull) * 100, CUT["command_deg"][4 * place : 4 * place + 4])
-        np.testing.assert_allclose(log.measured_bend_deg, CUT["angle_deg"][4 * place : 4 * place + 4])
+        np.testing.assert_allclose(log.measured_deg, CUT["angle_deg"][4 * place : 4 * place + 4])
 
 
 def test_a_window_whose_clock_runs_on_begins_at_0_too(tmp_path):

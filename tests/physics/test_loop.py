@@ -78,7 +78,7 @@ def test_held_command_does_not_drift(twin, loop, cycles):
     moving = sine(8.0, cycles)
     held = np.full(round(30 / SAMPLE_TIME), moving[-1])
     episode = twin.simulate(PRESET, np.concatenate([moving, held]), SAMPLE_TIME)
-    after = episode.bend_deg[len(moving) - 1 :]  # settling after the sudden stop included
+    after = episode.truth_deg[len(moving) - 1 :]  # settling after the sudden stop included
     assert np.abs(after - after[0]).max() < 0.005 * np.ptp(loop[1])
     assert np.abs(after[50:] - after[50]).max() < 1e-5 * np.ptp(loop[1])  # static friction does not creep
 
@@ -95,7 +95,7 @@ def test_minor_loop_closes_and_is_wiped_out(twin, loop, low, high):
         SAMPLE_TIME,
     )
     begun, closed = len(before) - 1, len(before) + len(minor) - 1
-    bends = with_loop.bend_deg
+    bends = with_loop.truth_deg
     assert np.abs(bends[begun : closed + 1] - bends[begun]).max() > 0.01 * np.ptp(loop[1])  # it is a loop
-    off = bends[closed:] - without.bend_deg[begun:]
+    off = bends[closed:] - without.truth_deg[begun:]
     assert np.abs(off).max() < 0.005 * np.ptp(loop[1])

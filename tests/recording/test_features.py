@@ -105,7 +105,7 @@ def test_quantity_that_is_missing_throughout_one_record_takes_no_part():
     assert "measured_bend_deg" not in statistics(blind)
     for order in ((blind, other), (other, blind)):
         told = combine(statistics(one) for one in order)
-        assert_close(told["measured_bend_deg"], other.measured_bend_deg)
+        assert_close(told["measured_bend_deg"], other.measured_deg)
         assert told["bend_deg"]["count"] == 30
 
 

@@ -176,10 +176,10 @@ def test_independent_reader_decodes_every_value_by_the_schema_in_the_file(read, 
 def test_independent_reader_reads_the_numbers_of_the_episode(read, written, name):
     """Past Python's MCAP and Protobuf altogether: from the arrays that were written."""
     episode, topics = written[name][0], read[name]["topics"]
-    measured = episode.measured_bend_deg
+    measured = episode.measured_deg
     wanted = {
         "/command.pull_mm": episode.pull_mm,
-        "/truth.bend_deg": episode.bend_deg,
+        "/truth.bend_deg": episode.truth_deg,
         "/measurement.bend_deg": measured[~np.isnan(measured)],
     }
     for index, wire in enumerate("abcd"[: episode.wire_tension.shape[1]]):

@@ -90,11 +90,11 @@ def test_it_is_read_as_a_measured_log(tmp_path):
     np.testing.assert_allclose(episode.time, [one.time_s for one in samples], rtol=0, atol=3e-7)
     np.testing.assert_allclose(episode.pull_mm, [one.pull_mm for one in samples], rtol=1e-12)
     wanted = np.array([one.measurement_deg for one in samples])
-    np.testing.assert_allclose(episode.measured_bend_deg, wanted, rtol=1e-12)
+    np.testing.assert_allclose(episode.measured_deg, wanted, rtol=1e-12)
     known = ~np.isnan(wanted)
     filled = np.interp(episode.time, episode.time[known], wanted[known])
-    np.testing.assert_allclose(episode.bend_deg, filled, rtol=1e-9, atol=1e-9)
-    assert episode.bend_deg[-1] == episode.bend_deg[-2]  # level after the last measurement
+    np.testing.assert_allclose(episode.truth_deg, filled, rtol=1e-9, atol=1e-9)
+    assert episode.truth_deg[-1] == episode.truth_deg[-2]  # level after the last measurement
     without = read_episode(tmp_path / "a.mcap", hidden=False)
     np.testing.assert_array_equal(without.bend, episode.bend)
     again = read_episode(write_episode(tmp_path / "b.mcap", episode))

@@ -132,7 +132,7 @@ def test_hysteresis_is_plotted_over_the_command(recorded, episode):
     assert loop["xAxisPath"] == {"value": "/command.pull_mm", "enabled": True}
     (line,) = loop["paths"]
     np.testing.assert_array_equal(values(recorded, loop["xAxisPath"]["value"]), episode.pull_mm)
-    np.testing.assert_array_equal(values(recorded, line["value"]), episode.bend_deg)
+    np.testing.assert_array_equal(values(recorded, line["value"]), episode.truth_deg)
 
 
 def test_every_curve_is_enabled_and_told_apart():

@@ -52,7 +52,7 @@ def test_first_of_two_messages_at_a_time_is_the_one_that_counts(tmp_path):
 def test_samples_within_a_lost_chunk_of_measurements_are_not_whole(tmp_path):
     """A writer may give each topic chunks of its own: nothing else of these samples is missing."""
     others = mutated.records(mutated.rewritten(EPISODE, lambda topic, _: topic != "/measurement"))
-    angles = EPISODE.measured_bend_deg.tolist()
+    angles = EPISODE.measured_deg.tolist()
     messages = [
         mutated.message(99, k * STEP, schema.Measurement(bend_deg=angle).SerializeToString())
         for k, angle in enumerate(angles)

@@ -32,7 +32,7 @@ def test_filters_that_part_have_members_of_their_own():
     angles, following = followed(pulls)
     for pull, angle in zip(pulls, angles, strict=True):
         for preset, bend in zip(DRAWN, angle, strict=True):
-            np.testing.assert_allclose(bend, simulate(preset, pull * 1e-3, T).bend_deg, atol=1e-9)
+            np.testing.assert_allclose(bend, simulate(preset, pull * 1e-3, T).truth_deg, atol=1e-9)
     assert len(following.twins) == 3
 
 
@@ -102,7 +102,7 @@ def test_members_in_a_sheath_that_moves_have_the_records_of_that_sheath():
     course = np.array([moving.sheath_bend(k * T) for k in range(len(pull))])
     for place, preset in enumerate(moving.at_start()):
         record = simulate(preset, pull * 1e-3, T, sheath_bend=course[:, place])
-        np.testing.assert_allclose(np.array(angles)[:, place], record.bend_deg, atol=1e-9)
+        np.testing.assert_allclose(np.array(angles)[:, place], record.truth_deg, atol=1e-9)
 
 
 def test_a_way_that_is_asked_for_is_that_which_members_would_go_and_leaves_them_where_they_are():

@@ -83,7 +83,7 @@ def test_the_numbers_tell_the_angle_of_the_ghost():
     ("ghost", "found"),
     [
         (dataclasses.replace(GHOST, time=GHOST.time * 2), "41 samples from 0 to 8 s"),
-        (GHOST.every(0.2), "21 samples from 0 to 4 s"),
+        (GHOST.resampled(0.2), "21 samples from 0 to 4 s"),
     ],
 )
 def test_a_ghost_at_other_times_is_refused_in_one_line(tmp_path, ghost: Episode, found: str):
@@ -171,27 +171,27 @@ def test_a_picture_shows_both_poses_and_both_curves(tmp_path, reference_deg):
 def test_the_ghost_of_a_model_bends_as_the_model_says():
     model = ColemanHodgdon(1.15, 22.0, 9.0)
     beside = model_ghost(EPISODE, model, "Coleman-Hodgdon")
-    wanted = model.response(EPISODE.pull_mm, EPISODE.bend_deg[0])
-    np.testing.assert_allclose(beside.ghost.bend_deg, wanted)
+    wanted = model.response(EPISODE.pull_mm, EPISODE.truth_deg[0])
+    np.testing.assert_allclose(beside.ghost.truth_deg, wanted)
     np.testing.assert_allclose(beside.ghost.joint_angle.sum(axis=1), np.radians(wanted))
-    off = np.sqrt(np.mean((wanted - EPISODE.bend_deg) ** 2))
+    off = np.sqrt(np.mean((wanted - EPISODE.truth_deg) ** 2))
     assert beside.ghost_name == f"Coleman-Hodgdon, RMSE {off:.2f}°"
     assert beside.short_name == "Coleman-Hodgdon"
 
 
 def test_the_commanded_ghost_is_the_reference_or_the_straight_line():
     beside = commanded_ghost(EPISODE, np.empty(0))
-    slope = np.diff(beside.ghost.bend_deg) / np.diff(EPISODE.pull_mm)
+    slope = np.diff(beside.ghost.truth_deg) / np.diff(EPISODE.pull_mm)
     np.testing.assert_allclose(slope, slope[0])
-    left = EPISODE.bend_deg - beside.ghost.bend_deg
+    left = EPISODE.truth_deg - beside.ghost.truth_deg
     assert abs(left.mean()) < 1e-9
     assert abs(left @ EPISODE.pull_mm) < 1e-6  # the normal equations of least squares
     half = np.where(EPISODE.time < 2, np.nan, 60.0)
     known = commanded_ghost(EPISODE, half)
-    np.testing.assert_allclose(known.ghost.bend_deg, np.where(EPISODE.time < 2, EPISODE.bend_deg, 60.0))
+    np.testing.assert_allclose(known.ghost.truth_deg, np.where(EPISODE.time < 2, EPISODE.truth_deg, 60.0))
     assert known.has_reference
 
 
 def test_a_command_that_stands_still_has_a_commanded_ghost_too():
     still = dataclasses.replace(EPISODE, pull=np.zeros(41))
-    np.testing.assert_allclose(commanded_ghost(still, np.empty(0)).ghost.bend_deg, EPISODE.bend_deg.mean())
+    np.testing.assert_allclose(commanded_ghost(still, np.empty(0)).ghost.truth_deg, EPISODE.truth_deg.mean())

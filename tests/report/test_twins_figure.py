@@ -17,8 +17,8 @@ OTHER = simulate(PRESET.replace(section_stiffness=1.1 * PRESET.section_stiffness
 def test_loops_and_differences_are_those_of_the_records():
     figure = twins_figure(REDUCED, [("step h", OTHER), ("h / 8", REDUCED)])
     loop, away = figure.axes
-    np.testing.assert_array_equal(loop.lines[1].get_ydata(), REDUCED.bend_deg)
-    np.testing.assert_array_equal(away.lines[0].get_ydata(), REDUCED.bend_deg - OTHER.bend_deg)
+    np.testing.assert_array_equal(loop.lines[1].get_ydata(), REDUCED.truth_deg)
+    np.testing.assert_array_equal(away.lines[0].get_ydata(), REDUCED.truth_deg - OTHER.truth_deg)
     assert not np.any(away.lines[1].get_ydata())
     assert [text.get_text() for text in away.get_legend().get_texts()] == ["step h", "h / 8"]
     assert to_png_bytes(figure, dpi=40).startswith(b"\x89PNG")

@@ -79,7 +79,7 @@ def test_chosen_members_explain_endoscopes_that_members_spread_evenly_do_not():
     def angles(presets):
         runs = [(one, pull) for one in presets for pull in pulls]
         episodes = simulate_batch([one for one, _ in runs], [pull for _, pull in runs], 0.1)
-        return np.array([episode.bend_deg[::10] for episode in episodes]).reshape(len(presets), -1)
+        return np.array([episode.truth_deg[::10] for episode in episodes]).reshape(len(presets), -1)
 
     def largest_rest(presets, others):
         """Return the RMS of the rest [deg] of the other that a normal ensemble explains least."""

@@ -65,7 +65,7 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
 def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
     records, members = small_records(), small_members()
     record = simulate(members.presets[0], records.pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
-    np.testing.assert_allclose(record.bend_deg, records.members_deg[2, 0], atol=2e-3)
+    np.testing.assert_allclose(record.truth_deg, records.members_deg[2, 0], atol=2e-3)
     assert np.abs(records.pull_mm).max() <= 4
     assert (np.ptp(records.truth_deg, axis=1) > 0).any(axis=1).all()
 
@@ -77,7 +77,7 @@ def test_some_members_are_in_a_sheath_that_moves_and_stands_elsewhere_in_every_r
     assert moves.sum() == TINY.moving
     for place in (0, 5):
         pulls = records.pull_mm.astype(float) * 1e-3
-        still = [simulate(members.presets[place], pull, SAMPLE_TIME).bend_deg for pull in pulls]
+        still = [simulate(members.presets[place], pull, SAMPLE_TIME).truth_deg for pull in pulls]
         apart = np.abs(records.members_deg[:, place] - np.array(still)).max(axis=1)
         assert (apart > 0.02).all() if moves[place] else (apart < 2e-3).all()
 

@@ -37,8 +37,8 @@ def test_loops_reach_less_the_more_their_sheath_is_bent_and_are_noisy_as_stated(
     reached = []
     for bend in (0, 30, 90, 180):
         log = read_measured_log(assets_folder() / f"samples/loop_{bend:03d}.csv")
-        reached.append(np.ptp(log.bend_deg))
-        rough = np.diff(log.bend_deg, 2).std() / np.sqrt(6)
+        reached.append(np.ptp(log.truth_deg))
+        rough = np.diff(log.truth_deg, 2).std() / np.sqrt(6)
         assert rough**2 == pytest.approx(NOISE_DEG2, rel=0.35)
     assert np.all(np.diff(reached) < -3)
 

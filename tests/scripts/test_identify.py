@@ -113,7 +113,7 @@ def test_rest_of_each_record_is_predicted(late, tmp_path, monkeypatch, capsys):
     model, errors = load_model(tmp_path / "coleman_hodgdon.json"), {"fitted": [], "rest": []}
     for episode, offset in zip(read_episodes([late], 0.05), values["offsets_deg"], strict=True):
         zero = offset["offset_deg"]
-        bend = episode.measured_bend_deg
+        bend = episode.measured_deg
         error = model.response(episode.pull_mm, bend[0] - zero) + zero - bend
         half = -(-len(bend) // 2)
         errors["fitted"].append(error[:half])

@@ -23,7 +23,7 @@ def folder(tmp_path, monkeypatch):
         for k, time in enumerate(to_nanoseconds(episode.time)):
             writer.add_message(REFERENCE_TOPIC, estimate_message(float(k)), time)
     write_episode("ghost.mcap", ghost)
-    write_episode("half.mcap", ghost.every(0.2))
+    write_episode("half.mcap", ghost.resampled(0.2))
     return tmp_path
 
 

@@ -28,11 +28,11 @@ import twin
 episode = twin.read_episode(sys.argv[1])
 model = twin.ColemanHodgdon(1.15, 22.38, 5.0)
 told = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(variance=0.5))
-online = twin.OnlineEstimator(told, episode.sample_time, float(episode.bend_deg[0]))
-samples = zip(episode.time, episode.pull_mm, episode.measured_bend_deg)
+online = twin.OnlineEstimator(told, episode.sample_time, float(episode.truth_deg[0]))
+samples = zip(episode.time, episode.pull_mm, episode.measured_deg)
 estimate = [online.push(*map(float, sample)) for sample in samples]
 policy = twin.load_estimator(sys.argv[2])
-steered = policy.estimate(episode.pull_mm, episode.measured_bend_deg[None], float(episode.bend_deg[0]))[0]
+steered = policy.estimate(episode.pull_mm, episode.measured_deg[None], float(episode.truth_deg[0]))[0]
 try:
     twin.Endoscope
     refused = ""
@@ -163,11 +163,11 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, r
 
     told = twin.ActiveModel(twin.ColemanHodgdon(1.15, 22.38, 5.0), episode.sample_time)
     told = told.with_sensor(twin.Sensor(variance=0.5))
-    start = np.array([episode.bend_deg[0]])
-    here = told.estimate(episode.pull_mm, episode.measured_bend_deg[None], start)[0]
+    start = np.array([episode.truth_deg[0]])
+    here = told.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
     np.testing.assert_allclose(there["estimate"], here, rtol=1e-12)
     steered = twin.load_estimator(policy)
-    here = steered.estimate(episode.pull_mm, episode.measured_bend_deg[None], start)[0]
+    here = steered.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
     np.testing.assert_allclose(there["steered"], here, rtol=1e-9)
 
     for verb, extra in {

@@ -114,6 +114,6 @@ def test_a_log_is_thinned_and_nothing_is_interpolated(sample_time, every):
     log = log_of(episode, 0, sample_time)
     np.testing.assert_array_equal(log.time_s, episode.time[::every])
     np.testing.assert_array_equal(log.pull_mm, episode.pull_mm[::every])
-    np.testing.assert_array_equal(log.measurement_deg, episode.measured_bend_deg[::every])
-    np.testing.assert_array_equal(log.truth_deg, episode.bend_deg[::every])
+    np.testing.assert_array_equal(log.measurement_deg, episode.measured_deg[::every])
+    np.testing.assert_array_equal(log.truth_deg, episode.truth_deg[::every])
     assert not log.is_measured

@@ -33,7 +33,7 @@ def test_set():
     made = []
     for pull, stroke in zip(PULLS, [(-1.0, 1.0), (2.0, 4.0)], strict=True):
         for number, episode in enumerate(simulate_drives(members(PRESET, RANGES, pull, 4, seed=2))):
-            bend = episode.bend_deg[::5]
+            bend = episode.truth_deg[::5]
             made.append(
                 EvaluationRecord(pull[::5] * 1e3, bend, np.ones(len(bend), bool), stroke, "r", str(number))
             )

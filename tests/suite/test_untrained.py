@@ -56,7 +56,7 @@ def test_a_touch_bends_the_tip_while_it_lasts_and_not_before():
         simulate_pushed(Scenario("tip touched", PRESET, "given", (-1, 1), pull, tip_force=of))
         for of in (np.zeros(300), force)
     )
-    away = pushed.bend_deg - free.bend_deg
+    away = pushed.truth_deg - free.truth_deg
     assert np.abs(away[:100]).max() < 1e-9
     assert away[150:195].min() > 0.5
     assert TOUCHED[0] < TOUCHED[1]

@@ -26,4 +26,4 @@ def loop_of(twin: Twin, preset: Preset, period: float, **options) -> tuple[np.nd
     """Pull [mm] and bend [deg] of the second of two cycles; it starts and ends at mid-stroke, rising."""
     episode = twin.simulate(preset, sine(period, 2), SAMPLE_TIME, **options)
     start = round(period / SAMPLE_TIME)
-    return episode.pull_mm[start:], episode.bend_deg[start:]
+    return episode.pull_mm[start:], episode.truth_deg[start:]

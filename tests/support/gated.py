@@ -37,7 +37,7 @@ def material_of(path, episodes=(), preset=None, ranges=None, **more):
 
 def deployment():
     """A fallback and limits, as every trained file carries them."""
-    records = [(log.pull_mm, log.bend_deg) for log in logs_on(twins()[0], (-4.0, 4.0))]
+    records = [(log.pull_mm, log.truth_deg) for log in logs_on(twins()[0], (-4.0, 4.0))]
     return prepare_deployment(records, ColemanHodgdon(1.33, 22.3, 3.4), T, seed=0).to_dict()
 
 

@@ -78,9 +78,9 @@ def _record(preset: Preset, amplitude: float) -> tuple[Array, Array]:
     """Return pull [mm] and noisy angle [deg] of a simulated multi-sine, each (600,): 60 s at T = 0.1 s."""
     rng = np.random.default_rng(SEED)
     pull = command("multi-sine", (-amplitude, amplitude), SECONDS, SAMPLE_TIME / FINE, rng)
-    episode = simulate(preset, pull, SAMPLE_TIME / FINE).every(SAMPLE_TIME)
+    episode = simulate(preset, pull, SAMPLE_TIME / FINE).resampled(SAMPLE_TIME)
     noise = np.sqrt(NOISE_VARIANCE) * rng.standard_normal(len(episode.pull_mm))
-    return episode.pull_mm, episode.bend_deg + noise
+    return episode.pull_mm, episode.truth_deg + noise
 
 
 def _of_model(model: ColemanHodgdon, pull: Array, bend: Array) -> float:

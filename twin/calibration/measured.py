@@ -164,7 +164,7 @@ def measured_loop(
         )
     count = 1
     if time[-1] >= sample_time:  # a grid has two samples at least
-        even = even.on_grid(sample_time)
+        even = even.resampled(sample_time, "interpolate")
         count = len(even.time)
     fitted = np.arange(count) < round(fraction * count)
     if fitted.sum() < 10:

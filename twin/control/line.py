@@ -37,6 +37,6 @@ def fit_line(preset: Preset, stroke_mm: tuple[float, float]) -> Line:
     pull_mm = (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * time / _PERIOD_S)
     episode = simulate(preset, pull_mm * 1e-3, _SAMPLE_TIME, physics="reduced")
     closed = slice(len(time) // _CYCLES, None)  # the first loop begins inside
-    bend = episode.bend_deg[closed]
+    bend = episode.truth_deg[closed]
     slope, offset = np.polyfit(pull_mm[closed], bend, 1)
     return Line(float(slope), float(offset), (float(bend.min()), float(bend.max())))

@@ -104,8 +104,8 @@ class _Loop:
 
 def _loop(episode: Episode) -> _Loop:
     thinned = slice(None, None, max(len(episode.time) // POINTS, 1))
-    seen = np.stack([episode.pull_mm[thinned], episode.measured_bend_deg[thinned]])
-    return _Loop(_title(episode), episode.pull_mm, episode.bend_deg, seen)
+    seen = np.stack([episode.pull_mm[thinned], episode.measured_deg[thinned]])
+    return _Loop(_title(episode), episode.pull_mm, episode.truth_deg, seen)
 
 
 def loops_figure(episodes: Iterable[Episode]) -> Figure:

@@ -81,7 +81,7 @@ def draw_twin_episodes(knowledge: Knowledge) -> tuple[TrainingEpisodes, Any]:
         bends.append(np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None)
     simulated = simulate_batch(presets, pulls, _SAMPLE_TIME, sheath_bends=bends)
     pairs = zip(pulls, simulated, strict=True)
-    whole = [(pull, episode.bend_deg) for pull, episode in pairs if episode is not None]
+    whole = [(pull, episode.truth_deg) for pull, episode in pairs if episode is not None]
     if not whole:
         raise DivergedError("no twin that a filter could be tuned on found an equilibrium")
     pull_mm = np.array([pull[::stride] * 1e3 for pull, _ in whole])

@@ -39,7 +39,7 @@ def at_sample_time(episode: Episode, sample_time: float) -> Episode:
     Raises:
         ValueError: the sample time does not fit it.
     """
-    return episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
+    return episode.resampled(sample_time)
 
 
 def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:
@@ -47,7 +47,7 @@ def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array,
 
     Where the angle of a measured log is not known, it is linear between its neighbours.
     """
-    return [(episode.pull_mm, episode.bend_deg) for episode in read_episodes(paths, sample_time)]
+    return [(episode.pull_mm, episode.truth_deg) for episode in read_episodes(paths, sample_time)]
 
 
 def evaluation_records(paths: Sequence[Path], sample_time: float) -> list[EvaluationRecord]:
@@ -72,7 +72,7 @@ def whole_pieces(episode: Episode) -> list[tuple[Array, Array]]:
     Raises:
         ValueError: no piece is left.
     """
-    pull, bend = episode.pull_mm, episode.measured_bend_deg
+    pull, bend = episode.pull_mm, episode.measured_deg
     return [(pull[begin:end], bend[begin:end]) for begin, end in whole_ranges(episode)]
 
 
@@ -114,12 +114,12 @@ def evaluation_record(episode: Episode, number: int) -> EvaluationRecord:
     low, high = episode.metadata.get("stroke_mm") or np.round([pull.min(), pull.max()], 1) + 0.0
     return EvaluationRecord(
         pull_mm=pull,
-        bend_deg=episode.bend_deg[first:],
+        bend_deg=episode.truth_deg[first:],
         seen=seen[first:],
         stroke_mm=(float(low), float(high)),
         twin=_twin(episode),
         name=record_name(episode, number),
-        measured_deg=episode.measured_bend_deg[first:],
+        measured_deg=episode.measured_deg[first:],
         preset="" if episode.is_measured else _preset(episode),
     )
 

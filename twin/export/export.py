@@ -171,7 +171,7 @@ def _at(episode: Episode, sample_time: float | None, file: Path) -> Episode:
     if sample_time is None:
         return episode
     try:
-        return episode.on_grid(sample_time) if episode.is_measured else episode.every(sample_time)
+        return episode.resampled(sample_time)
     except ValueError as error:
         raise InputError(f"{file}: {error}") from error
 

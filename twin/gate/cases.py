@@ -122,7 +122,7 @@ def simulate_runs(
     found = []
     for number in range(len(pulls)):
         mine = episodes[number * (twins + spare) : (number + 1) * (twins + spare)]
-        whole = [episode.bend_deg for episode in mine if episode is not None]
+        whole = [episode.truth_deg for episode in mine if episode is not None]
         if len(whole) < twins:
             raise DivergedError(f"twins along command {number + 1} of the gate found no equilibrium")
         found.append(whole[:twins])

@@ -32,6 +32,6 @@ def nominal_records(
     for number, kind in enumerate(SIGNALS):
         rng = random_stream(seed, SeedUse.NOMINAL_RECORDS, number)
         pull = command(kind, (low * 1e-3, high * 1e-3), _SECONDS, sample_time, rng)
-        bend_deg = simulate(preset, pull, sample_time, physics="reduced").bend_deg
+        bend_deg = simulate(preset, pull, sample_time, physics="reduced").truth_deg
         records.append((pull[::stride] * 1e3, bend_deg[::stride]))
     return records

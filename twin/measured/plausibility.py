@@ -45,7 +45,7 @@ def _odd_command(logs: Sequence[Episode]) -> str | None:
 
 
 def _odd_bend(logs: Sequence[Episode]) -> str | None:
-    span = float(np.ptp(np.concatenate([log.bend_deg for log in logs])))
+    span = float(np.ptp(np.concatenate([log.truth_deg for log in logs])))
     odd = _outside(span, BEND_RANGE_DEG, "deg")
     return f"{logs[0].metadata['angle_column']} ranges over {odd}: check `angle_unit`" if odd else None
 

@@ -58,7 +58,7 @@ FEATURES = (
         "/measurement",
         "bend_deg",
         "bending angle of the tip as the sensor saw it",
-        lambda e: e.measured_bend_deg,
+        lambda e: e.measured_deg,
     ),
     Feature(
         "tension_n",
@@ -67,7 +67,7 @@ FEATURES = (
         "tension of each wire at the pulley",
         lambda e: e.tension if e.wire_tension.shape[2] else np.empty(0),
     ),
-    Feature("bend_deg", "/truth", "bend_deg", "true bending angle of the tip", lambda e: e.bend_deg),
+    Feature("bend_deg", "/truth", "bend_deg", "true bending angle of the tip", lambda e: e.truth_deg),
     Feature(
         "lateral_bend_deg",
         "/truth",

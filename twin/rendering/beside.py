@@ -81,14 +81,14 @@ def curves_of(over: str, episode: Episode, beside: Beside, theme: Theme, *, movi
         theme: colours.
         moving: True where a trace moves over the curve, which is then pale; False where it is the trace.
     """
-    x, bend_deg = getattr(episode, over), episode.bend_deg
+    x, bend_deg = getattr(episode, over), episode.truth_deg
     name = ""
     if beside.ghost is not None or beside.has_reference:
         name = controller_of(episode) or ("twin" if beside.ghost_name else "bend")
     curves = []
     if beside.ghost is not None:
         along = getattr(beside.ghost, over)
-        curves.append(Curve(along, beside.ghost.bend_deg, theme.ghost, dashed=True, name=beside.called))
+        curves.append(Curve(along, beside.ghost.truth_deg, theme.ghost, dashed=True, name=beside.called))
     if not moving:
         return [*curves, Curve(x, bend_deg, theme.trace, name=name)]
     key = [Curve(x[:0], bend_deg[:0], theme.trace, name=name)] if name else []  # the trace to come

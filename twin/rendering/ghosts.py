@@ -20,8 +20,8 @@ def model_ghost(episode: Episode, model: HysteresisModel, name: str) -> Beside:
         model: identified model.
         name: of it, in the legend; how far it is off is added.
     """
-    bend_deg = model.response(episode.pull_mm, episode.bend_deg[0])
-    off = float(np.sqrt(np.mean((bend_deg - episode.bend_deg) ** 2)))
+    bend_deg = model.response(episode.pull_mm, episode.truth_deg[0])
+    off = float(np.sqrt(np.mean((bend_deg - episode.truth_deg) ** 2)))
     return Beside(ghost=_standing(episode, bend_deg), ghost_name=f"{name}, RMSE {off:.2f}°")
 
 
@@ -36,9 +36,9 @@ def commanded_ghost(episode: Episode, reference_deg: Array) -> Beside:
         reference_deg: (N,) angle that was wanted, NaN where none is known [deg]; empty for none.
     """
     if np.isfinite(reference_deg).any():
-        known = np.where(np.isfinite(reference_deg), reference_deg, episode.bend_deg)
+        known = np.where(np.isfinite(reference_deg), reference_deg, episode.truth_deg)
         return Beside(_standing(episode, known), reference_deg, ghost_name="commanded (reference)")
-    slope, offset = _line(episode.pull_mm, episode.bend_deg)
+    slope, offset = _line(episode.pull_mm, episode.truth_deg)
     return Beside(
         _standing(episode, slope * episode.pull_mm + offset), ghost_name="commanded (straight line)"
     )

@@ -23,7 +23,7 @@ def plot_of(episode: Episode, beside: Beside, theme: Theme) -> Plot:
 def loop(episode: Episode, beside: Beside, theme: Theme) -> Plot:
     """Return bending angle over pulling distance: the whole loop stands pale behind its trace."""
     moving, still = (curves_of("pull_mm", episode, beside, theme, moving=moves) for moves in (True, False))
-    return Plot(episode.pull_mm, episode.bend_deg, PULL_LABEL, BEND_LABEL, tuple(moving), tuple(still))
+    return Plot(episode.pull_mm, episode.truth_deg, PULL_LABEL, BEND_LABEL, tuple(moving), tuple(still))
 
 
 def lateral_loop(episode: Episode, theme: Theme) -> Plot:
@@ -43,7 +43,7 @@ def over_time(episode: Episode, beside: Beside, theme: Theme) -> Plot:
     moving, still = (
         curves_of("time", episode, beside, theme, moving=moves) + known for moves in (True, False)
     )
-    return Plot(episode.time, episode.bend_deg, TIME_LABEL, BEND_LABEL, tuple(moving), tuple(still), "time")
+    return Plot(episode.time, episode.truth_deg, TIME_LABEL, BEND_LABEL, tuple(moving), tuple(still), "time")
 
 
 def on_common_axes(plots: Sequence[Plot]) -> list[Plot]:

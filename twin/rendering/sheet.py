@@ -71,7 +71,7 @@ def render_sheet(record: Record, path: Path, pictures: int, look: Look | None = 
         box = Rectangle(column * cell.width, row * cell.height, cell.width, cell.height)
         unit = composition.scale_of(cell) * look.dpi / 100
         size = 21 * unit
-        told = f"{episode.time[sample]:.1f} s   {angle(float(episode.bend_deg[sample]))}"
+        told = f"{episode.time[sample]:.1f} s   {angle(float(episode.truth_deg[sample]))}"
         marks: list[Mark] = [
             Badge(1.9 * size, 1.9 * size, f"{number + 1}", theme.ink, 0.95 * size, badge),
             Label(3.3 * size, 1.9 * size, told, theme.ink, size, anchor="lm"),
@@ -92,7 +92,7 @@ def render_sheet(record: Record, path: Path, pictures: int, look: Look | None = 
         for number, sample in enumerate(samples):
             spot = {"boxstyle": "circle,pad=0.18", "facecolor": theme.ink, "edgecolor": badge}
             style: Any = {"ha": "center", "va": "center", "color": badge, "fontweight": "bold", "bbox": spot}
-            place = episode.time[sample], episode.bend_deg[sample]
+            place = episode.time[sample], episode.truth_deg[sample]
             axes.text(*place, f"{number + 1}", fontsize=9 * scale, **style)
     write_figure(figure, path, look)
     return path

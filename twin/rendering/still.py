@@ -154,7 +154,7 @@ class _Chosen:
         ghost = self.record.beside.ghost
         if ghost is None or view.is_lateral:
             return []
-        apart = abs(self.record.episode.bend_deg[self.sample] - ghost.bend_deg[self.sample])
+        apart = abs(self.record.episode.truth_deg[self.sample] - ghost.truth_deg[self.sample])
         return [view.line_below_numbers(f"{apart:.1f}° apart")]
 
 
@@ -212,9 +212,9 @@ def _mark_sample(axes: Axes, cell: PlotCell, chosen: _Chosen, pale: str, colour:
     spot: dict[str, Any] = {"markersize": 8.5 * cell.scale, "markeredgecolor": "white", "zorder": 4}
     if ghost is not None and cell.plot.is_main:
         along = ghost.time if cell.plot.over == "time" else ghost.pull_mm
-        places = [along[sample], x], [ghost.bend_deg[sample], bend]
+        places = [along[sample], x], [ghost.truth_deg[sample], bend]
         axes.plot(*places, color=pale, linewidth=1.2 * cell.scale, zorder=3)
-        axes.plot(along[sample], ghost.bend_deg[sample], "o", color=pale, **spot)
+        axes.plot(along[sample], ghost.truth_deg[sample], "o", color=pale, **spot)
     axes.plot(x, bend, "o", color=colour, **spot)
 
 

@@ -175,12 +175,12 @@ class ViewCell:
             bend = float(np.degrees(episode.lateral_bend[index]))
             caption, pull_mm = "lateral bending angle", episode.lateral_pull * 1e3
         else:
-            caption, bend, pull_mm = "bending angle", float(episode.bend_deg[index]), episode.pull_mm
+            caption, bend, pull_mm = "bending angle", float(episode.truth_deg[index]), episode.pull_mm
         lines = [(f"pull {signed(float(pull_mm[index]), 2)} mm", theme.ink)] if len(pull_mm) else []
         if self._is_first:
             lines.append((f"time {episode.time[index]:.1f} s", theme.muted))
         if self.record.beside.ghost is not None and not self.is_lateral:
-            ghost = self.record.beside.ghost.bend_deg[index]
+            ghost = self.record.beside.ghost.truth_deg[index]
             lines.append((f"{self.record.beside.short_name} {angle(ghost)}", theme.muted))
         self._below = top + (128 + 26 * len(lines)) * unit
         marks: list[Mark] = [

@@ -31,7 +31,7 @@ def record_player(episode: Episode, name: str) -> Player:
     """
     places = np.unique(np.linspace(0, len(episode.time) - 1, MOST_SAMPLES).round().astype(int))
     hinges = _hinges_deg(episode)[places]
-    pull, bend = episode.pull_mm[places], episode.bend_deg[places]
+    pull, bend = episode.pull_mm[places], episode.truth_deg[places]
     first = int(np.abs(bend).argmax())
     base, link = _scale(hinges)
     x, y, axes = _axes(pull, bend)
@@ -63,7 +63,7 @@ def _hinges_deg(episode: Episode) -> Array:
     """(N, hinges) angle of each hinge [deg]; equal ones where they were not recorded."""
     if episode.joint_angle.size:
         return np.degrees(episode.joint_angle)
-    equal: Array = np.repeat(episode.bend_deg[:, None] / HINGES, HINGES, axis=1)
+    equal: Array = np.repeat(episode.truth_deg[:, None] / HINGES, HINGES, axis=1)
     return equal
 
 

@@ -284,7 +284,7 @@ def _loops(
 
 
 def _loop(path: Path, episodes: list[Episode], model: HysteresisModel | None) -> Picture:
-    loops = [(episode.pull_mm, episode.bend_deg) for episode in episodes]
+    loops = [(episode.pull_mm, episode.truth_deg) for episode in episodes]
     fits = [] if model is None else [model.response(pull, bend[0]) for pull, bend in loops]
     caption = f"The first {min(_DRAWN, len(loops))} of {len(loops)} records of {path.parent.name}/{path.name}"
     if model is not None:

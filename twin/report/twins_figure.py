@@ -30,18 +30,18 @@ def twins_figure(reduced: Episode, steps: Sequence[tuple[str, Episode]]) -> Figu
     loop, away = figure.subplots(1, 2, width_ratios=(1, 1.5))
     clean_axes(loop)
     clean_axes(away)
-    loop.plot(1e3 * reduced.pull, steps[0][1].bend_deg, color=INK, linewidth=2.2, label="MuJoCo")
-    loop.plot(1e3 * reduced.pull, reduced.bend_deg, color=SHADES[0], linewidth=0.9, label="reduced")
+    loop.plot(1e3 * reduced.pull, steps[0][1].truth_deg, color=INK, linewidth=2.2, label="MuJoCo")
+    loop.plot(1e3 * reduced.pull, reduced.truth_deg, color=SHADES[0], linewidth=0.9, label="reduced")
     loop.set_xlabel("pull [mm]")
     loop.set_ylabel("bend [deg]")
     loop.legend(frameon=False, fontsize=8)
     for (label, record), colour in zip(steps, SHADES, strict=False):
-        difference = reduced.bend_deg - record.bend_deg
+        difference = reduced.truth_deg - record.truth_deg
         away.plot(reduced.time, difference, color=colour, linewidth=1.0, label=label)
     away.axhline(0.0, color=MUTED, linewidth=0.6, zorder=0)
     away.set_xlabel("time [s]")
     away.set_ylabel("reduced less MuJoCo [deg]")
     away.legend(frameon=False, fontsize=8, ncols=len(steps), loc="upper center", bbox_to_anchor=(0.5, 1.14))
-    largest = max(float(np.abs(reduced.bend_deg - record.bend_deg).max()) for _, record in steps)
+    largest = max(float(np.abs(reduced.truth_deg - record.truth_deg).max()) for _, record in steps)
     away.set_ylim(-1.15 * largest, 1.15 * largest)
     return figure

@@ -55,7 +55,7 @@ def _bench(preset: Preset, generator: np.random.Generator) -> dict[str, Array]:
     time = np.arange(0, 60, SAMPLE_TIME)
     turns = ((0, 0.0), (9, 3.0), (15, 1.0), (21, 2.5), (36, -3.0), (42, -1.0), (47, -2.5), (60, 1.5))
     pull = _along(time, turns)
-    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
     return {"time_s": time, "pull_mm": pull, "angle_deg": _seen(bend, generator)}
 
 
@@ -69,7 +69,7 @@ def _loop(sheath_bend: float, generator: np.random.Generator) -> dict[str, Array
     return {
         "time_s": time,
         "command_deg": command,
-        "angle_deg": _seen(episode.bend_deg, generator),
+        "angle_deg": _seen(episode.truth_deg, generator),
         "tension_a_n": episode.tension[:, 0] + generator.normal(0, 0.02, len(time)),
         "tension_b_n": episode.tension[:, 1] + generator.normal(0, 0.02, len(time)),
     }
@@ -85,7 +85,7 @@ def _two_planes(preset: Preset, generator: np.random.Generator) -> dict[str, Arr
         "time_s": time,
         "pull_mm": pull,
         "lateral_pull_mm": lateral,
-        "angle_deg": _seen(episode.bend_deg, generator),
+        "angle_deg": _seen(episode.truth_deg, generator),
         "lateral_angle_deg": _seen(np.degrees(episode.lateral_bend), generator),
     }
 
@@ -94,7 +94,7 @@ def _windows(preset: Preset, generator: np.random.Generator) -> dict[str, Array]
     """Six pieces of 5 s of a longer record, one below the other."""
     time = np.arange(0, 60, SAMPLE_TIME)
     pull = 2 * np.sin(2 * np.pi * time / 9) + 0.5 * np.sin(2 * np.pi * time / 2.7)
-    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
     window = np.floor(time / 10)
     kept = time - 10 * window < 5
     return {
@@ -109,7 +109,7 @@ def _stream(preset: Preset, generator: np.random.Generator) -> str:
     """Twenty seconds of a live stream, with the angle that is wanted at the next sample."""
     time = np.arange(0, 20, SAMPLE_TIME)
     pull = 0.9 * np.sin(2 * np.pi * time / 8)
-    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).bend_deg
+    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
     seen, wanted = _seen(bend, generator), 6 * np.sin(2 * np.pi * (time + SAMPLE_TIME) / 10)
     rows = zip(time, pull, seen, wanted, strict=True)
     names = ("time_s", "pull_mm", "measurement_deg", "reference_deg")

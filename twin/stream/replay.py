@@ -51,12 +51,12 @@ def log_of(episode: Episode, number: int, sample_time: float) -> StreamLog:
         sample_time: T; n is the whole number nearest to T over the record's own, at least 1 [s].
     """
     every = max(round(sample_time / episode.sample_time), 1)
-    truth = np.full(len(episode.time), np.nan) if episode.is_measured else episode.bend_deg
+    truth = np.full(len(episode.time), np.nan) if episode.is_measured else episode.truth_deg
     return StreamLog(
         name=record_name(episode, number),
         time_s=episode.time[::every],
         pull_mm=episode.pull_mm[::every],
-        measurement_deg=episode.measured_bend_deg[::every],
+        measurement_deg=episode.measured_deg[::every],
         truth_deg=truth[::every],
     )
 

@@ -66,7 +66,7 @@ def make_ensembles(
         if not path.is_file():
             drives = members(preset, ranges, pull, count, seed, first=first)
             episodes = simulate_drives(drives, physics=physics)
-            bend = np.array([episode.bend_deg for episode in episodes if episode is not None], np.float32)
+            bend = np.array([episode.truth_deg for episode in episodes if episode is not None], np.float32)
             buffer = io.BytesIO()
             np.savez(buffer, pull_mm=pull * 1e3, bend_deg=bend, sample_time=SAMPLE_TIME)
             write_whole(path, buffer.getvalue())

@@ -93,10 +93,10 @@ def _predicted(log: GateLog, material: GateMaterial) -> tuple[Array | None, floa
         begins = preset.replace(sheath_bend=float(log.sheath_bend[0])) if log.sheath_bend.size else preset
         course = log.sheath_bend if log.sheath_bend.size else None
         (episode,) = simulate_batch([begins], [pull], T, sheath_bends=[course])
-        return (None if episode is None else episode.bend_deg), None
+        return (None if episode is None else episode.truth_deg), None
     bends = np.unique([preset.sheath_bend, *np.linspace(*limits, _BENDS)]).tolist()
     episodes = simulate_batch([preset.replace(sheath_bend=bend) for bend in bends], [pull] * len(bends), T)
-    whole = [(of.bend_deg, bend) for of, bend in zip(episodes, bends, strict=True) if of is not None]
+    whole = [(of.truth_deg, bend) for of, bend in zip(episodes, bends, strict=True) if of is not None]
     if not whole:
         return None, None
     return min(whole, key=lambda found: float(np.mean(_error(log, found[0]) ** 2)))
