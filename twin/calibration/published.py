@@ -181,7 +181,7 @@ def outcomes(
         parts = np.split(whole, [commands.identified[..., 0].size], axis=1)
         return [part.reshape(-1, *one.shape[1:]) for part, one in zip(parts, sets, strict=True)]
 
-    pull, bend = gathered("pull_mm"), gathered("bend_deg")
+    pull, bend = gathered("pull_mm"), gathered("truth_deg")
     model, misfit = best_coleman_hodgdon(pull[0], bend[0])
     static, steady, active = _errors(model, pull[1], bend[1], noises)
     seeds = len(commands.identified)
