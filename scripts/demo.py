@@ -67,13 +67,15 @@ def demo(args: Demo) -> Summary:
     learn = (
         f"train {data}/train --model {model} --protocol strict --seed {args.seed} --episodes {args.episodes}"
     )
-    training = [spec.training for spec in method_specs() if spec.training and spec.in_paper_suite]
+    training = [
+        spec.training for spec in method_specs() if spec.training and spec.presentation.in_paper_suite
+    ]
     train = {made.agent: f"{learn} --agent {made.agent} --out {runs}/{made.agent}" for made in training}
     policies = [made.agent for made in training if made.file == POLICY_FILE]
     # A tenth of a whole training of twins: the demo is over in minutes.
     share = max(args.episodes // 10, 1)
     twins = f"train --protocol twins --preset {PRESET} --seed {args.seed} --episodes {share}"
-    ours = next(spec.training for spec in method_specs() if spec.leading and spec.training)
+    ours = next(spec.training for spec in method_specs() if spec.presentation.leading and spec.training)
     given = " ".join(f"{runs}/{made.agent}/{made.file}" for made in (*training, ours))
     stages: dict[str, list[str]] = {
         "training data": [f"{generate} --stroke 2 4 --seed {args.seed} --out {data}/train"],

@@ -97,7 +97,7 @@ class Evaluate:
 def evaluate(args: Evaluate) -> Summary:
     """Write `evaluation.json`, tables, figures and `tracks.npz`."""
     if args.method_file:
-        from twin.estimation.method_file import load_method_files
+        from twin.estimation.registry import load_method_files
 
         load_method_files(args.method_file)
     return _full(args) if args.suite in ("full", "untrained") else _paper(args)

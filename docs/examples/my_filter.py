@@ -35,8 +35,4 @@ def build(known):
     return Complementary(known.reference)
 
 
-register_method(
-    MethodSpec(
-        "Complementary", 100, "filter", "nothing", build, models=(ColemanHodgdon.name,), in_paper_suite=True
-    )
-)
+register_method(MethodSpec("Complementary", build, "nothing", models=(ColemanHodgdon.name,)))

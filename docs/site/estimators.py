@@ -41,14 +41,15 @@ def module_of(spec: MethodSpec) -> str:
 
 def _index(specs: list[MethodSpec]) -> str:
     rows = [
-        f"| [{spec.name}]({slug(spec.name)}.md) | {spec.family} | {spec.told} | {_learned(spec)} |"
+        f"| [{spec.name}]({slug(spec.name)}.md) | {spec.presentation.family} | {spec.noise_information} "
+        f"| {_learned(spec)} |"
         for spec in specs
     ]
     return (
         "# Estimators\n\nEvery method that `endotwin evaluate` compares, in the order of tables. "
-        "*Told*: what it knows of the noise under test. [How the angle is estimated](../method.md) says what "
+        "*Noise*: what it knows of the noise. [How the angle is estimated](../method.md) says what "
         "each is fitted on; [the full benchmark](../results/benchmark.md) says what it reaches.\n\n"
-        "| method | family | told | trained by |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
+        "| method | family | noise | trained by |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
     )
 
 
@@ -67,7 +68,7 @@ def _agent(training: Training) -> str:
 def _page(spec: MethodSpec) -> str:
     module = module_of(spec)
     place = module.replace(".", "/") + ".py"
-    facts = [("family", spec.family), ("told of the noise", spec.told)]
+    facts = [("family", spec.presentation.family), ("known of the noise", spec.noise_information)]
     if spec.models:
         facts.append(("model of hysteresis", ", ".join(spec.models)))
     if spec.fits:
@@ -77,9 +78,9 @@ def _page(spec: MethodSpec) -> str:
         facts.append(("trained on", f"{on}, by `endotwin train {_agent(spec.training)}`"))
     if spec.trained_as:
         facts.append(("runs on", f"the trained file of {agent_names()[spec.trained_as]}"))
-    if spec.oracle or spec.is_limit:
+    if spec.oracle or spec.presentation.is_limit:
         facts.append(("deployable", "no: it knows what no device tells"))
-    if spec.paper_column is not None:
+    if spec.presentation.paper_column is not None:
         facts.append(("in the paper", "Tables II and III"))
     facts += [*_costs(spec), ("code", f"`{place}`")]
     table = "| what | this method |\n|---|---|\n" + "\n".join(
@@ -157,7 +158,7 @@ def _text(module: str) -> str:
 
 
 def _try(spec: MethodSpec) -> str:
-    if spec.trained_as or spec.is_limit or spec.family == "ensemble":
+    if spec.trained_as or spec.presentation.is_limit or spec.presentation.family == "ensemble":
         return f"`endotwin evaluate --suite full --methods {_quoted(spec)} --out results` compares it."
     lines = [f"endotwin evaluate data/test --train data/train --methods {_quoted(spec)} --out results"]
     if spec.training:

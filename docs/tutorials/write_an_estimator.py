@@ -96,10 +96,8 @@ for time, pull, seen in ((0.0, 0.0, 0.2), (0.1, 0.1, 1.4), (0.2, 0.2, float("nan
 # register_method(
 #     MethodSpec(
 #         name="Complementary",
-#         rank=100,
-#         family="filter",
-#         told="nothing",
 #         build=lambda known: Complementary(known.reference),
+#         noise_information="nothing",
 #         models=(ColemanHodgdon.name,),
 #     )
 # )
@@ -107,4 +105,4 @@ for time, pull, seen in ((0.0, 0.0, 0.2), (0.1, 0.1, 1.4), (0.2, 0.2, float("nan
 #
 # is all that `endotwin evaluate --suite full --method-file my_filter.py` needs to have it in every table and figure; nothing of EndoTwin is edited.
 # [my_filter.py](../examples/my_filter.py) is such a file. The benchmark runs it, as `python my_filter.py` would. An estimator that is to stay
-# goes with the same lines into `twin/estimation/`: [Contributing](../../CONTRIBUTING.md#adding-an-estimator) says the rest.
+# goes with the same lines into `twin/estimation/`, and into its table of methods: [Contributing](../../CONTRIBUTING.md#adding-an-estimator) says the rest.

@@ -18,8 +18,7 @@ from rl.suite.settings import FullSuite, NewProgress
 from rl.suite.written import COSTS, SCORES
 from twin import __version__
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.method_file import load_method_files
-from twin.estimation.registry import find_training
+from twin.estimation.registry import find_training, load_method_files
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import evaluate
 from twin.evaluation.costs import Cost, method_costs
@@ -166,7 +165,7 @@ def _files(suite: FullSuite, knowledge: Knowledge) -> dict[str, tuple[Path, ...]
 
 def _bounded(suite: FullSuite, knowledge: Knowledge) -> dict[str, SetMembershipFilter]:
     """Filters that state an interval, by name."""
-    built = {spec.name: spec.build(knowledge) for spec in suite.specs if "set" in spec.family}
+    built = {spec.name: spec.build(knowledge) for spec in suite.specs if "set" in spec.presentation.family}
     return {name: filter_ for name, filter_ in built.items() if isinstance(filter_, SetMembershipFilter)}
 
 
@@ -199,7 +198,7 @@ def _write(
         "data": [str(path) for path in suite.data],
         "train": str(suite.train or folder / "train"),
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
-        "told": {spec.name: spec.told for spec in suite.specs},
+        "noise_information": {spec.name: spec.noise_information for spec in suite.specs},
         "policies": {agent: [*map(str, paths)] for agent, paths in suite.trained.items()},
     }
     contents = {

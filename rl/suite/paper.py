@@ -65,7 +65,9 @@ class PaperSuite:
         """Methods that may be compared: of the suite, and every one that is named or whose file is given."""
         if self.methods:
             return [spec for spec in method_specs() if spec.name in self.methods]
-        return [spec for spec in method_specs() if spec.in_paper_suite or spec.agent in self.trained]
+        return [
+            spec for spec in method_specs() if spec.presentation.in_paper_suite or spec.agent in self.trained
+        ]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +139,7 @@ def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
         trained = dict.fromkeys(_trained_on_records(suite), (Path(),))
         knowledge = dataclasses.replace(knowledge, trained=trained | dict(knowledge.trained))
     for spec in suite.specs if suite.methods else ():
-        if missing := spec.missing(knowledge):
+        if missing := spec.unmet_requirements(knowledge):
             raise InputError(
                 f"method {spec.name!r} needs {' and '.join(missing)}; the full suite makes all that it needs"
             )

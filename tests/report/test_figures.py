@@ -93,7 +93,7 @@ def test_rmse_figure_has_the_interval_the_mean_and_the_paper():
 
 
 def test_methods_are_told_apart_without_colour():
-    styles = [spec.style for spec in method_specs() if spec.style]
+    styles = [spec.presentation.style for spec in method_specs() if spec.presentation.style]
     assert len({(style.line, style.marker) for style in styles}) == len(styles) == 7
     others = ["RAM", "KalmanNet", "UKF"]
     assert style_of("KalmanNet", others).marker != style_of("UKF", others).marker

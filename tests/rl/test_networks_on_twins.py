@@ -76,5 +76,5 @@ def test_the_full_suite_has_them_only_where_they_are_named_or_given(tmp_path):
     assert names(methods=("GRU (twins)", "AM")) == {"GRU (twins)", "AM"}
     given = names(trained={"ssm-twins": (tmp_path / "network.onnx",)})
     assert given & set(RIVALS) == {"SSM (twins)"}
-    assert all(find_method(name).on_request for name in RIVALS)
+    assert all(find_method(name).presentation.on_request for name in RIVALS)
     assert names(methods=("all",)) == {spec.name for spec in method_specs()}

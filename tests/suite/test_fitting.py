@@ -17,7 +17,7 @@ from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, save_fit
 
 def usual_specs():
     """Methods that no twins need be simulated for."""
-    return [spec for spec in method_specs() if not spec.on_request]
+    return [spec for spec in method_specs() if not spec.presentation.on_request]
 
 
 @pytest.fixture(scope="module")

@@ -169,7 +169,7 @@ def test_tables_figures_and_fits_are_kept(folder):
     for name in ("coleman_hodgdon", "bouc_wen"):
         load_model(folder / f"T_0.1/{name}.json")
     fits = load_fits(folder / "T_0.1/tuned.json")
-    usual = [spec for spec in method_specs() if not spec.on_request]
+    usual = [spec for spec in method_specs() if not spec.presentation.on_request]
     assert set(fits) == {fit.key for fit in needed_fits(usual)}
     assert 0 <= fits["constant gain"]["gain"][0] <= 1
 

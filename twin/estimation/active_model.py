@@ -15,7 +15,7 @@ from twin.errors import InputError
 from twin.estimation.estimator import Sensor
 from twin.estimation.gaussian import Belief, condition, propagate
 from twin.estimation.gaussian_filter import GaussianFilter
-from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
 from twin.files.shown import shown
@@ -128,15 +128,8 @@ class ActiveModel(GaussianFilter):
 register_method(
     MethodSpec(
         name=METHOD,
-        rank=10,
-        family="filter",
-        told="R",
+        noise_information="R",
         build=lambda known: ActiveModel(known.reference, known.sample_time),
         models=(ColemanHodgdon.name,),
-        in_paper_suite=True,
-        paper_column=1,
-        paper_figures=(6, 7, 8, 9, 10),
-        beside_paper=True,
-        style=Style("#e2861b", (0, (5, 1.5)), "^"),
     )
 )

@@ -118,9 +118,7 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
 register_method(
     MethodSpec(
         name="VB",
-        rank=36,
-        family="tuned filter",
-        told="R, to begin with",
+        noise_information="R, to begin with",
         build=lambda known: AdaptiveActiveModel(TUNED.filter(known)),
         models=(TUNED.model,),
         fits=(TUNED,),

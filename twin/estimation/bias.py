@@ -73,9 +73,7 @@ class BiasedActiveModel(ActiveModel):
 register_method(
     MethodSpec(
         name="AM with bias",
-        rank=37,
-        family="tuned filter",
-        told="R",
+        noise_information="R",
         build=lambda known: TUNED.filter(known, BiasedActiveModel),
         models=(TUNED.model,),
         fits=(TUNED,),

@@ -104,12 +104,9 @@ def _build(knowledge: Knowledge) -> ConstantGain:
 register_method(
     MethodSpec(
         name="Constant gain",
-        rank=55,
-        family="tuned filter",
-        told="R",
+        noise_information="R",
         build=_build,
         models=(ColemanHodgdon.name,),
         fits=(BEST_GAIN,),
-        in_paper_suite=True,
     )
 )

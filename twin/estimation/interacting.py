@@ -123,12 +123,9 @@ def _build(known: Knowledge) -> InteractingModels:
 register_method(
     MethodSpec(
         name="IMM",
-        rank=34.3,
-        family="tuned filter",
-        told="R",
+        noise_information="R",
         build=_build,
         models=(TUNED.model,),
         fits=(TUNED, TUNED_ON_TWINS),
-        on_request=True,
     )
 )

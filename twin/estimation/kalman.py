@@ -52,9 +52,7 @@ class KalmanActiveModel(ActiveModel):
 register_method(
     MethodSpec(
         name="KF",
-        rank=11,
-        family="filter",
-        told="R",
+        noise_information="R",
         build=lambda known: KalmanActiveModel(known.reference, known.sample_time),
         models=(ColemanHodgdon.name,),
     )

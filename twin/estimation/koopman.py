@@ -269,9 +269,7 @@ VARIANCES = KoopmanFit()
 register_method(
     MethodSpec(
         name="Koopman",
-        rank=38,
-        family="tuned filter",
-        told="R",
+        noise_information="R",
         build=lambda known: dataclasses.replace(fit_koopman(known.records), **known.found(VARIANCES)),
         fits=(VARIANCES,),
         records=True,

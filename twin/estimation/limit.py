@@ -148,24 +148,21 @@ class Ensembles:
         return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
 
 
-def _register(name: str, rank: float, told: str, build: Build, **of_spec: Any) -> None:
-    """Add a row of the method table."""
+def _register(name: str, build: Build, noise_information: str = "R", needs_density: bool = False) -> None:
     register_method(
         MethodSpec(
             name=name,
-            rank=rank,
-            family="ensemble",
-            told=told,
             build=lambda known: Ensembles(known.ensemble_files, known.sample_time, build),
+            noise_information=noise_information,
             ensembles=True,
-            **of_spec,
+            needs_density=needs_density,
         )
     )
 
 
 _DENSITY = "the density of the noise"
-_register("Ensemble", 60, "R", _told_variance)
-_register("Ensemble with bias", 60.5, "R", _with_bias, on_request=True)
-_register("Particles (families)", 60.7, "R, the families of the noise", _families, on_request=True)
-_register("Ensemble (limit)", 61, _DENSITY, _told_density, needs_density=True, is_limit=True)
-_register("Particles (limit)", 62, _DENSITY, _particles, needs_density=True, on_request=True)
+_register("Ensemble", _told_variance)
+_register("Ensemble with bias", _with_bias)
+_register("Particles (families)", _families, "R, the families of the noise")
+_register("Ensemble (limit)", _told_density, _DENSITY, needs_density=True)
+_register("Particles (limit)", _particles, _DENSITY, needs_density=True)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.estimation.estimator import Estimator, hold
-from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.estimation.registry import MethodSpec, register_method
 from twin.hysteresis import BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
 
 Array = NDArray[np.float64]
@@ -59,36 +59,19 @@ class OpenLoop(Estimator[OpenLoopState]):
 MONOTONE = f"{ColemanHodgdon.name}, monotone"
 """Name of the Coleman-Hodgdon model that is constrained to monotone loops."""
 
-register_method(
-    MethodSpec(
-        name="C-H",
-        rank=1,
-        family="model",
-        told="nothing, and sees no measurement",
-        build=lambda known: OpenLoop(known.reference),
-        models=(ColemanHodgdon.name,),
-        in_paper_suite=True,
-        paper_column=0,
-        paper_figures=(6, 7, 8, 9, 10),
-        beside_paper=True,
-        style=Style("#6f3fa0", (0, (6, 2, 1, 2)), "s"),
-    )
-)
 
-
-def _register(name: str, rank: float, model: str) -> None:
+def _register(name: str, model: str) -> None:
     register_method(
         MethodSpec(
             name=name,
-            rank=rank,
-            family="model",
-            told="nothing, and sees no measurement",
             build=lambda known: OpenLoop(known.models[model]),
+            noise_information="nothing, and sees no measurement",
             models=(model,),
         )
     )
 
 
-_register("C-H (monotone)", 2, MONOTONE)
-_register("Bouc-Wen", 3, BoucWen.name)
-_register("P-I", 4, PrandtlIshlinskii.name)
+_register("C-H", ColemanHodgdon.name)
+_register("C-H (monotone)", MONOTONE)
+_register("Bouc-Wen", BoucWen.name)
+_register("P-I", PrandtlIshlinskii.name)

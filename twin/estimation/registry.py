@@ -1,42 +1,28 @@
-"""The method table: every estimator, declared once, in the file where it lives.
+"""Registry of estimators: each is declared once, in its own file; `twin.estimation.methods` presents them.
 
-Tables, figures, suites, `endotwin train` and `endotwin evaluate` read it. A new estimator is one new file in
-this package, or below it, that calls `register_method`. This module is light: it loads nothing but Python.
+A new estimator is one new file in this package, or below it, that calls `register_method`, and one row in
+that table. A Python file of a user (`--method-file`) needs no row. This module loads nothing but Python.
 """
 
 import dataclasses
+import hashlib
 import importlib
+import importlib.util
 import pkgutil
+import sys
+import traceback
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import InputError
+from twin.estimation.methods import METHODS, UNLISTED, Presentation
+from twin.estimation.methods import Style as Style
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from twin.estimation.case import CaseEstimator
     from twin.estimation.estimator import Estimator
     from twin.estimation.knowledge import Knowledge, TrainingFit
-
-Family = Literal["model", "filter", "set-membership filter", "tuned filter", "learned", "ensemble"]
-
-
-@dataclasses.dataclass(frozen=True)
-class Style:
-    """Colour, line and marker of a method in figures.
-
-    Attributes:
-        colour: as `#rrggbb`.
-        line: a line style of matplotlib.
-        marker: a marker of matplotlib; none where it is empty.
-        width: of the line [points].
-    """
-
-    colour: str
-    line: Any
-    marker: str
-    width: float = 1.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +34,7 @@ class Training:
         file: name of the trained file in a run folder.
         load: reads such a file.
         purpose: a few words for the help of the command line.
-        same_filter: whether it runs beside the very filter that it was trained beside, and no other.
+        same_filter: whether it runs with the very filter that it was trained with, and no other.
         on_twins: whether it is trained on simulated twins of a preset, without records, for any sample time.
     """
 
@@ -62,41 +48,27 @@ class Training:
 
 @dataclasses.dataclass(frozen=True)
 class MethodSpec:
-    """Declaration of one method: all that tables, figures and commands need to know of it.
+    """Declaration of one method: how it is built, and from what.
 
     Attributes:
         name: in tables, figures and files.
-        rank: place in tables, the smallest first.
-        family: kind of method.
-        told: what it is told of the noise, in a few words.
-        build: makes the estimator, or a function of a whole `Case`, from what may be known before the test.
+        build: makes the estimator, or a function of a complete `Case`, from what is known before the test.
+        noise_information: what it knows of the noise, in a few words.
         models: names of the identified models of hysteresis that it needs.
-        fits: numbers that are found on the training records, which it needs.
+        fits: numbers fitted to the training records that it needs.
         records: whether it needs the training records themselves.
         wire_offset: whether it needs the smallest wire offset that a twin may have.
         ensembles: whether it needs ensembles of twins along the test's commands.
-        needs_density: whether it needs the density of the noise, which a recorded noise and a faulty sensor
-            do not have.
+        needs_density: whether it needs the density of the noise, which is unknown for a recorded noise and a
+            faulty sensor.
         training: how it is trained; None for what is not learned.
         trained_as: agent whose trained file it runs on; that of `training`, if not given.
-        in_paper_suite: whether the suite `paper` has it.
-        on_request: whether the suite `full` has it only where it is named or its trained file is given; it
-            has every other method.
-        proposed: whether it is the method that the paper proposes.
-        leading: whether it is this project's own: a report is about it where it was compared.
         oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
-        is_limit: whether other methods are measured against it.
-        paper_column: its column in the paper's Tables II and III, from the left, if it has one.
-        paper_figures: figures of the paper that show it.
-        beside_paper: whether the full suite shows it in the paper's tables too.
-        style: in figures; a grey one by its place where it has none of its own.
     """
 
     name: str
-    rank: float
-    family: Family
-    told: str
     build: "Callable[[Knowledge], Estimator[Any] | CaseEstimator]"
+    noise_information: str
     models: tuple[str, ...] = ()
     fits: "tuple[TrainingFit, ...]" = ()
     records: bool = False
@@ -105,55 +77,48 @@ class MethodSpec:
     needs_density: bool = False
     training: Training | None = None
     trained_as: str | None = None
-    in_paper_suite: bool = False
-    on_request: bool = False
-    proposed: bool = False
-    leading: bool = False
     oracle: bool = False
-    is_limit: bool = False
-    paper_column: int | None = None
-    paper_figures: tuple[int, ...] = ()
-    beside_paper: bool = False
-    style: Style | None = None
 
     @property
     def agent(self) -> str | None:
         """Agent whose trained file it runs on; None for what is not learned."""
         return self.training.agent if self.training else self.trained_as
 
-    def missing(self, knowledge: "Knowledge") -> list[str]:
-        """Return what it needs and nobody knows, in words; its fits are found from the records."""
-        missing = [f"the model {model}" for model in self.models if model not in knowledge.models]
+    @property
+    def presentation(self) -> Presentation:
+        """Its row of the table of methods."""
+        return METHODS.get(self.name, UNLISTED)
+
+    def unmet_requirements(self, knowledge: "Knowledge") -> list[str]:
+        """Return what it needs and is not known, in words; its fits are found from the records."""
+        unmet = [f"the model {model}" for model in self.models if model not in knowledge.models]
         if (self.records or self.fits) and not knowledge.records:
-            missing.append("training records")
+            unmet.append("training records")
         if self.wire_offset and knowledge.smallest_wire_offset is None:
-            missing.append("the ranges of a preset")
+            unmet.append("the ranges of a preset")
         if self.ensembles and not knowledge.ensembles:
-            missing.append("ensembles of twins")
+            unmet.append("ensembles of twins")
         if self.agent is not None and self.agent not in knowledge.trained:
             source = "" if find_training(self.agent).on_twins else ", or training records"
-            missing.append(f"a trained file of {self.agent}{source}")
-        return missing
+            unmet.append(f"a trained file of {self.agent}{source}")
+        return unmet
 
     def is_ready(self, knowledge: "Knowledge") -> bool:
         """Return whether all that it needs is known."""
-        return not self.missing(knowledge)
+        return not self.unmet_requirements(knowledge)
 
 
 _SPECS: dict[str, MethodSpec] = {}
 _SEARCHED: list[str] = []
+_LOADED: dict[str, list[str]] = {}  # names of the methods of each method file that was run, by its module
 
 
 def register_method(spec: MethodSpec) -> MethodSpec:
-    """Add a method to the table and return it.
-
-    Raises:
-        ValueError: another method has this name, or another one is trained under this agent.
-    """
+    """Add a method and return it; raises `ValueError` if its name or its agent is taken."""
     if spec.name in _SPECS:
         raise InputError(f"method {spec.name!r} is registered already")
-    taken = {known.training.agent for known in _SPECS.values() if known.training}
-    if spec.training and spec.training.agent in taken:
+    agents = {known.training.agent for known in _SPECS.values() if known.training}
+    if spec.training and spec.training.agent in agents:
         raise InputError(f"agent {spec.training.agent!r} of {spec.name!r} is registered already")
     _SPECS[spec.name] = spec
     return spec
@@ -162,21 +127,18 @@ def register_method(spec: MethodSpec) -> MethodSpec:
 def method_specs() -> list[MethodSpec]:
     """Return all methods, in the order of tables."""
     _search()
-    return sorted(_SPECS.values(), key=lambda spec: spec.rank)
+    places = {name: place for place, name in enumerate(METHODS)}
+    return sorted(_SPECS.values(), key=lambda spec: places.get(spec.name, len(places)))
 
 
 def method_spec(name: str) -> MethodSpec | None:
-    """Return the method of a name; None for one that is not in the table, as in a file of another version."""
+    """Return the method of a name; None for an unknown one, as in a file of another version."""
     _search()
     return _SPECS.get(name)
 
 
 def find_method(name: str) -> MethodSpec:
-    """Return the method of a name.
-
-    Raises:
-        ValueError: there is none.
-    """
+    """Return the method of a name; raises `ValueError` for an unknown one."""
     spec = method_spec(name)
     if spec is None:
         raise InputError(f"unknown method {name!r}; valid: {', '.join(s.name for s in method_specs())}")
@@ -189,11 +151,7 @@ def trainings() -> dict[str, Training]:
 
 
 def find_training(agent: str) -> Training:
-    """Return the training of the method that is trained under an agent.
-
-    Raises:
-        ValueError: there is none.
-    """
+    """Return the training of an agent; raises `ValueError` for an unknown one."""
     known = trainings()
     if agent not in known:
         raise InputError(f"unknown agent {agent!r}; valid: {', '.join(known)}")
@@ -207,7 +165,7 @@ def needed_fits(specs: Iterable[MethodSpec]) -> "list[TrainingFit]":
 
 def proposed_method() -> MethodSpec:
     """Return the method that the paper proposes."""
-    return next(spec for spec in method_specs() if spec.proposed)
+    return next(spec for spec in method_specs() if spec.presentation.proposed)
 
 
 def _search() -> None:
@@ -218,3 +176,47 @@ def _search() -> None:
     for module in pkgutil.walk_packages(package.__path__, "twin.estimation."):
         importlib.import_module(module.name)
     _SEARCHED.append("twin.estimation")
+
+
+def load_method_files(paths: Iterable[Path]) -> list[MethodSpec]:
+    """Run Python files of the user and return the methods that they have registered.
+
+    A method file is a program, not data: naming it on a command line runs it, as `python my_filter.py` would,
+    once in a process. Worker processes run it too, as they need its classes. Raises `ValueError` where a file
+    does not exist, fails, or registers nothing.
+    """
+    return [spec for path in paths for spec in _load(path)]
+
+
+def _load(path: Path) -> list[MethodSpec]:
+    if path.suffix != ".py" or not path.is_file():
+        raise InputError(f"method file {path}: must be an existing Python file (.py)")
+    file = path.resolve()
+    name = f"method_file_{hashlib.sha256(str(file).encode()).hexdigest()[:16]}"
+    if name not in _LOADED:
+        known = {spec.name for spec in method_specs()}  # those of the package first: their names are taken
+        _run(path, file, name)
+        _LOADED[name] = [spec.name for spec in method_specs() if spec.name not in known]
+    if not _LOADED[name]:
+        raise InputError(f"method file {path} registers no method: end it with register_method(...)")
+    return [find_method(method) for method in _LOADED[name]]
+
+
+def _run(path: Path, file: Path, name: str) -> None:
+    """Import a file as a module of this name, under which its classes are pickled."""
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None  # a .py file has one
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file)]
+        line = error.lineno if isinstance(error, SyntaxError) else frames[-1].lineno if frames else None
+        text = error.msg if isinstance(error, SyntaxError) else str(error)
+        reason = (text.splitlines() or [""])[0][:200]
+        if not isinstance(error, InputError):
+            reason = f"{type(error).__name__}: {reason}"
+        raise InputError(f"method file {path}{f', line {line}' if line else ''}: {reason}") from error

@@ -60,9 +60,7 @@ def huber_variance(distance: Array, spread: Array, variance: Array, threshold: f
 register_method(
     MethodSpec(
         name="Huber",
-        rank=35,
-        family="tuned filter",
-        told="R",
+        noise_information="R",
         build=lambda known: TUNED.filter(known, RobustActiveModel),
         models=(TUNED.model,),
         fits=(TUNED,),

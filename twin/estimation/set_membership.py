@@ -186,9 +186,7 @@ def _from_geometry(knowledge: Knowledge) -> SetMembershipFilter:
 register_method(
     MethodSpec(
         name="ESMF",
-        rank=20,
-        family="set-membership filter",
-        told="the largest magnitude of the noise",
+        noise_information="the largest magnitude of the noise",
         build=_from_records,
         models=(ColemanHodgdon.name,),
         records=True,
@@ -197,9 +195,7 @@ register_method(
 register_method(
     MethodSpec(
         name="ESMF (geometry)",
-        rank=21,
-        family="set-membership filter",
-        told="the largest magnitude of the noise",
+        noise_information="the largest magnitude of the noise",
         build=_from_geometry,
         models=(ColemanHodgdon.name,),
         records=True,

@@ -14,7 +14,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor, time_first
 from twin.estimation.gaussian_filter import GaussianFilter
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import MethodSpec, Style, register_method
+from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.task import TrainingTask
 from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
@@ -41,7 +41,7 @@ class TrainingEpisodes(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class UntoldActiveModel(ActiveModel):
+class FixedNoiseActiveModel(ActiveModel):
     """The active model that keeps its own R, whatever the sensor is said to be."""
 
     def with_sensor(self, sensor: Sensor) -> Self:
@@ -71,7 +71,7 @@ def tune_active_model(
         pull_mm: (B, N) pulling distance [mm].
         measurement_deg: (B, N) measured angle [deg].
         initial_bend_deg: (B,) initial estimates, wrong as they are in training [deg].
-        fit_measurement_variance: whether R is fitted too; the result is then an `UntoldActiveModel`.
+        fit_measurement_variance: whether R is fitted too; the result is then an `FixedNoiseActiveModel`.
     """
     from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
 
@@ -80,7 +80,7 @@ def tune_active_model(
         filter_ = dataclasses.replace(
             active_model, process_variance=(q_bend, q_error), initial_variance=(p_bend, p_error)
         )
-        return UntoldActiveModel(**{**vars(filter_), "measurement_variance": r[0]}) if r else filter_
+        return FixedNoiseActiveModel(**{**vars(filter_), "measurement_variance": r[0]}) if r else filter_
 
     def cost(logarithms: Array) -> float:
         return -innovation_log_likelihood(
@@ -155,44 +155,31 @@ TUNED = LikelihoodFit("coleman-hodgdon", ColemanHodgdon.name)
 """Of the paper's active model; filters of its kind take the same variances."""
 
 
-def _register(
-    name: str, rank: float, fit: LikelihoodFit, kind: type[ActiveModel] = ActiveModel, **more: Any
-) -> None:
+def register_likelihood(name: str, fit: LikelihoodFit, kind: type[ActiveModel] = ActiveModel) -> None:
+    """Register an active model of some kind with the variances of a fit."""
     register_method(
         MethodSpec(
             name=name,
-            rank=rank,
-            family="tuned filter",
-            told="nothing: R is fitted" if fit.measurement_variance else "R",
             build=lambda known: fit.filter(known, kind),
+            noise_information="nothing: R is fitted" if fit.measurement_variance else "R",
             models=(fit.model,),
             fits=(fit,),
-            **more,
         )
     )
 
 
 AM_TUNED = "AM-tuned"
 """Name of the tuned active model in tables."""
-_register(
-    AM_TUNED,
-    30,
-    TUNED,
-    in_paper_suite=True,
-    beside_paper=True,
-    style=Style("#8a5a12", (0, (3, 1, 1, 1)), "v"),
-)
-_register(
+register_likelihood(AM_TUNED, TUNED)
+register_likelihood(
     "AM-tuned (Q, R)",
-    31,
     LikelihoodFit("coleman-hodgdon, Q and R", ColemanHodgdon.name, measurement_variance=True),
-    UntoldActiveModel,
+    FixedNoiseActiveModel,
 )
-_register("AM-tuned (Bouc-Wen)", 32, LikelihoodFit("bouc-wen", BoucWen.name))
-_register(
+register_likelihood("AM-tuned (Bouc-Wen)", LikelihoodFit("bouc-wen", BoucWen.name))
+register_likelihood(
     "UKF-tuned (Bouc-Wen)",
-    33,
     LikelihoodFit("bouc-wen, unscented", BoucWen.name, unscented=True),
     UnscentedActiveModel,
 )
-_register("AM-tuned (P-I)", 34, LikelihoodFit("prandtl-ishlinskii", PrandtlIshlinskii.name))
+register_likelihood("AM-tuned (P-I)", LikelihoodFit("prandtl-ishlinskii", PrandtlIshlinskii.name))

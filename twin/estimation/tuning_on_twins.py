@@ -13,8 +13,7 @@ import numpy as np
 from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import MethodSpec, register_method
-from twin.estimation.tuning import LikelihoodFit, TrainingEpisodes, tune_active_model
+from twin.estimation.tuning import LikelihoodFit, TrainingEpisodes, register_likelihood, tune_active_model
 from twin.hysteresis import BoucWen, ColemanHodgdon
 from twin.signals.streams import SeedUse, random_stream
 
@@ -98,20 +97,7 @@ TUNED_ON_TWINS = TwinsLikelihoodFit(f"{ColemanHodgdon.name}, on twins", ColemanH
 """Of the paper's active model."""
 
 
-def _register(name: str, rank: float, fit: TwinsLikelihoodFit) -> None:
-    register_method(
-        MethodSpec(
-            name=name,
-            rank=rank,
-            family="tuned filter",
-            told="R",
-            build=lambda known: fit.filter(known),
-            models=(fit.model,),
-            fits=(fit,),
-            on_request=True,
-        )
-    )
-
-
-_register("AM-tuned (twins)", 34.1, TUNED_ON_TWINS)
-_register("AM-tuned (Bouc-Wen, twins)", 34.2, TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name))
+register_likelihood("AM-tuned (twins)", TUNED_ON_TWINS)
+register_likelihood(
+    "AM-tuned (Bouc-Wen, twins)", TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name)
+)

@@ -99,9 +99,7 @@ def cholesky(covariance: Array) -> Array:
 register_method(
     MethodSpec(
         name="UKF",
-        rank=12,
-        family="filter",
-        told="R",
+        noise_information="R",
         build=lambda known: UnscentedActiveModel(known.reference, known.sample_time),
         models=(ColemanHodgdon.name,),
     )

@@ -1,7 +1,7 @@
 """Published figures of the RAM paper: Table II (Gaussian noise) and Table III (Poisson noise).
 
 The columns are, from the left, the static model, the active model, the LSTM and the proposed method; a method
-declares its column (`MethodSpec.paper_column`).
+declares its column (`Presentation.paper_column`).
 
 The static model cannot depend on the noise of a sensor that it does not read, yet the paper's C-H column
 varies, and its rows at R = 1 and lambda = 2 are equal: they are quoted here as printed.
@@ -95,11 +95,11 @@ def paper_value(noise: str, level: float, method: str, index: str) -> float | No
         The figure in the unit that ends the name of the index.
     """
     spec = method_spec(method)
-    if spec is None or spec.paper_column is None or index not in INDICES:
+    if spec is None or spec.presentation.paper_column is None or index not in INDICES:
         return None
     for table in TABLES:
         if table.noise == noise and level in table.values:
-            return table.values[level][index][spec.paper_column]
+            return table.values[level][index][spec.presentation.paper_column]
     return None
 
 

@@ -97,7 +97,7 @@ def rankings_of(contents: Mapping[str, Any]) -> list[Ranking]:
 def competes(method: str, oracle: bool = False) -> bool:
     """Return whether a method competes: no oracle, and no ensemble, which others are measured against."""
     spec = method_spec(method)
-    return not oracle and (spec is None or spec.family != "ensemble")
+    return not oracle and (spec is None or spec.presentation.family != "ensemble")
 
 
 def rank_methods(

@@ -64,7 +64,7 @@ def _table(scores: Sequence[Score]) -> str:
         lines.append(
             [
                 score.label,
-                spec.told if spec else "-",
+                spec.noise_information if spec else "-",
                 f"**{rmse}**" if score.label == best else rmse,
                 f"{to_best[0]:.2f} to {to_best[1]:.2f}" if to_best else "-",
                 f"{score.rmse_steady_deg:.3f}",
@@ -74,7 +74,7 @@ def _table(scores: Sequence[Score]) -> str:
         )
     headers = [
         "method",
-        "told",
+        "known of the noise",
         "RMSE [deg]",
         "times the best",
         "after 5 s [deg]",

@@ -12,7 +12,7 @@ from twin.control.reference import HOLD_S
 from twin.control.registry import find_controllers
 from twin.control.score import ControlResult
 from twin.control.trial import ControlTrial
-from twin.estimation.registry import Style
+from twin.estimation.methods import Style
 from twin.report.figures import INK, clean_axes
 
 REFERENCE = Style("#000000", (0, (4, 2)), "", 1.2)

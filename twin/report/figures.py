@@ -16,7 +16,8 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.registry import Style, method_spec
+from twin.estimation.methods import Style
+from twin.estimation.registry import method_spec
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
@@ -58,7 +59,7 @@ def style_of(method: str, methods: Sequence[str] = ()) -> Style:
 def own_style(method: str) -> Style | None:
     """Return the style that a method declares, if it does."""
     spec = method_spec(method)
-    return None if spec is None else spec.style
+    return None if spec is None else spec.presentation.style
 
 
 def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()) -> Figure:

@@ -35,7 +35,7 @@ class Findings:
 def all_findings(scores: Sequence[Score]) -> list[Findings]:
     """Return the findings of this project's own method, where it was compared, and of the paper's."""
     compared = {score.method for score in scores}
-    leading = [spec.name for spec in method_specs() if spec.leading and spec.name in compared]
+    leading = [spec.name for spec in method_specs() if spec.presentation.leading and spec.name in compared]
     return [findings(scores, name) for name in (*leading, proposed_method().name)]
 
 
@@ -52,7 +52,7 @@ def findings(scores: Sequence[Score], name: str) -> Findings:
     agent, others = find_method(name).agent, [spec for spec in method_specs() if spec.name != name]
     note = ON_TWINS if agent and find_training(agent).on_twins else ""
     parts = {spec.name for spec in others if agent and spec.agent == agent}
-    of_paper = [spec.name for spec in others if spec.paper_column is not None]
+    of_paper = [spec.name for spec in others if spec.presentation.paper_column is not None]
     usable = [score for score in protocol_scores(scores) if not score.oracle and score.method not in parts]
     lines, beats_paper, beats_all, clearly, contested = [], 0, 0, 0, 0
     for noise in dict.fromkeys(score.condition for score in usable):

@@ -35,7 +35,7 @@ class Ranked:
     @property
     def is_limit(self) -> bool:
         """True for what others are measured against: it knows what no device tells."""
-        return self.spec is not None and self.spec.is_limit
+        return self.spec is not None and self.spec.presentation.is_limit
 
 
 def ranked(scores: Sequence[Score]) -> list[Ranked]:

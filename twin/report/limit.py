@@ -149,7 +149,7 @@ def groups_of(scores: Sequence[Score]) -> list[Group]:
 def is_limit(method: str) -> bool:
     """Return whether a method is the limit."""
     spec = method_spec(method)
-    return spec is not None and spec.is_limit
+    return spec is not None and spec.presentation.is_limit
 
 
 def has_limit(scores: Sequence[Score]) -> bool:

@@ -38,7 +38,7 @@ def paper_figures(
     figures = {}
     for number, noise, level in FIGURES:
         track = by_noise.get((noise, level))
-        wanted = [spec.name for spec in method_specs() if number in spec.paper_figures]
+        wanted = [spec.name for spec in method_specs() if number in spec.presentation.paper_figures]
         methods = [method for method in wanted if track is not None and method in track.estimates]
         if track is None or not methods:
             continue

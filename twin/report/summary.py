@@ -89,7 +89,7 @@ def benchmark_tables(
     if intervals:
         parts.append("### Runs in which the interval held the truth throughout, and its mean width")
         parts.append(_interval_table(intervals))
-    named = {spec.name for spec in method_specs() if spec.beside_paper}
+    named = {spec.name for spec in method_specs() if spec.presentation.in_paper_tables}
     beside = [score for score in scores if score.group == first and score.method in named]
     paper = paper_tables(beside, "markdown")
     if paper:

@@ -11,7 +11,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.policy import POLICY_FILE, Agent, PolicyEstimator, build_steered, load_steered
 from twin.estimation.learned.scale import from_log_scale, to_log_scale
-from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
@@ -81,15 +81,9 @@ def _build(knowledge: Knowledge) -> PolicyEstimator:
 DIRECT = register_method(
     MethodSpec(
         name="Direct RL",
-        rank=53,
-        family="learned",
-        told="nothing",
+        noise_information="nothing",
         build=_build,
         models=(ColemanHodgdon.name,),
         training=Training(AGENT, POLICY_FILE, load, "direct RL, without the active model, by PPO"),
-        in_paper_suite=True,
-        paper_figures=(5,),
-        beside_paper=True,
-        style=Style("#5f86b3", "-", "P", 0.9),
     )
 )

@@ -138,9 +138,7 @@ TRAINING = Training("gru", "gru.onnx", load, "GRU that knows the noise and the m
 GRU = register_method(
     MethodSpec(
         name="GRU",
-        rank=51,
-        family="learned",
-        told="R",
+        noise_information="R",
         build=lambda known: load(known.file_of(TRAINING.agent)),
         training=TRAINING,
     )

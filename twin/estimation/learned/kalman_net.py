@@ -194,11 +194,8 @@ TRAINING = Training("kalman-net", "kalman_net.onnx", load, "active model with a 
 KALMAN_NET = register_method(
     MethodSpec(
         name="KalmanNet",
-        rank=52,
-        family="learned",
-        told="R",
+        noise_information="R",
         build=lambda known: load(known.file_of(TRAINING.agent)),
         training=TRAINING,
-        beside_paper=True,
     )
 )

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from twin.estimation.estimator import Estimator, time_first
 from twin.estimation.learned import scale
 from twin.estimation.learned.recurrent import Array32, RecurrentNetwork, read_network
-from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.estimation.registry import MethodSpec, Training, register_method
 
 Array = NDArray[np.float64]
 STATES = 2  # hidden and cell state
@@ -121,15 +121,8 @@ TRAINING = Training("lstm", "lstm.onnx", load, "LSTM, without a model")
 LSTM = register_method(
     MethodSpec(
         name="LSTM",
-        rank=50,
-        family="learned",
-        told="nothing",
+        noise_information="nothing",
         build=lambda known: load(known.file_of(TRAINING.agent)),
         training=TRAINING,
-        in_paper_suite=True,
-        paper_column=2,
-        paper_figures=(6, 7, 8, 9, 10),
-        beside_paper=True,
-        style=Style("#2f8f5b", (0, (1, 1)), "D", 1.4),
     )
 )

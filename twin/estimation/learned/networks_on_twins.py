@@ -18,7 +18,7 @@ STATE = {"values": 1, "hidden": 1, "samples": 0}
 FILE = "network.onnx"
 
 
-def _register(name: str, agent: str, rank: float, purpose: str) -> MethodSpec:
+def _register(name: str, agent: str, purpose: str) -> MethodSpec:
     """Add a rival to the method table; only those that are named, or trained, are compared."""
 
     def load(path: Path) -> ModelStep:
@@ -31,36 +31,31 @@ def _register(name: str, agent: str, rank: float, purpose: str) -> MethodSpec:
     return register_method(
         MethodSpec(
             name=name,
-            rank=rank,
-            family="learned",
-            told="R",
+            noise_information="R",
             build=build,
             training=training,
-            on_request=True,
         )
     )
 
 
-LSTM_TWINS = _register("LSTM (twins)", "lstm-twins", 56.1, "LSTM beside a model, on simulated twins")
-GRU_TWINS = _register("GRU (twins)", "gru-twins", 56.2, "GRU beside a model, on simulated twins")
+LSTM_TWINS = _register("LSTM (twins)", "lstm-twins", "LSTM beside a model, on simulated twins")
+GRU_TWINS = _register("GRU (twins)", "gru-twins", "GRU beside a model, on simulated twins")
 CONVOLUTION_TWINS = _register(
-    "TCN (twins)", "tcn-twins", 56.3, "causal temporal convolution beside a model, on simulated twins"
+    "TCN (twins)", "tcn-twins", "causal temporal convolution beside a model, on simulated twins"
 )
 STATE_SPACE_TWINS = _register(
-    "SSM (twins)", "ssm-twins", 56.4, "selective state space beside a model, on simulated twins"
+    "SSM (twins)", "ssm-twins", "selective state space beside a model, on simulated twins"
 )
 KALMAN_NET_TWINS = _register(
-    "KalmanNet (twins)", "kalman-net-twins", 56.5, "active model with a learned gain, on simulated twins"
+    "KalmanNet (twins)", "kalman-net-twins", "active model with a learned gain, on simulated twins"
 )
 BIASED_KALMAN_NET_TWINS = _register(
     "KalmanNet and bias (twins)",
     "bias-kalman-net-twins",
-    56.6,
     "the same, and the mean of the noise, on simulated twins",
 )
 RECURSIVE_KALMAN_NET_TWINS = _register(
     "Recursive KalmanNet (twins)",
     "recursive-kalman-net-twins",
-    56.7,
     "learned gain and covariance by likelihood, on simulated twins",
 )

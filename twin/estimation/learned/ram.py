@@ -21,7 +21,7 @@ from twin.estimation.learned.policy import (
 )
 from twin.estimation.learned.scale import to_log_scale
 from twin.estimation.learned.single_ram import RamForm
-from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
 from twin.hysteresis import ColemanHodgdon
@@ -120,20 +120,12 @@ def _build_oracle(knowledge: Knowledge) -> CaseEstimator:
 RAM = register_method(
     MethodSpec(
         name="RAM",
-        rank=54,
-        family="learned",
-        told="R",
+        noise_information="R",
         build=_build,
         models=(ColemanHodgdon.name,),
         training=Training(
             AGENT, POLICY_FILE, load, "reinforcement active modeling, by PPO", same_filter=True
         ),
-        in_paper_suite=True,
-        proposed=True,
-        paper_column=3,
-        paper_figures=(5, 6, 7, 8, 9, 10),
-        beside_paper=True,
-        style=Style("#c4161c", "-", "o", 1.5),
     )
 )
 """With the measured residual, the only one that a deployed estimator has."""
@@ -141,14 +133,10 @@ RAM = register_method(
 register_method(
     MethodSpec(
         name="RAM (oracle)",
-        rank=56,
-        family="learned",
-        told="R, and the truth in its residual, as the paper's text reads",
+        noise_information="R, and the truth in its residual, as the paper's text reads",
         build=_build_oracle,
         models=(ColemanHodgdon.name,),
         trained_as=AGENT,
-        in_paper_suite=True,
         oracle=True,
-        beside_paper=True,
     )
 )

@@ -54,5 +54,5 @@ TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM with a recurrent policy, trained on simulated twins", on_twins=True
 )
 RAM_MEMORY = register_method(
-    MethodSpec(name="RAM (memory)", rank=57, family="learned", told="R", build=_build, training=TRAINING)
+    MethodSpec(name="RAM (memory)", noise_information="R", build=_build, training=TRAINING)
 )

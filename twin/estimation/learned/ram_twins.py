@@ -27,7 +27,7 @@ from twin.estimation.learned.step_network import (
     step_network,
 )
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import MethodSpec, Style, Training, register_method
+from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
 if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
@@ -195,22 +195,15 @@ TRAINING = Training(
 RAM_TWINS = register_method(
     MethodSpec(
         name="RAM (twins)",
-        rank=58,
-        family="learned",
-        told="R",
+        noise_information="R",
         build=_build,
         training=TRAINING,
-        leading=True,
-        beside_paper=True,
-        style=Style("#a3195b", "solid", "*", 1.6),
     )
 )
 register_method(
     MethodSpec(
         name="RAM (twins), recogniser alone",
-        rank=58.1,
-        family="learned",
-        told="R",
+        noise_information="R",
         build=lambda known: _build(known, RECOGNISER_ALONE),
         trained_as=AGENT,
     )
@@ -218,9 +211,7 @@ register_method(
 register_method(
     MethodSpec(
         name="RAM (twins), filter alone",
-        rank=58.2,
-        family="ensemble",
-        told="R",
+        noise_information="R",
         build=lambda known: _build(known, FILTER_ALONE),
         trained_as=AGENT,
     )

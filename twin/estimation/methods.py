@@ -1,0 +1,127 @@
+"""The table of methods: order, family, suites, place in the paper and style in figures of every estimator.
+
+Tables and figures show methods in this order. The file of an estimator holds its mathematics and what it
+needs (`twin.estimation.registry.MethodSpec`); how it is presented is a row here.
+"""
+
+import dataclasses
+from typing import Any, Literal
+
+Family = Literal["model", "filter", "set-membership filter", "tuned filter", "learned", "ensemble"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Style:
+    """Colour (`#rrggbb`), line style and marker of matplotlib, and line width [points] in figures."""
+
+    colour: str
+    line: Any
+    marker: str
+    width: float = 1.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Presentation:
+    """Presentation of a method in comparisons.
+
+    Attributes:
+        family: kind of method; an ensemble is what others are measured against, and has no rank.
+        in_paper_suite: whether the suite `paper` compares it.
+        on_request: whether the suite `full` compares it only where it is named or its trained file is given.
+        in_paper_tables: whether the full suite shows it in the paper's tables too.
+        paper_column: its column in the paper's Tables II and III, from the left, if it has one.
+        paper_figures: figures of the paper that show it.
+        proposed: whether it is the method that the paper proposes.
+        leading: whether it is this project's own method, which a report is about where it was compared.
+        is_limit: whether other methods are measured against it.
+        style: in figures; a grey one by its place where it has none of its own.
+    """
+
+    family: Family
+    in_paper_suite: bool = False
+    on_request: bool = False
+    in_paper_tables: bool = False
+    paper_column: int | None = None
+    paper_figures: tuple[int, ...] = ()
+    proposed: bool = False
+    leading: bool = False
+    is_limit: bool = False
+    style: Style | None = None
+
+
+def _paper(
+    family: Family,
+    style: Style | None = None,
+    column: int | None = None,
+    figures: tuple[int, ...] = (),
+    **more: Any,
+) -> Presentation:
+    """Return the row of a method of the suite `paper`."""
+    return Presentation(
+        family,
+        in_paper_suite=True,
+        in_paper_tables=True,
+        paper_column=column,
+        paper_figures=figures,
+        style=style,
+        **more,
+    )
+
+
+_TRACKING = (6, 7, 8, 9, 10)
+_ON_REQUEST = Presentation("learned", on_request=True)
+_TUNED = Presentation("tuned filter")
+_TUNED_ON_REQUEST = Presentation("tuned filter", on_request=True)
+
+METHODS: dict[str, Presentation] = {
+    "C-H": _paper("model", Style("#6f3fa0", (0, (6, 2, 1, 2)), "s"), 0, _TRACKING),
+    "C-H (monotone)": Presentation("model"),
+    "Bouc-Wen": Presentation("model"),
+    "P-I": Presentation("model"),
+    "AM": _paper("filter", Style("#e2861b", (0, (5, 1.5)), "^"), 1, _TRACKING),
+    "KF": Presentation("filter"),
+    "UKF": Presentation("filter"),
+    "ESMF": Presentation("set-membership filter"),
+    "ESMF (geometry)": Presentation("set-membership filter"),
+    "AM-tuned": _paper("tuned filter", Style("#8a5a12", (0, (3, 1, 1, 1)), "v")),
+    "AM-tuned (Q, R)": _TUNED,
+    "AM-tuned (Bouc-Wen)": _TUNED,
+    "UKF-tuned (Bouc-Wen)": _TUNED,
+    "AM-tuned (P-I)": _TUNED,
+    "AM-tuned (twins)": _TUNED_ON_REQUEST,
+    "AM-tuned (Bouc-Wen, twins)": _TUNED_ON_REQUEST,
+    "IMM": _TUNED_ON_REQUEST,
+    "Huber": _TUNED,
+    "VB": _TUNED,
+    "AM with bias": _TUNED,
+    "Koopman": _TUNED,
+    "LSTM": _paper("learned", Style("#2f8f5b", (0, (1, 1)), "D", 1.4), 2, _TRACKING),
+    "GRU": Presentation("learned"),
+    "KalmanNet": Presentation("learned", in_paper_tables=True),
+    "Direct RL": _paper("learned", Style("#5f86b3", "-", "P", 0.9), figures=(5,)),
+    "RAM": _paper("learned", Style("#c4161c", "-", "o", 1.5), 3, (5, *_TRACKING), proposed=True),
+    "Constant gain": Presentation("tuned filter", in_paper_suite=True),
+    "RAM (oracle)": _paper("learned"),
+    "LSTM (twins)": _ON_REQUEST,
+    "GRU (twins)": _ON_REQUEST,
+    "TCN (twins)": _ON_REQUEST,
+    "SSM (twins)": _ON_REQUEST,
+    "KalmanNet (twins)": _ON_REQUEST,
+    "KalmanNet and bias (twins)": _ON_REQUEST,
+    "Recursive KalmanNet (twins)": _ON_REQUEST,
+    "RAM (memory)": Presentation("learned"),
+    "RAM (twins)": Presentation(
+        "learned", in_paper_tables=True, leading=True, style=Style("#a3195b", "solid", "*", 1.6)
+    ),
+    "RAM (twins), recogniser alone": Presentation("learned"),
+    "RAM (twins), filter alone": Presentation("ensemble"),
+    "Ensemble": Presentation("ensemble"),
+    "Ensemble with bias": Presentation("ensemble", on_request=True),
+    "Particles (families)": Presentation("ensemble", on_request=True),
+    "Ensemble (limit)": Presentation("ensemble", is_limit=True),
+    "Particles (limit)": Presentation("ensemble", on_request=True),
+}
+"""Every method of the package, in the order of tables."""
+
+UNLISTED = Presentation("filter", in_paper_suite=True)
+"""Presentation of a method without a row, such as one of a method file: after all others, in every suite."""
