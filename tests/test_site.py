@@ -108,6 +108,5 @@ def test_every_estimator_has_its_page_with_equations(site):
     for spec in method_specs():
         text = (site / f"estimators/{estimators.slug(spec.name)}.html").read_text()
         assert "<math" in text, spec.name
-    modules = {estimators.module_of(spec).removeprefix("twin.estimation.") for spec in method_specs()}
-    known = {name.removeprefix("learned.") for name in modules}
-    assert known == {name for name in estimators.equations() if not name.startswith("model ")}
+    names = {name for name in estimators.equations() if not name.startswith("model ")}
+    assert names == {spec.name for spec in method_specs()}

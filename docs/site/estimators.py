@@ -29,9 +29,13 @@ def slug(name: str) -> str:
 
 
 def equations() -> dict[str, str]:
-    """Return the equations, by module of `twin.estimation`, or by `model NAME`."""
+    """Return the equations, by name of the method, or by `model NAME`."""
     parts = re.split(r"^## (.+)$", EQUATIONS.read_text(), flags=re.MULTILINE)[1:]
-    return {name.strip(): text.strip() for name, text in zip(parts[::2], parts[1::2], strict=True)}
+    return {
+        name.strip(): text.strip()
+        for names, text in zip(parts[::2], parts[1::2], strict=True)
+        for name in names.split(";")
+    }
 
 
 def module_of(spec: MethodSpec) -> str:
@@ -87,7 +91,7 @@ def _page(spec: MethodSpec) -> str:
         f"| {name} | {value} |" for name, value in facts
     )
     known = equations()
-    formulas = [known[module.removeprefix("twin.estimation.").removeprefix("learned.")]]
+    formulas = [known[spec.name]]
     formulas += [known[f"model {name}"] for name in MODELS if any(of.startswith(name) for of in spec.models)]
     return (
         f"# {spec.name}\n\n{table}\n\n## Equations\n\n"
