@@ -57,18 +57,10 @@ class IdleEnvironment(BatchEnvironment):
     def step_wait(self) -> tuple[Array32, Array32, NDArray[np.bool_], list[dict[str, Any]]]:
         """Return the first observation again, no reward, and the end of an episode with its record."""
         self.sample += 1
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         ended = self.sample == self.task.pull_mm.shape[1]
-        if ended:
-            self.sample = 1
-            for info, last in zip(infos, self._last_observation, strict=True):
-                info |= {"TimeLimit.truncated": True, "terminal_observation": last}
-        return (
-            self._last_observation,
-            np.zeros(self.num_envs, np.float32),
-            np.full(self.num_envs, ended),
-            infos,
-        )
+        infos = self._infos(ended, self._last_observation, self.sample)
+        self.sample[ended] = 1
+        return self._last_observation, np.zeros(self.num_envs, np.float32), ended, infos
 
 
 def ppo() -> dict[str, Result]:

@@ -33,6 +33,16 @@ class BatchEnvironment(SharedEnvironment):
 
     The reward is eq. 11, minus the squared error of the estimate [deg^2], times `reward_scale`. An episode
     ends, truncated, with its record; its environment then draws the next one.
+
+    The first episodes begin evenly spread over their records, each from an initial estimate that is off as at
+    any start. So episodes end and begin one after the other, and every update of a policy contains starts in
+    their true proportion: without them it forgets how to correct a wrong initial estimate.
+
+    Attributes:
+        record: (count,) record of each episode.
+        first: (count,) sample at which it began.
+        sample: (count,) next sample of each.
+        measurement: (count, N) measured angles of the episodes [deg].
     """
 
     def __init__(
@@ -46,11 +56,20 @@ class BatchEnvironment(SharedEnvironment):
 
     def reset(self) -> NDArray[np.float32]:
         """Begin a new episode in every environment; returns (count, sensed)."""
-        self.record, self.measurement, initial = self.task.draw(self.num_envs, self.rng)
-        self.agent.reset(self.task.pull_mm[self.record, 0], initial)
-        self.sample = 1
-        self.episode_return = np.zeros(self.num_envs)
+        count, steps = self.num_envs, self.task.pull_mm.shape[1] - 1
+        self.first = np.arange(count) * steps // count
+        self.record, self.measurement, initial = self.task.draw(count, self.rng, self.first)
+        self.agent.reset(self.task.pull_mm[self.record, self.first], initial)
+        self.sample = self.first + 1
+        self.episode_return = np.zeros(count)
         return self._observe()
+
+    def _begin_again(self, ended: NDArray[np.bool_]) -> None:
+        """Begin a complete episode where one has ended."""
+        initial = np.zeros(self.num_envs)
+        self.record[ended], self.measurement[ended], initial[ended] = self.task.draw(ended.sum(), self.rng)
+        self.agent.reset(self.task.pull_mm[self.record, 0], initial, ended)
+        self.first[ended], self.sample[ended], self.episode_return[ended] = 0, 1, 0.0
 
     def step_wait(
         self,
@@ -60,12 +79,11 @@ class BatchEnvironment(SharedEnvironment):
         reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
         self.episode_return += reward
         self.sample += 1
-        # All records have one length and all episodes began together, so they end together.
         ended = self.sample == self.task.pull_mm.shape[1]
-        infos = self._infos(ended, self._last_observation, self.sample - 1)
-        observation = self.reset() if ended else self._observe()
-        done = np.full(self.num_envs, ended)
-        return observation, (self.reward_scale * reward).astype(np.float32), done, infos
+        infos = self._infos(ended, self._last_observation, self.sample - 1 - self.first)
+        if ended.any():
+            self._begin_again(ended)
+        return self._observe(), (self.reward_scale * reward).astype(np.float32), ended, infos
 
     def _observe(self) -> NDArray[np.float32]:
         k, pull = self.sample, self.task.pull_mm

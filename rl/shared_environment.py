@@ -23,24 +23,24 @@ class SharedEnvironment(VecEnv):
         """Take (count, action_size) actions."""
         self.actions = np.asarray(actions, dtype=float)
 
-    def _infos(self, ended: bool, seen: NDArray[np.float32], length: int) -> list[dict[str, Any]]:
-        """Return what stable-baselines3 is told of a step; episodes end together, truncated.
+    def _infos(
+        self, ended: NDArray[np.bool_], seen: NDArray[np.float32], length: NDArray[np.int64]
+    ) -> list[dict[str, Any]]:
+        """Return the infos of a step for stable-baselines3; an episode that ends is truncated.
 
         Args:
-            ended: whether they do so now.
+            ended: (count,) episodes that end now.
             seen: (count, observation_size) the last observations.
-            length: of the episodes, in samples.
+            length: (count,) samples of the episodes so far.
         """
-        if not ended:
-            return [{} for _ in range(self.num_envs)]
-        return [
-            {
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for place in np.flatnonzero(ended):
+            infos[place] = {
                 "TimeLimit.truncated": True,
-                "terminal_observation": last,
-                "episode": {"r": float(total), "l": length, "t": 0.0},
+                "terminal_observation": seen[place],
+                "episode": {"r": float(self.episode_return[place]), "l": int(length[place]), "t": 0.0},
             }
-            for last, total in zip(seen, self.episode_return, strict=True)
-        ]
+        return infos
 
     def close(self) -> None:
         """Nothing to release."""

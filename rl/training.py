@@ -11,25 +11,18 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
-from rl.checkpoint import (
-    UPDATE,
-    Curve,
-    ReplayedEnvironment,
-    check_finite,
-    curve_columns,
-    load_checkpoint,
-    reseed,
-    save_checkpoint,
-)
+from rl.checkpoint import load_checkpoint, save_checkpoint, unusable
 from rl.compiled_code import no_folder_of_compiled_code
+from rl.environment import BatchEnvironment
 from rl.options import TrainingOptions, check_memory
 from rl.policy import AGENTS, export_policy
-from rl.run import run_configuration, with_deployment, write_curve
+from rl.run import action_columns, run_configuration, with_deployment, write_curve
 from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
-from twin.errors import InputError
+from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
@@ -43,6 +36,15 @@ Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
 PPO_WIDTHS = (64, 64)
 """Units of each layer of a policy, as Stable-Baselines3 has them."""
+UPDATE = {
+    "policy_loss": "train/policy_gradient_loss",
+    "value_loss": "train/value_loss",
+    "entropy_loss": "train/entropy_loss",
+    "kl": "train/approx_kl",
+    "clip_fraction": "train/clip_fraction",
+    "exploration": "train/std",
+}
+"""Columns of the learning curve that describe the latest update, with their names in stable-baselines3."""
 GROWS = "training.episodes"
 """Number that a finished run may be given more of: it goes on from where it ended."""
 
@@ -56,8 +58,8 @@ def train_policy(
 ) -> Path:
     """Train a policy and write `policy.onnx`, `config.yaml` and `progress.csv` into a folder.
 
-    A training that was stopped goes on from its checkpoint, and ends with the bytes of an undisturbed one;
-    one that is finished goes on if more episodes are asked for, and is left as it is if not.
+    A training that was stopped continues from its checkpoint, with new episodes; a finished one continues if
+    more episodes are asked for, and is left as it is if not.
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
@@ -83,7 +85,7 @@ def train_policy(
     with open_run(folder, configuration, files, GROWS) as shorter, no_folder_of_compiled_code():
         if shorter or not policy_path.is_file():
             task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
-            environment = ReplayedEnvironment(
+            environment = BatchEnvironment(
                 task,
                 AGENTS[training.agent](active_model),
                 training.environments,
@@ -92,8 +94,8 @@ def train_policy(
             )
             ppo = new_ppo(environment, training)
             key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
-            run = _Run(folder, key, ppo, training, environment, on_progress)
-            run.curve, run.update = load_checkpoint(checkpoint, key, ppo, environment)
+            run = _Run(checkpoint, key, ppo, training, environment, on_progress)
+            run.restore()
             _check_goes_on(ppo, run, shorter)
             with counted_cost(folder):
                 _learn(ppo, run)
@@ -139,7 +141,11 @@ def _learn(ppo: PPO, run: "_Run") -> None:
         FloatingPointError: the training has diverged.
     """
     if ppo.num_timesteps < run.total:
-        reseed(run.training.seed, ppo.num_timesteps)
+        # Its own random numbers after each stop, not those of the beginning again.
+        set_random_seed(
+            int(np.random.SeedSequence([run.training.seed, ppo.num_timesteps]).generate_state(1)[0])
+        )
+        run.environment.rng = np.random.default_rng([run.training.seed, ppo.num_timesteps])
         learn(ppo, run.total - ppo.num_timesteps, run, reset=False)
 
 
@@ -175,21 +181,37 @@ def new_ppo(environment: VecEnv, training: TrainingOptions, widths: Sequence[int
     return ppo
 
 
+def check_finite(ppo: PPO) -> None:
+    """Refuse weights that are not numbers.
+
+    Raises:
+        FloatingPointError: the training has diverged.
+    """
+    if not all(torch.isfinite(values).all() for values in ppo.policy.parameters()):
+        raise DivergedError(
+            f"the training has diverged after {ppo.num_timesteps} samples: lower `learning_rate`"
+        )
+
+
 class _Run(BaseCallback):
-    """Keeps the return of finished episodes and, every so many updates, a checkpoint."""
+    """Learning curve of the finished episodes and, every so many updates, a checkpoint.
+
+    Attributes:
+        curve: rows of `progress.csv`: samples, mean reward per sample [deg^2] of as many finished episodes as
+            there are environments, the figures of the latest update, and mean and deviation of each action.
+    """
 
     def __init__(
         self,
-        folder: Path,
+        checkpoint: Path,
         key: str,
         ppo: PPO,
         training: TrainingOptions,
-        environment: ReplayedEnvironment,
+        environment: BatchEnvironment,
         on_progress: OnProgress | None,
     ):
         super().__init__()
-        self.folder = folder
-        self.key = key
+        self.checkpoint, self.folder, self.key = checkpoint, checkpoint.parent, key
         self.ppo = ppo
         self.training = training
         self.environment = environment
@@ -197,47 +219,64 @@ class _Run(BaseCallback):
         self.total = training.episodes * (environment.task.pull_mm.shape[1] - 1)
         updates = math.ceil(self.total / training.horizon)
         self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
-        self.curve: Curve = []
-        self.update: list[float] = []
+        self.curve: list[tuple[float, ...]] = []
+        self.update = [math.nan] * len(UPDATE)
+        self.episodes: list[dict[str, float]] = []  # finished since the last row
+        self.actions: list[NDArray[np.float32]] = []
 
     def save(self) -> None:
         """Write a checkpoint."""
-        path = self.folder / CHECKPOINT_FILE
-        save_checkpoint(path, self.key, self.ppo, self.environment, self.curve, self.update)
+        check_finite(self.ppo)
+        state = {"samples": self.ppo.num_timesteps, "curve": self.curve, **self.ppo.get_parameters()}
+        save_checkpoint(self.checkpoint, self.key, state)
+
+    def restore(self) -> None:
+        """Bring policy, optimiser and curve to the checkpoint, if there is one of this training.
+
+        Raises:
+            ValueError: the file is no checkpoint, or damaged.
+        """
+        state = load_checkpoint(self.checkpoint, self.key)
+        if state is not None:
+            try:
+                self.ppo.num_timesteps, self.curve = int(state.pop("samples")), list(state.pop("curve"))
+                self.ppo.set_parameters(state)
+            except Exception as error:  # what does not fit, in classes of torch and stable-baselines3
+                raise unusable(self.checkpoint) from error
 
     def write(self) -> None:
         """Write the curve."""
-        write_curve(self.folder, self.curve, curve_columns(self.environment))
+        actions = action_columns(len(self.environment.agent.applied))
+        write_curve(self.folder, self.curve, ["samples", "mean_reward", *UPDATE, *actions])
 
     @property
     def latest(self) -> float:
         """Mean reward per sample of the last episodes [deg^2]."""
-        return self.curve[-1][1] if self.curve else float("nan")
+        return self.curve[-1][1] if self.curve else math.nan
 
     def _on_rollout_start(self) -> None:
-        self._meet_update()
-        if self.num_timesteps % self.between == 0:
-            if self.num_timesteps:
-                self.save()
-            # Here, and so in each training alike, whether it was stopped or not.
-            reseed(self.training.seed, self.num_timesteps)
+        self._take_update()
+        if self.num_timesteps and self.num_timesteps % self.between == 0:
+            self.save()
 
     def _on_training_end(self) -> None:
-        self._meet_update()
+        self._take_update()
 
-    def _meet_update(self) -> None:
+    def _take_update(self) -> None:
         """Take the figures of the latest update, if there has been one."""
-        told = self.logger.name_to_value
-        if told.keys() >= set(UPDATE.values()):
-            self.update = [float(told[name]) for name in UPDATE.values()]
+        logged = self.logger.name_to_value
+        if logged.keys() >= set(UPDATE.values()):
+            self.update = [float(logged[name]) for name in UPDATE.values()]
 
     def _on_step(self) -> bool:
-        rewards = [
-            info["episode"]["r"] / info["episode"]["l"] for info in self.locals["infos"] if "episode" in info
-        ]
-        if rewards:
-            figures = [*self.update, *self.environment.acted]
-            self.curve.append((self.num_timesteps, float(np.mean(rewards)), *figures))
+        self.actions.append(self.environment.actions)
+        self.episodes += [info["episode"] for info in self.locals["infos"] if "episode" in info]
+        if len(self.episodes) >= self.environment.num_envs:
+            reward = sum(of["r"] for of in self.episodes) / sum(of["l"] for of in self.episodes)
+            acted = np.concatenate(self.actions)
+            figures = np.stack([acted.mean(axis=0), acted.std(axis=0)], axis=1).ravel().tolist()
+            self.curve.append((self.num_timesteps, reward, *self.update, *figures))
+            self.episodes, self.actions = [], []
             self.write()
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)

@@ -73,10 +73,10 @@ class TwinsEnvironment(SharedEnvironment):
         """Apply the actions; sequences end together, truncated, and others begin."""
         reward = self._advance(tensor32(self.actions))
         self.episode_return += reward
-        ended = self.sample == self.length
-        infos = self._infos(ended, self.seen, self.sample)
-        observation = self.reset() if ended else self._observe()
-        return observation, self.scale * reward, np.full(self.num_envs, ended), infos
+        ended = np.full(self.num_envs, self.sample == self.length)
+        infos = self._infos(ended, self.seen, np.full(self.num_envs, self.sample))
+        observation = self.reset() if ended.all() else self._observe()
+        return observation, self.scale * reward, ended, infos
 
     @torch.no_grad()
     def _observe(self) -> Array32:

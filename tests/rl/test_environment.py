@@ -10,6 +10,7 @@ from rl.environment import (
     TrainingTask,
     stack_records,
 )
+from rl.policy import AGENTS
 from rl.registration import ENVIRONMENT_ID, register_environments
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.direct import DirectEstimator
@@ -57,7 +58,7 @@ def test_single_environment_is_the_batch_of_one(records, model):
 def test_reward_is_minus_the_squared_error_of_the_estimate(task, model):
     environment = batch(task, model, 6)
     environment.reset()
-    truth = task.bend_deg[environment.record, 1]
+    truth = task.bend_deg[environment.record, environment.sample]
     estimate = environment.agent.belief.mean[0] + 0.5 * environment.agent.residual
     _, reward, _, _ = environment.step(np.tile([0.0, -1.0], (6, 1)))
     np.testing.assert_allclose(reward, -((estimate - truth) ** 2), rtol=1e-6)
@@ -77,19 +78,48 @@ def test_environments_do_not_touch_each_other(task, model):
 
 
 def test_an_episode_is_truncated_at_the_end_of_its_record_and_the_next_begins(task, model):
-    environment = batch(task, model, 3)
+    environment = batch(task, model, 1)
     environment.reset()
     samples = task.pull_mm.shape[1]
-    total = np.zeros(3)
+    total = 0.0
     for k in range(1, samples):
-        observation, reward, done, infos = environment.step(np.zeros((3, 2)))
-        total += reward
-        assert done.all() == (k == samples - 1)
-    assert all(info["TimeLimit.truncated"] for info in infos)
-    np.testing.assert_allclose([info["episode"]["r"] for info in infos], total, rtol=1e-5)
+        observation, reward, done, infos = environment.step(np.zeros((1, 2)))
+        total += reward[0]
+        assert done[0] == (k == samples - 1)
+    assert infos[0]["TimeLimit.truncated"]
+    assert infos[0]["episode"]["r"] == pytest.approx(total, rel=1e-5)
     assert infos[0]["episode"]["l"] == samples - 1
     assert not np.array_equal(observation[0], infos[0]["terminal_observation"])
-    assert environment.sample == 1
+    assert environment.sample[0] == 1
+
+
+@pytest.mark.parametrize("agent", ["ram", "direct"])
+def test_every_stretch_of_samples_holds_starts_in_their_true_proportion(task, model, agent):
+    """An update of PPO takes so many steps of each environment; every episode after the first is complete."""
+    count, steps = 16, 25
+    environment = BatchEnvironment(task, AGENTS[agent](ActiveModel(model, 0.1)), count, seed=0)
+    complete = task.pull_mm.shape[1] - 1
+    environment.reset()
+    assert len(set(environment.first)) == count
+    lengths, finished = [[] for _ in range(count)], []
+    for _ in range(4 * complete // steps):
+        finished.append(0)
+        for _ in range(steps):
+            _, _, done, infos = environment.step(np.zeros((count, len(environment.agent.applied))))
+            finished[-1] += done.sum()
+            for place in np.flatnonzero(done):
+                lengths[place].append(infos[place]["episode"]["l"])
+    expected = steps * count / complete
+    assert np.abs(np.array(finished) - expected).max() < 1
+    assert all(set(of[1:]) == {complete} for of in lengths)
+
+
+def test_first_estimates_are_off_as_at_any_start(task):
+    first = np.arange(64) * 3
+    record, _, initial = task.draw(64, np.random.default_rng(0), first)
+    off = np.abs(initial - task.bend_deg[record, first])
+    assert off.min() > 0
+    assert 15 < off.max() <= 20
 
 
 def test_observation_holds_measured_residuals_and_never_the_truth(records, model):
@@ -123,7 +153,9 @@ def test_direct_environment_shows_the_residual_against_the_last_estimate(task):
     observation = environment.reset()
     residual = from_log_scale(observation[:, 0].astype(float))
     np.testing.assert_allclose(
-        residual, environment.measurement[:, 1] - environment.agent.bend_deg, rtol=1e-4
+        residual,
+        environment.measurement[[0, 1], environment.sample] - environment.agent.bend_deg,
+        rtol=1e-4,
     )
 
 

@@ -30,12 +30,19 @@ class TrainingTask:
     noise_level: float = 0.1
     initial_error_deg: float = 20.0
 
-    def draw(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Array, Array]:
-        """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg]."""
+    def draw(
+        self, count: int, rng: np.random.Generator, first: NDArray[np.int64] | int = 0
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg].
+
+        The estimates are of the angle at the first sample of each episode, (count,) or the same for all.
+        """
         record = rng.integers(len(self.pull_mm), size=count)
         truth = self.bend_deg[record]
         measurement = truth + draw_noise(self.noise, self.noise_level, truth.shape, rng)
-        initial = truth[:, 0] + rng.uniform(-self.initial_error_deg, self.initial_error_deg, size=count)
+        initial = truth[np.arange(count), first] + rng.uniform(
+            -self.initial_error_deg, self.initial_error_deg, size=count
+        )
         return record, measurement, initial
 
 

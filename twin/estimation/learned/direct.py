@@ -35,9 +35,9 @@ class DirectEstimator(Agent):
         """(B,) estimates [deg]."""
         return self._bend.copy()
 
-    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
-        """Start B estimators at their (B,) initial estimates [deg]."""
-        self._bend = np.array(initial_bend_deg, dtype=float)
+    def reset(self, pull_mm: Array, initial_bend_deg: Array, which: NDArray[np.bool_] | bool = True) -> None:
+        """Start those of B estimators at their (B,) initial estimates [deg]."""
+        self._bend = np.where(which, np.asarray(initial_bend_deg, dtype=float), self._bend)
 
     def sense(
         self,

@@ -52,8 +52,8 @@ class Agent(abc.ABC):
         """(B,) estimates [deg]."""
 
     @abc.abstractmethod
-    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
-        """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
+    def reset(self, pull_mm: Array, initial_bend_deg: Array, which: NDArray[np.bool_] | bool = True) -> None:
+        """Start those of B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
 
     @abc.abstractmethod
     def sense(

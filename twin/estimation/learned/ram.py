@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.case import CaseEstimator
+from twin.estimation.gaussian import Belief
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.learned.policy import (
     POLICY_FILE,
@@ -55,9 +56,15 @@ class ReinforcementActiveModel(Agent):
         bend: Array = self.belief.mean[0].copy()
         return bend
 
-    def reset(self, pull_mm: Array, initial_bend_deg: Array) -> None:
-        """Start B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
-        self.belief = self.active_model.start(pull_mm, initial_bend_deg)
+    def reset(self, pull_mm: Array, initial_bend_deg: Array, which: NDArray[np.bool_] | bool = True) -> None:
+        """Start those of B estimators at the first (B,) pull [mm], at their (B,) initial estimates [deg]."""
+        begun = self.active_model.start(pull_mm, initial_bend_deg)
+        if which is True:
+            self.belief = begun
+        else:
+            self.belief = Belief(
+                *(np.where(which, new, old) for new, old in zip(begun, self.belief, strict=True))
+            )
 
     def sense(
         self,
