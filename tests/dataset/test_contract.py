@@ -156,9 +156,9 @@ def test_command_says_in_a_line_what_is_missing(folder, capsys):
         (("source",), 2),
         (("files",), 2),
         (("files", 0, "sha256"), 2),
-        (("statistics", "bend_deg", "mean"), 2),
-        (("files", 0, "statistics", "bend_deg"), 1),
-        (("features", "bend_deg"), 1),
+        (("statistics", "truth_deg", "mean"), 2),
+        (("files", 0, "statistics", "truth_deg"), 1),
+        (("features", "truth_deg"), 1),
     ]
     if "recipe" in whole:
         places += [(("recipe", "preset", "pretension"), 1), (("recipe", "ranges", "pretension"), 1)]

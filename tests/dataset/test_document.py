@@ -52,8 +52,8 @@ def test_every_key_of_dataset_json_and_of_the_metadata_is_described(tmp_path):
     keys = {
         *contents,
         *contents["files"][0],
-        *contents["features"]["bend_deg"],
-        *contents["statistics"]["bend_deg"],
+        *contents["features"]["truth_deg"],
+        *contents["statistics"]["truth_deg"],
     }
     for key in keys | set(read_episode(tmp_path / "data/episode_0000.mcap").metadata):
         assert described(key), key

@@ -73,7 +73,7 @@ def test_file_with_other_numbers_and_whole_crcs_is_found_to_differ_and_where(tmp
     )
     result = replay(path)
     assert not result.same
-    assert result.differs == ["bend_deg by up to 0.5 from sample 17 on", "wire_tension_n by up to 0.25 from "
+    assert result.differs == ["truth_deg by up to 0.5 from sample 17 on", "wire_tension_n by up to 0.25 from "
                               "sample 31 on"]  # fmt: skip
     assert result.line == "differs in " + "; ".join(result.differs)
 
@@ -91,7 +91,7 @@ def test_measurements_that_are_missing_and_times_that_are_moved_are_found_to_dif
     measured = made().measured_bend.copy()
     measured[5:7] = np.nan
     result = replay(write_episode(tmp_path / "a.mcap", made(measured_bend=measured)))
-    assert result.differs == ["measured_bend_deg by missing numbers from sample 5 on"]
+    assert result.differs == ["measured_deg by missing numbers from sample 5 on"]
     result = replay(write_episode(tmp_path / "b.mcap", made(time=made().time + 0.5)))
     assert result.differs == ["time_s by up to 0.5 from sample 0 on"]
 
@@ -99,7 +99,7 @@ def test_measurements_that_are_missing_and_times_that_are_moved_are_found_to_dif
 def test_shorter_file_is_found_to_differ(tmp_path):
     result = replay(write_episode(tmp_path / "a.mcap", made().resampled(0.04)))
     assert not result.same
-    assert "bend_deg (not the same shape)" in result.differs
+    assert "truth_deg (not the same shape)" in result.differs
 
 
 def test_versions_that_differ_are_named(tmp_path):

@@ -37,7 +37,7 @@ def cut_off(folder: Path) -> None:
 
 
 def fewer_quantities(contents: dict) -> None:
-    contents["features"]["bend_deg"]["meaning"] = "something else"
+    contents["features"]["truth_deg"]["meaning"] = "something else"
 
 
 BREAKS = {
@@ -46,7 +46,7 @@ BREAKS = {
     "readable": cut_off,
     "length": stated(lambda contents: contents["files"][1].update(samples=3)),
     "quantities": stated(fewer_quantities),
-    "statistics": stated(lambda contents: contents["files"][1]["statistics"]["bend_deg"].update(mean=99.0)),
+    "statistics": stated(lambda contents: contents["files"][1]["statistics"]["truth_deg"].update(mean=99.0)),
     "origin": stated(lambda contents: contents["files"][1].update(signal="triangles")),
     "recipe": lambda folder: (folder / "recipe.yaml").unlink(),
     "totals": stated(lambda contents: contents.update(seconds=1e3)),

@@ -117,11 +117,11 @@ def test_changed_or_missing_table_is_found(dataset_copy):
 @pytest.mark.parametrize("key", ["min", "max", "mean", "std", "count"])
 def test_wrong_statistics_of_a_file_are_found(dataset_copy, key):
     def change(contents: dict[str, Any]) -> None:
-        contents["files"][1]["statistics"]["bend_deg"][key] += 1
+        contents["files"][1]["statistics"]["truth_deg"][key] += 1
 
     edit(dataset_copy, change)
     faults, _ = verify(dataset_copy)
-    assert faults[0].startswith(f"{dataset_copy / SECOND}: {key} of bend_deg is ")
+    assert faults[0].startswith(f"{dataset_copy / SECOND}: {key} of truth_deg is ")
 
 
 @pytest.mark.parametrize("name", ["episodes", "seconds", "bytes", "statistics"])
@@ -148,7 +148,7 @@ def test_other_numbers_in_a_whole_file_are_found(dataset_copy):
     adopt(dataset_copy)
     faults, _ = verify(dataset_copy)
     assert faults
-    assert all(f"{dataset_copy / SECOND}: " in fault and " of bend_deg is " in fault for fault in faults)
+    assert all(f"{dataset_copy / SECOND}: " in fault and " of truth_deg is " in fault for fault in faults)
 
 
 def test_measurements_that_have_gone_missing_are_found(dataset_copy):
@@ -157,7 +157,7 @@ def test_measurements_that_have_gone_missing_are_found(dataset_copy):
     write_episode(dataset_copy / SECOND, dataclasses.replace(episode, measured_bend=blind))
     adopt(dataset_copy)
     faults, _ = verify(dataset_copy)
-    assert f"{dataset_copy / SECOND}: count of measured_bend_deg is 25, not 50, by dataset.json" in faults
+    assert f"{dataset_copy / SECOND}: count of measured_deg is 25, not 50, by dataset.json" in faults
 
 
 def test_wrong_number_of_samples_is_found(dataset_copy):
@@ -207,10 +207,10 @@ def test_damaged_dataset_file_is_said_in_one_line_with_what_to_do(dataset_copy, 
     [
         (lambda entry: entry.pop("sha256"), "files[1].sha256 is missing"),
         (lambda entry: entry.update(statistics=5), "files[1].statistics = 5: must be an object"),
-        (lambda entry: entry["statistics"].update(bend_deg=5), "files[1].statistics.bend_deg = 5: must be"),
+        (lambda entry: entry["statistics"].update(truth_deg=5), "files[1].statistics.truth_deg = 5: must be"),
         (
-            lambda entry: entry["statistics"]["bend_deg"].update(mean="five"),
-            "files[1].statistics.bend_deg.mean = 'five': must be a valid number",
+            lambda entry: entry["statistics"]["truth_deg"].update(mean="five"),
+            "files[1].statistics.truth_deg.mean = 'five': must be a valid number",
         ),
     ],
 )
@@ -224,10 +224,13 @@ def test_entry_that_does_not_fit_the_schema_is_refused(dataset_copy, change, fau
     ("change", "fault"),
     [
         (
-            lambda entry: entry["statistics"].pop("bend_deg"),
+            lambda entry: entry["statistics"].pop("truth_deg"),
             ": statistics are of other quantities, by dataset.json",
         ),
-        (lambda entry: entry["statistics"]["bend_deg"].update(count=49), ": count of bend_deg is 50, not 49"),
+        (
+            lambda entry: entry["statistics"]["truth_deg"].update(count=49),
+            ": count of truth_deg is 50",
+        ),
         (
             lambda entry: entry.update(signal="sawtooth"),
             ": signal is decaying-sine, dataset.json says sawtooth",
@@ -248,7 +251,7 @@ def test_wrong_entry_is_a_fault(dataset_copy, change, fault):
         (lambda contents: contents.update(mujoco="2.0.1"), "dataset.json says 2.0.1"),
         (lambda contents: contents["files"].reverse(), "its files are not the episodes of the recipe"),
         (
-            lambda contents: contents["files"][0]["statistics"]["bend_deg"].update(count=1),
+            lambda contents: contents["files"][0]["statistics"]["truth_deg"].update(count=1),
             "of the whole dataset",
         ),
     ],

@@ -164,7 +164,7 @@ def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):
     estimates = dataclasses.replace(active_model, measurement_variance=0.3).estimate(
         record.pull_mm, record.measured_deg, record.bend_deg[0] + 20
     )
-    np.testing.assert_allclose([m.proto_msg.bend_deg for m in messages], estimates[0], rtol=1e-12)
+    np.testing.assert_allclose([m.proto_msg.estimate_deg for m in messages], estimates[0], rtol=1e-12)
     assert [m.log_time_ns for m in messages] == [100_000_000 * k for k in range(len(estimates[0]))]
 
 

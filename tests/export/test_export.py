@@ -55,7 +55,7 @@ def test_csv_reads_back_as_the_same_doubles_and_all_of_it_if_wanted(data, tmp_pa
     for name, wanted in {
         "time_s": episode.time,
         "pull_mm": episode.pull * 1e3,
-        "measured_bend_deg": np.degrees(episode.measured_bend),
+        "measured_deg": np.degrees(episode.measured_bend),
         "pulley_mm": episode.pulley * 1e3,
         "sheath_bend_deg": np.degrees(episode.sheath_bend),
         "wire_tension_b_2_n": episode.wire_tension[:, 1, 2],

@@ -72,7 +72,7 @@ def test_what_a_robot_knows_and_does_is_rounded_to_float32_and_a_missing_angle_i
     assert pq.read_table(folder / "data")["observation.state"].null_count == 0
     features = info_of(folder)["features"]
     tensions = [f"tension_{wire}_n" for wire in "abcd"]
-    assert features["observation.state"]["names"] == ["measured_bend_deg", *tensions]
+    assert features["observation.state"]["names"] == ["measured_deg", *tensions]
     assert features["action"]["names"] == ["pull_mm", "lateral_pull_mm"]
 
 
@@ -227,7 +227,7 @@ def test_episodes_that_differ_are_refused_by_name(tmp_path, other, fault):
 
 def test_an_angle_that_nobody_has_measured_and_no_episode_are_refused(tmp_path):
     blind = dataclasses.replace(make_episode(), measured_bend=np.full(12, np.nan))
-    with pytest.raises(ValueError, match="measured_bend_deg is missing at every sample of all episodes"):
+    with pytest.raises(ValueError, match="measured_deg is missing at every sample of all episodes"):
         write_lerobot(tmp_path / "a", [("a", blind, {})])
     with pytest.raises(ValueError, match="there is no episode"):
         write_lerobot(tmp_path / "b", [])

@@ -31,11 +31,11 @@ FILE = {
     "seconds": 0.2,
     "bytes": 99,
     "sha256": "0" * 64,
-    "statistics": {"bend_deg": FIGURES},
+    "statistics": {"truth_deg": FIGURES},
     "csv": "a.csv",
     "csv_sha256": "1" * 64,
 }
-FEATURE = {"topic": "/truth", "field": "bend_deg", "unit": "deg", "shape": [], "meaning": "bend"}
+FEATURE = {"topic": "/truth", "field": "truth_deg", "unit": "deg", "shape": [], "meaning": "bend"}
 
 
 def contents(**changes) -> dict:
@@ -45,8 +45,8 @@ def contents(**changes) -> dict:
         "episodes": 1,
         "seconds": 0.2,
         "bytes": 99,
-        "features": {"bend_deg": FEATURE},
-        "statistics": {"bend_deg": FIGURES},
+        "features": {"truth_deg": FEATURE},
+        "statistics": {"truth_deg": FIGURES},
         "files": [FILE],
     } | changes
 
@@ -73,8 +73,8 @@ def test_contents_come_back_from_their_file(tmp_path):
             "unknown key files[0].colour; valid: name, samples, seconds, bytes, sha256, statistics, csv,",
         ),
         (
-            {"statistics": {"bend_deg": FIGURES | {"median": 1}}},
-            "unknown key statistics.bend_deg.median; valid: count, max, mean, min, std",
+            {"statistics": {"truth_deg": FIGURES | {"median": 1}}},
+            "unknown key statistics.truth_deg.median; valid: count, max, mean, min, std",
         ),
         ({"mujoco": "3"}, "unknown key mujoco; valid: "),
         ({"source": "simulated"}, "mujoco is missing"),
@@ -92,7 +92,10 @@ def test_contents_come_back_from_their_file(tmp_path):
         ({"files": [FILE | {"name": ".a.mcap"}]}, "files[0].name = '.a.mcap': must match pattern"),
         ({"files": [FILE | {"name": "a.txt"}]}, "files[0].name = 'a.txt': must match pattern"),
         ({"files": [FILE | {"sha256": "0"}]}, "files[0].sha256 = '0': must match pattern"),
-        ({"features": {"bend_deg": FEATURE | {"shape": 3}}}, "features.bend_deg.shape = 3: must be a valid"),
+        (
+            {"features": {"truth_deg": FEATURE | {"shape": 3}}},
+            "features.truth_deg.shape = 3: must be",
+        ),
     ],
 )
 def test_what_does_not_fit_is_named_with_the_rule(changes, fault):

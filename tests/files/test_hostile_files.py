@@ -28,7 +28,7 @@ from twin.preset.randomization import load_ranges
 from twin.recording.facts import check_facts
 
 FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
-FEATURE = {"topic": "/truth", "field": "bend_deg", "unit": "deg", "shape": [], "meaning": "bend"}
+FEATURE = {"topic": "/truth", "field": "truth_deg", "unit": "deg", "shape": [], "meaning": "bend"}
 PRESET = Preset("mine").to_dict() | {"ranges": {"pretension": [1.0, 6.0]}}
 RECIPE = {
     "preset": Preset("mine").to_dict(),
@@ -50,8 +50,8 @@ DATASET = {
     "episodes": 1,
     "seconds": 0.2,
     "bytes": 99,
-    "features": {"bend_deg": FEATURE},
-    "statistics": {"bend_deg": FIGURES},
+    "features": {"truth_deg": FEATURE},
+    "statistics": {"truth_deg": FIGURES},
     "files": [
         {
             "name": "a.mcap",
@@ -59,7 +59,7 @@ DATASET = {
             "seconds": 0.2,
             "bytes": 99,
             "sha256": "0" * 64,
-            "statistics": {"bend_deg": FIGURES},
+            "statistics": {"truth_deg": FIGURES},
             "csv": "a.csv",
             "csv_sha256": "1" * 64,
         }
@@ -74,7 +74,7 @@ FACTS = {
     "signal": "sine",
     "stroke_mm": [-1.0, 1.0],
     "sheath_bend_deg": [0.0, 90.0],
-    "statistics": {"bend_deg": FIGURES},
+    "statistics": {"truth_deg": FIGURES},
     "pulley_radius": 0.01,
 }
 READERS = {

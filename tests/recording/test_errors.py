@@ -124,7 +124,7 @@ def change(topic, index, new):
     return lambda at, k, data: new if at == topic and index in (k, None) else data
 
 
-NAN = schema.Truth(bend_deg=float("nan")).SerializeToString()
+NAN = schema.Truth(truth_deg=float("nan")).SerializeToString()
 SHORT = schema.Truth(wire_tension_a_n=[1.0]).SerializeToString()
 UNEVEN = schema.Truth(wire_tension_a_n=[1.0, 2.0]).SerializeToString()
 
@@ -162,7 +162,7 @@ def test_what_is_wrong_inside_a_sound_file_is_named(tmp_path, whole, edit, fault
 
 
 def test_a_measurement_that_another_program_wrote_as_nan_is_missing(tmp_path, whole):
-    nan = schema.Measurement(bend_deg=float("nan")).SerializeToString()
+    nan = schema.Measurement(measured_deg=float("nan")).SerializeToString()
     measured = make_episode().measured_bend.copy()
     measured[5] = np.nan
     wanted = dataclasses.replace(make_episode(), measured_bend=measured, attachments={})
@@ -219,7 +219,7 @@ def test_any_payload_gives_an_episode_or_a_value_error(folder, whole, topic, ind
 def test_topic_of_another_schema_is_refused(tmp_path):
     path = tmp_path / "a.mcap"
     with EpisodeWriter(path) as writer:
-        writer.add_message("/command", schema.Measurement(bend_deg=1.0), 0)
+        writer.add_message("/command", schema.Measurement(measured_deg=1.0), 0)
         writer.write(make_episode())
     assert "topic /command has 'protobuf' messages of schema endotwin.Measurement" in fault_of(path)
 

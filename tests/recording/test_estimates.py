@@ -32,11 +32,6 @@ def test_angles_come_back_at_their_samples_and_nan_between(tmp_path, topic):
     assert len(read_episode(path).time) == 12
 
 
-def test_messages_of_the_first_version_are_read(tmp_path):
-    path = written(tmp_path, [(TIMES[3], schema.Measurement(bend_deg=1.5))])
-    assert read_estimates(path, REFERENCE_TOPIC)[3] == 1.5
-
-
 def test_a_topic_that_is_not_there_has_no_angles(tmp_path):
     assert read_estimates(written(tmp_path, []), REFERENCE_TOPIC).shape == (0,)
 

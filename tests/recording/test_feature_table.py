@@ -102,9 +102,9 @@ def columns_of(tmp_path, *, everything: bool) -> list[str]:
 
 
 def test_columns_of_a_table_are_those_of_the_quantities_that_it_names(tmp_path):
-    assert set(TABLE) - {feature.name for feature in FEATURES} == {COMMAND_ANGLE}
+    assert set(TABLE) - {feature.column for feature in FEATURES} == {COMMAND_ANGLE}
     held = recorded(make_episode(planes=2, drive=True))
-    shapes = {feature.name: (feature, held[feature.name].shape[1:]) for feature in FEATURES}
+    shapes = {feature.column: (feature, held[feature.name].shape[1:]) for feature in FEATURES}
     of_table = [column_names(*shapes[name]) if name in shapes else (name,) for name in TABLE]
     short = ["time_s", *(column for columns in of_table for column in columns)]
     assert columns_of(tmp_path, everything=False) == short
@@ -124,6 +124,6 @@ def test_columns_of_parquet_files_are_the_quantities_each_once():
     wanted: dict[str, list[str]] = {"observation.state": [], "action": []}
     for feature in FEATURES:
         joined = {"/measurement": "observation.state", "/tension": "observation.state", "/command": "action"}
-        name = joined.get(feature.topic, f"truth.{feature.name}")
+        name = joined.get(feature.topic, f"truth.{feature.column}")
         wanted.setdefault(name, []).extend(column_names(feature, held[feature.name].shape[1:]))
     assert {name: list(column.names) for name, column in columns.items() if name not in own} == wanted

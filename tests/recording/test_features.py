@@ -64,9 +64,9 @@ def test_quantities_have_the_units_that_their_names_end_in():
         "pull_mm": 1e3 * episode.pull,
         "lateral_pull_mm": 1e3 * episode.lateral_pull,
         "pulley_mm": 1e3 * episode.pulley,
-        "bend_deg": np.degrees(episode.bend),
+        "truth_deg": np.degrees(episode.bend),
         "lateral_bend_deg": np.degrees(episode.lateral_bend),
-        "measured_bend_deg": np.degrees(episode.measured_bend),
+        "measured_deg": np.degrees(episode.measured_bend),
         "sheath_bend_deg": np.degrees(episode.sheath_bend),
         "wire_slack_mm": 1e3 * episode.wire_slack,
         "tension_n": episode.wire_tension[:, :, 0],
@@ -77,7 +77,7 @@ def test_quantities_have_the_units_that_their_names_end_in():
 
 def test_what_was_not_recorded_is_not_described():
     bare = make_episode(vertebrae=0, elements=None)
-    held = {"pull_mm", "measured_bend_deg", "bend_deg"}
+    held = {"pull_mm", "measured_deg", "truth_deg"}
     assert set(recorded(bare)) == set(describe_features(bare)) == set(statistics(bare)) == held
 
 
@@ -94,19 +94,19 @@ def test_missing_measurements_are_not_counted():
     measured = episode.measured_bend.copy()
     measured[[0, 7, 19]] = np.nan
     told = statistics(dataclasses.replace(episode, measured_bend=measured))
-    assert told["measured_bend_deg"]["count"] == 17
-    assert_close(told["measured_bend_deg"], np.degrees(measured[~np.isnan(measured)]))
-    assert told["bend_deg"]["count"] == 20
+    assert told["measured_deg"]["count"] == 17
+    assert_close(told["measured_deg"], np.degrees(measured[~np.isnan(measured)]))
+    assert told["truth_deg"]["count"] == 20
 
 
 def test_quantity_that_is_missing_throughout_one_record_takes_no_part():
     episode, other = make_episode(20), make_episode(10, seed=1)
     blind = dataclasses.replace(episode, measured_bend=np.full(20, np.nan))
-    assert "measured_bend_deg" not in statistics(blind)
+    assert "measured_deg" not in statistics(blind)
     for order in ((blind, other), (other, blind)):
         told = combine(statistics(one) for one in order)
-        assert_close(told["measured_bend_deg"], other.measured_deg)
-        assert told["bend_deg"]["count"] == 30
+        assert_close(told["measured_deg"], other.measured_deg)
+        assert told["truth_deg"]["count"] == 30
 
 
 numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
@@ -139,7 +139,7 @@ def test_statistics_of_episodes_combine_to_those_of_all_their_samples(lists):
 
     episodes = [episode(pull) for pull in lists]
     told = combine(statistics(one) for one in episodes)
-    for name in ("pull_mm", "bend_deg", "wire_tension_n"):
+    for name in ("pull_mm", "truth_deg", "wire_tension_n"):
         together = np.concatenate([recorded(one)[name].ravel() for one in episodes])
         assert_close(told[name], together, rtol=1e-7)
 

@@ -179,8 +179,8 @@ def test_independent_reader_reads_the_numbers_of_the_episode(read, written, name
     measured = episode.measured_deg
     wanted = {
         "/command.pull_mm": episode.pull_mm,
-        "/truth.bend_deg": episode.truth_deg,
-        "/measurement.bend_deg": measured[~np.isnan(measured)],
+        "/truth.truth_deg": episode.truth_deg,
+        "/measurement.measured_deg": measured[~np.isnan(measured)],
     }
     for index, wire in enumerate("abcd"[: episode.wire_tension.shape[1]]):
         for length in range(episode.wire_tension.shape[2]):

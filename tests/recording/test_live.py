@@ -24,7 +24,6 @@ from twin.recording import (
     recover_episode,
     write_episode,
 )
-from twin.recording.endotwin_pb2 import Estimate, Measurement
 from twin.recording.estimate import REFERENCE_TOPIC
 from twin.recording.live import FLUSH_S, SIGN, LiveRecording
 from twin.recording.live_messages import LiveMessages
@@ -54,10 +53,10 @@ def test_an_independent_reader_finds_all_that_was_added(tmp_path):
         assert [message.publish_time for message, _ in seen[topic]] == nanoseconds(samples)
     assert [message.sequence for message, _ in seen["/command"]] == list(range(len(SAMPLES)))
     assert [decoded.pull_mm for _, decoded in seen["/command"]] == [one.pull_mm for one in SAMPLES]
-    assert [decoded.bend_deg for _, decoded in seen["/measurement"]] == [
+    assert [decoded.measured_deg for _, decoded in seen["/measurement"]] == [
         one.measurement_deg for one in measured
     ]
-    estimates = [(decoded.bend_deg, decoded.low_deg, decoded.high_deg) for _, decoded in seen[ESTIMATE]]
+    estimates = [(decoded.estimate_deg, decoded.low_deg, decoded.high_deg) for _, decoded in seen[ESTIMATE]]
     assert estimates == [one.reading[:3] for one in SAMPLES]
     assert {(tuple(d.faults), tuple(d.alarms), d.source) for _, d in seen["/health"]} == {
         ((), (), "advanced")
@@ -73,7 +72,7 @@ def test_faults_and_alarms_are_told_by_name_and_an_interval_without_end_is_left_
     health, estimate = seen["/health"][0][1], seen[ESTIMATE][0][1]
     assert (list(health.faults), list(health.alarms)) == (["gap", "outlier"], ["range", "stuck"])
     assert health.source == "blend"
-    assert estimate.bend_deg == -3.0
+    assert estimate.estimate_deg == -3.0
     assert not estimate.HasField("low_deg")
     assert not estimate.HasField("high_deg")
     assert seen[ESTIMATE][1][1].HasField("low_deg")
@@ -138,7 +137,7 @@ def test_an_absurd_value_is_recorded_as_the_estimator_took_it(tmp_path):
     assert (made.samples, made.ignored) == (7, 1)
     seen = messages(tmp_path / "a.mcap")
     assert [decoded.pull_mm for _, decoded in seen["/command"]] == [3.0] * 6 + [4.0]
-    assert [decoded.bend_deg for _, decoded in seen["/measurement"]] == [2.0, 3.0, 500.0]
+    assert [decoded.measured_deg for _, decoded in seen["/measurement"]] == [2.0, 3.0, 500.0]
     assert len(seen["/health"]) == 8
     assert len(read_episode(tmp_path / "a.mcap").time) == 7
 
@@ -305,12 +304,6 @@ def test_chunk_index_takes_few_bytes_in_memory_and_in_the_file(tmp_path):
         container.finish()
     assert len(records_of((tmp_path / "a.mcap").read_bytes())) > 100
     assert index / 100 * 3600 / FLUSH_S < 0.6e6
-
-
-def test_old_estimates_are_read_by_the_new_message():
-    found = Estimate.FromString(Measurement(bend_deg=12.25).SerializeToString())
-    assert found.bend_deg == 12.25
-    assert not found.HasField("low_deg")
 
 
 def test_metadata_stands_before_the_first_message(tmp_path):

@@ -34,7 +34,7 @@ def built(episode: Episode, k: int, nanoseconds: int) -> dict[str, Any]:
     """The messages of one sample by topic, but for /scene, each number put where the schemas say."""
     wires = "abcd" if len(episode.lateral_pull) else "ab"
     command = schema.Command(pull_mm=(episode.pull * 1e3)[k])
-    truth = schema.Truth(bend_deg=np.degrees(episode.bend)[k])
+    truth = schema.Truth(truth_deg=np.degrees(episode.bend)[k])
     if len(episode.lateral_pull):
         command.lateral_pull_mm = (episode.lateral_pull * 1e3)[k]
         truth.lateral_bend_deg = np.degrees(episode.lateral_bend)[k]
@@ -48,7 +48,7 @@ def built(episode: Episode, k: int, nanoseconds: int) -> dict[str, Any]:
             getattr(truth, f"wire_slack_{name}_mm").extend(episode.wire_slack[k, wire] * 1e3)
     found: dict[str, Any] = {"/command": command, "/truth": truth}
     if np.isfinite(episode.measured_bend[k]):
-        found["/measurement"] = schema.Measurement(bend_deg=np.degrees(episode.measured_bend)[k])
+        found["/measurement"] = schema.Measurement(measured_deg=np.degrees(episode.measured_bend)[k])
     if episode.wire_tension.shape[2] > 0:
         found["/tension"] = schema.Tension()
         for wire, name in enumerate(wires):
@@ -223,7 +223,7 @@ def stream_of(build: Any, numbers: int = 2) -> Stream:
             "2 numbers do not stand in",
         ),
         (lambda row, _: schema.Truth(wire_tension_a_n=row[: 1 + (row[0] > 0)]), "differ in more than their"),
-        (lambda row, _: schema.Truth(bend_deg=row[0], pulley_mm=max(row[1], 0.1)), "2 numbers do not"),
+        (lambda row, _: schema.Truth(truth_deg=row[0], pulley_mm=max(row[1], 0.1)), "2 numbers do not"),
     ],
 )
 def test_message_that_does_not_hold_each_number_once_is_refused(build, fault):

@@ -27,13 +27,13 @@ def test_other_topics_go_into_chunks_of_their_own_in_the_order_of_time(tmp_path_
     path = tmp_path_factory.getbasetemp() / "others.mcap"
     with EpisodeWriter(path) as writer:
         for number, (topic, time) in enumerate(before):
-            writer.add_message(topic, schema.Measurement(bend_deg=number), time)
+            writer.add_message(topic, schema.Measurement(measured_deg=number), time)
         writer.write(make_episode())
         for number, (topic, time) in enumerate(after, start=len(before)):
-            writer.add_message(topic, schema.Measurement(bend_deg=number), time)
+            writer.add_message(topic, schema.Measurement(measured_deg=number), time)
     content = path.read_bytes()
     found = [
-        (channel.topic, message.log_time, schema.Measurement.FromString(message.data).bend_deg)
+        (channel.topic, message.log_time, schema.Measurement.FromString(message.data).measured_deg)
         for channel, message in in_file_order(content)
         if channel.topic.startswith("/estimate")
     ]

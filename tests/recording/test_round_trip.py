@@ -88,7 +88,7 @@ def test_a_measurement_that_is_missing_is_no_message(tmp_path):
     seen = messages(write_episode(tmp_path / "a.mcap", dataclasses.replace(whole, measured_bend=measured)))
     kept = [0.02 * k for k in range(12) if k not in (0, 5, 6)]
     assert [record.log_time / 1e9 for record, _ in seen["/measurement"]] == pytest.approx(kept)
-    assert all(np.isfinite(message.bend_deg) for _, message in seen["/measurement"])
+    assert all(np.isfinite(message.measured_deg) for _, message in seen["/measurement"])
     assert {len(rows) for topic, rows in seen.items() if topic != "/measurement"} == {12}
 
 
@@ -230,7 +230,7 @@ def test_episode_that_does_not_fit_is_refused(tmp_path, planes, changes, fault):
 def test_other_topics_are_passed_over(tmp_path):
     with EpisodeWriter(tmp_path / "a.mcap") as writer:
         writer.write(make_episode())
-        writer.add_message("/estimate/EKF", schema.Measurement(bend_deg=12.5), 40_000_000)
+        writer.add_message("/estimate/EKF", schema.Estimate(estimate_deg=12.5), 40_000_000)
     assert_equal(read_episode(tmp_path / "a.mcap"), make_episode())
     ((record, estimate),) = messages(tmp_path / "a.mcap")["/estimate/EKF"]
-    assert (record.log_time, record.publish_time, estimate.bend_deg) == (40_000_000, 40_000_000, 12.5)
+    assert (record.log_time, record.publish_time, estimate.estimate_deg) == (40_000_000, 40_000_000, 12.5)

@@ -100,9 +100,9 @@ def field(seen, topic, name):
 
 def assert_fields_of_all_wires(seen, episode, wires):
     np.testing.assert_allclose(field(seen, "/command", "pull_mm"), episode.pull * 1000, rtol=1e-12)
-    np.testing.assert_allclose(field(seen, "/truth", "bend_deg"), np.rad2deg(episode.bend), rtol=1e-12)
+    np.testing.assert_allclose(field(seen, "/truth", "truth_deg"), np.rad2deg(episode.bend), rtol=1e-12)
     np.testing.assert_allclose(
-        field(seen, "/measurement", "bend_deg"), np.rad2deg(episode.measured_bend), rtol=1e-12
+        field(seen, "/measurement", "measured_deg"), np.rad2deg(episode.measured_bend), rtol=1e-12
     )
     assert episode.wire_tension.shape[1] == len(wires)
     for wire, name in enumerate(wires):

@@ -54,7 +54,7 @@ def test_samples_within_a_lost_chunk_of_measurements_are_not_whole(tmp_path):
     others = mutated.records(mutated.rewritten(EPISODE, lambda topic, _: topic != "/measurement"))
     angles = EPISODE.measured_deg.tolist()
     messages = [
-        mutated.message(99, k * STEP, schema.Measurement(bend_deg=angle).SerializeToString())
+        mutated.message(99, k * STEP, schema.Measurement(measured_deg=angle).SerializeToString())
         for k, angle in enumerate(angles)
     ]
     halves = [

@@ -59,7 +59,7 @@ class Client:
         for k in range(500):
             viewer.add(Sample(1e6 + k, 1.0, 2.0, reading(bend_deg)))
             with contextlib.suppress(TimeoutError):
-                return self.receive(timeout=0.1)[2].bend_deg
+                return self.receive(timeout=0.1)[2].estimate_deg
         raise AssertionError("no estimate has come")
 
     def receive(self, timeout: float = 20) -> tuple[str, int, object]:
@@ -101,9 +101,9 @@ def test_a_viewer_sees_the_numbers_that_were_added(viewer):
         found[topic].append((log_time, message))
     assert [time for time, _ in found["/command"]] == [round(one.time_s * 1e9) for one in samples]
     assert [message.pull_mm for _, message in found["/command"]] == [one.pull_mm for one in samples]
-    estimates = [(message.bend_deg, message.low_deg, message.high_deg) for _, message in found[ESTIMATE]]
+    estimates = [(message.estimate_deg, message.low_deg, message.high_deg) for _, message in found[ESTIMATE]]
     assert estimates == [one.reading[:3] for one in samples]
-    angles = [message.bend_deg for _, message in found["/measurement"]]
+    angles = [message.measured_deg for _, message in found["/measurement"]]
     assert angles == [one.measurement_deg for one in samples if one.measurement_deg == one.measurement_deg]
 
 
@@ -126,7 +126,7 @@ def test_viewers_may_come_and_go(viewer):
     first, second = Client(viewer.url), Client(viewer.url)
     first.subscribe(viewer, {ESTIMATE})
     viewer.add(Sample(1.0, 1.0, 2.0, reading(7.25)))
-    assert first.receive()[2].bend_deg == 7.25
+    assert first.receive()[2].estimate_deg == 7.25
     first.socket.socket.shutdown(socket.SHUT_RDWR)  # gone without a word
     second.subscribe(viewer, {ESTIMATE})
     assert second.estimate_beside_others(viewer, -7.25) == -7.25

@@ -99,7 +99,7 @@ def test_a_signal_ends_it_well_and_the_recording_has_all_that_was_answered(place
     assert "stopped: 25 samples" in err.decode()
     assert len(err.splitlines()) == 1
     found = messages(out)
-    assert [decoded.bend_deg for _, decoded in found["/estimate/RAM"]] == bends
+    assert [decoded.estimate_deg for _, decoded in found["/estimate/RAM"]] == bends
     assert [decoded.pull_mm for _, decoded in found["/command"]] == [3.0 + 0.01 * k for k in range(25)]
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 
@@ -207,7 +207,7 @@ def test_a_log_that_is_shown_takes_as_long_as_it_took(place, monkeypatch):
 def test_a_log_is_run_recorded_and_scored_and_has_the_bits_of_the_live_stream(place, tmp_path):
     line = f"run --policy policy.onnx data/measured --out {tmp_path}/run.mcap"
     summary = json.loads(done(f"{line} --json", place))
-    estimates = [decoded.bend_deg for _, decoded in messages(tmp_path / "run.mcap")["/estimate/RAM"]]
+    estimates = [decoded.estimate_deg for _, decoded in messages(tmp_path / "run.mcap")["/estimate/RAM"]]
     log = log_of(read_episode(place / "data/measured/log.mcap"), 0, 0.1)
     measured = [None if np.isnan(angle) else angle for angle in log.measurement_deg.tolist()]
     stream = zip(log.time_s.tolist(), log.pull_mm.tolist(), measured, strict=True)

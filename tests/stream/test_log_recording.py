@@ -54,7 +54,7 @@ def test_a_file_for_each_record_holds_it_and_the_bits_of_its_estimates(files, ra
         found = messages(target)
         estimates = found["/estimate/ram"]
         assert [record.log_time for record, _ in estimates] == [round(s.time_s * 1e9) for s in stream]
-        assert [decoded.bend_deg for _, decoded in estimates] == [s.reading.bend_deg for s in stream]
+        assert [decoded.estimate_deg for _, decoded in estimates] == [s.reading.bend_deg for s in stream]
         assert [decoded.low_deg for _, decoded in estimates] == [s.reading.low_deg for s in stream]
         assert len(found["/health"]) == len(stream)
     errors = np.concatenate(
@@ -78,7 +78,7 @@ def test_in_one_file_records_follow_one_another_and_each_begins_anew(files, ram_
     assert [one["name"] for one in told] == list(files)
     assert told[1]["begins_s"] == pytest.approx(episode.time[told[0]["samples"]])
     assert episode.time[told[0]["samples"]] - episode.time[told[0]["samples"] - 1] == pytest.approx(1.0)
-    estimates = [decoded.bend_deg for _, decoded in messages(target)["/estimate/ram"]]
+    estimates = [decoded.estimate_deg for _, decoded in messages(target)["/estimate/ram"]]
     assert estimates == [sample.reading.bend_deg for stream in streams for sample in stream]
 
 

@@ -78,7 +78,7 @@ def frame_columns(
         "action": _joined([part for feature, part in parts.items() if feature.topic in COMMANDED]),
     }
     columns |= {
-        TRUE + feature.name: part
+        TRUE + feature.column: part
         for feature, part in parts.items()
         if feature.topic not in OBSERVED + COMMANDED
     }

@@ -23,15 +23,15 @@ def estimate_topic(method: str) -> str:
     return "/estimate/" + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")
 
 
-def estimate_message(bend_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:
+def estimate_message(estimate_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:
     """Return a message of one estimate.
 
     Args:
-        bend_deg: the angle [deg].
+        estimate_deg: the angle [deg].
         low_deg: lower end of its 95 % interval, left out unless it is finite [deg].
         high_deg: upper end of it, likewise [deg].
     """
-    message = Estimate(bend_deg=bend_deg)
+    message = Estimate(estimate_deg=estimate_deg)
     if math.isfinite(low_deg):
         message.low_deg = low_deg
     if math.isfinite(high_deg):

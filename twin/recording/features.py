@@ -39,6 +39,11 @@ class Feature:
     values: Callable[[Episode], Array]
 
     @property
+    def column(self) -> str:
+        """Name in tables: that of the quantity, but for the published `bend_deg` of the truth."""
+        return "bend_deg" if self.name == "truth_deg" else self.name
+
+    @property
     def unit(self) -> str:
         """Unit of the numbers, as it is written."""
         return UNITS[self.name.rpartition("_")[2]]
@@ -54,9 +59,9 @@ FEATURES = (
         lambda e: e.lateral_pull * 1e3,
     ),
     Feature(
-        "measured_bend_deg",
+        "measured_deg",
         "/measurement",
-        "bend_deg",
+        "measured_deg",
         "bending angle of the tip as the sensor saw it",
         lambda e: e.measured_deg,
     ),
@@ -67,7 +72,7 @@ FEATURES = (
         "tension of each wire at the pulley",
         lambda e: e.tension if e.wire_tension.shape[2] else np.empty(0),
     ),
-    Feature("bend_deg", "/truth", "bend_deg", "true bending angle of the tip", lambda e: e.truth_deg),
+    Feature("truth_deg", "/truth", "truth_deg", "true bending angle of the tip", lambda e: e.truth_deg),
     Feature(
         "lateral_bend_deg",
         "/truth",

@@ -123,7 +123,7 @@ class LiveMessages:
             messages["/command"] = Command(pull_mm=self._pull_mm)
             messages[self._estimate] = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
             if not math.isnan(measurement_deg):
-                messages["/measurement"] = Measurement(bend_deg=measurement_deg)
+                messages["/measurement"] = Measurement(measured_deg=measurement_deg)
             if not math.isnan(self._reference_deg):
                 messages[REFERENCE_TOPIC] = estimate_message(self._reference_deg)
             if REFERENCE_TOPIC in self.schemas:

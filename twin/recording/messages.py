@@ -118,10 +118,10 @@ def decode(
     own, sideways = _hinges(joints, count)
     measured_bend = np.full(count, np.nan)
     measured_bend[places_of(times["/measurement"], times["/command"], "/measurement")] = np.radians(
-        [message.bend_deg for message in measurements]
+        [message.measured_deg for message in measurements]
     )
     time = np.array(times["/command"], dtype=float) / 1e9
-    known = np.radians([message.bend_deg for message in truths])
+    known = np.radians([message.truth_deg for message in truths])
     arrays = {
         "time": time,
         "pull": np.array([message.pull_mm for message in commands]) / 1e3,

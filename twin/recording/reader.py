@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
 from twin.recording.contents import JOINTS_TOPIC, TOPICS, Contents
-from twin.recording.endotwin_pb2 import Estimate, Measurement
+from twin.recording.endotwin_pb2 import Estimate
 from twin.recording.mcap_file.records import MAGIC, FileRecord, mcap_bytes, parse, record_at, summary_fault
 from twin.recording.messages import places_of
 
@@ -88,12 +88,12 @@ def read_estimates(path: str | Path, topic: str) -> Array:
     if topic not in contents.topics.values():
         return np.empty(0)
     try:
-        contents.check_schema(topic, Estimate, Measurement)  # the latter in files of EndoTwin 0.1
+        contents.check_schema(topic, Estimate)
         commands = contents.times.get(COMMAND_TOPIC, [])
         angle_deg = np.full(len(commands), np.nan)
         messages = [Estimate.FromString(payload) for payload in contents.payloads.get(topic, [])]
         places = places_of(contents.times.get(topic, []), commands, topic)
-        angle_deg[places] = [message.bend_deg for message in messages]
+        angle_deg[places] = [message.estimate_deg for message in messages]
         if np.isinf(angle_deg).any():
             raise InputError(f"an angle of {topic} is infinite")
     except MemoryError:

@@ -42,7 +42,7 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     streams = [
         _scalars("/command", Command, _command_columns(episode)),
         _scalars("/truth", Truth, _truth_columns(episode)),
-        _scalars("/measurement", Measurement, {"bend_deg": episode.measured_deg}, seen),
+        _scalars("/measurement", Measurement, {"measured_deg": episode.measured_deg}, seen),
     ]
     if episode.wire_tension.shape[2] > 0:
         tensions = {f"tension_{name}_n": episode.tension[:, wire] for wire, name in _wires_of(episode)}
@@ -116,7 +116,7 @@ def _command_columns(episode: Episode) -> dict[str, Array]:
 
 def _truth_columns(episode: Episode) -> dict[str, Array]:
     columns = {
-        "bend_deg": episode.truth_deg,
+        "truth_deg": episode.truth_deg,
         "lateral_bend_deg": np.degrees(episode.lateral_bend),
         "pulley_mm": episode.pulley * 1e3,
         "sheath_bend_deg": np.degrees(episode.sheath_bend),

@@ -31,7 +31,7 @@ def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
         Names in the order of the flattened numbers: `bend_deg`; `joint_angle_0_rad` ... from the base on;
         `tension_a_n`, `tension_b_n`; `wire_tension_a_0_n`, `wire_tension_a_1_n` ... from the pulley on.
     """
-    stem, unit = feature.name.rsplit("_", 1)
+    stem, unit = feature.column.rsplit("_", 1)
     axes = [[str(place) for place in range(size)] for size in shape]
     if "*" in feature.field:
         axes[0] = list(WIRES[: shape[0]])
@@ -59,7 +59,7 @@ def csv_text(episode: Episode, *, everything: bool = False) -> str:
     """
     held = recorded(episode)
     known = {
-        feature.name: _columns(feature, held[feature.name]) for feature in FEATURES if feature.name in held
+        feature.column: _columns(feature, held[feature.name]) for feature in FEATURES if feature.name in held
     }
     known |= _command_angle(episode)
     chosen = [name for name in TABLE if name in known]

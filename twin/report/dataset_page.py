@@ -64,7 +64,7 @@ def dataset_page(path: Path) -> Page:
 
 
 def _headline(contents: Dataset) -> str:
-    bend = contents.statistics["bend_deg"]
+    bend = contents.statistics["truth_deg"]
     count = f"{contents.episodes} record" + ("s" if contents.episodes > 1 else "")
     made = {
         "simulated": "simulated with its hidden state, friction and tension along each wire",
