@@ -12,7 +12,6 @@ from scripts.__main__ import VERBS
 from twin.estimation.learned import graph_check
 from twin.estimation.registry import method_specs
 from twin.files import yaml_text
-from twin.stream import protocol
 
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
@@ -55,5 +54,4 @@ def test_readme_names_every_extra_and_its_commands_are_verbs():
 def test_limits_of_formats_are_those_of_their_readers():
     table = (REPOSITORY / "docs/files.md").read_text()
     assert f"20 levels, {yaml_text.MOST_NODES:,} values |" in table
-    assert f"20 levels, {protocol.MOST_VALUES} values;" in table
     assert f" {graph_check.MOST_NODES} nodes of {len(graph_check.OPERATORS)} operators |" in table

@@ -112,7 +112,7 @@ def test_refusal_says_what_to_do():
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "\udcff", '{"source": "measured", "source"'])
 def test_text_that_is_no_json_is_refused_in_one_line(text):
-    with pytest.raises(ValueError, match=r"it is not JSON: |it is nested deeper than") as refused:
+    with pytest.raises(ValueError, match=r"it is not JSON: |it is nested too deeply") as refused:
         parse_contents(text.encode("utf-8", "surrogateescape"))
     assert "\n" not in str(refused.value)
 

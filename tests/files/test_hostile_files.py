@@ -247,7 +247,7 @@ def test_tracks_come_back(folder):
             {"heads": np.array('[{"noise": "n", "level": 1, "methods": []}]'), "track_0": np.ones(3)},
             "of shape",
         ),
-        ({"heads": np.array("[" * 100_000)}, "nested deeper"),
+        ({"heads": np.array("[" * 100_000)}, "nested too deeply"),
         ({"heads": np.array([{}], dtype=object)}, "numbers and text alone are read"),
         ({"heads": np.zeros(2**24)}, "unpacks to"),
     ],

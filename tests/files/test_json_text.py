@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.errors import InputError
-from twin.files.json_text import MOST_BYTES, MOST_VALUES, parse_json, parse_json_object, read_json
+from twin.files.json_text import MOST_BYTES, parse_json, parse_json_object, read_json
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -44,14 +44,13 @@ def test_any_text_gives_values_or_one_line(text):
         ("[-Infinity]", "holds -Infinity"),
         ('{"a": 1e999}', "beyond the largest number"),
         ("9" * 100_000, "a number of more than 300 digits"),
-        ('{"a": "\\ud800"}', "half a character"),
+        ('{"a": "\\ud800"}', "no UTF-8 text"),
         (b"\xff", "no UTF-8 text"),
         (b"\xef\xbb\xbf{}", "is not JSON"),
         ("", "is not JSON: Expecting value: line 1, column 1"),
         ("{}x", "is not JSON: Extra data"),
-        ("[" * 200_000, "nested deeper than 20 levels"),
-        ('{"a":' * 200_000, "nested deeper than 20 levels"),
-        ("[" + "1," * MOST_VALUES + "1]", f"more than {MOST_VALUES} values"),
+        ("[" * 200_000, "nested too deeply"),
+        ('{"a":' * 200_000, "nested too deeply"),
         ('"' + '\\"' * 1_000_000, "is not JSON: Unterminated string"),
         ('"' + "\\" * 1_000_001, "is not JSON"),
         (" " * (MOST_BYTES + 1), "bytes: at most"),

@@ -151,7 +151,7 @@ UNEVEN = schema.Truth(wire_tension_a_n=[1.0, 2.0]).SerializeToString()
         (change("metadata", "seed", "{"), "metadata 'seed' is not JSON"),
         (change("metadata", "seed", "NaN"), "metadata 'seed' holds NaN, which is no number"),
         (change("metadata", "seed", "-1e999"), "metadata 'seed' holds -1e999, which is beyond the largest"),
-        (change("metadata", "seed", "[" * 100_000), "metadata 'seed' is nested deeper than 20 levels"),
+        (change("metadata", "seed", "[" * 100_000), "metadata 'seed' is nested too deeply"),
         (change("metadata", "seed", None), "metadata record 'endotwin' is missing"),
     ],
 )

@@ -108,7 +108,7 @@ class ActiveModel(GaussianFilter):
         if not isinstance(values, Mapping):
             raise InputError(f"active_model = {shown(values)}: must be its parameters by name")
         # Here, so that a table of methods needs none of it.
-        from twin.files.schema import validated
+        from twin.files.json_text import validated
         from twin.files.trained_schema import ActiveModelFile
 
         try:

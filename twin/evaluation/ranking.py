@@ -18,7 +18,7 @@ from twin.errors import InputError
 from twin.estimation.registry import method_spec
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.score import LARGEST, LONGEST_TEXT
-from twin.files.schema import key_name, rule_of
+from twin.files.json_text import key_name, rule_of
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000

@@ -9,13 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError, MissingFileError
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import read_json
-from twin.files.schema import validated
+from twin.files.json_text import read_json, validated
 from twin.files.shown import shown
 
 MOST_BYTES = 32 * MEBIBYTE
-MOST_VALUES = 2_000_000
-"""Limits of a file of results, which the full suite stays far below."""
+"""Limit of a file of results, which the full suite stays far below."""
 MOST_ROWS = 100_000
 MOST_TRAININGS = 100
 """Trainings of one method that are compared as one row."""
@@ -166,7 +164,7 @@ def read_evaluation(path: Path) -> tuple[list[Score], dict[str, Any]]:
         ValueError: it is no such file, or a row is damaged.
     """
     try:
-        contents = read_json(path, MOST_BYTES, MOST_VALUES)
+        contents = read_json(path, MOST_BYTES)
         file = validated(EvaluationFile, contents)
     except MissingFileError:
         raise

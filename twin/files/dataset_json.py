@@ -15,16 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
 from twin.files.bounded import MEBIBYTE, read_limited
-from twin.files.json_text import parse_json_object
-from twin.files.schema import first_fault
+from twin.files.json_text import first_fault, parse_json_object
 from twin.files.shown import cut, shown
 
 NAME = "dataset.json"
 """Name of the file in the folder of a dataset."""
 
 MOST_BYTES = 64 * MEBIBYTE
-MOST_VALUES = 3_000_000
-"""Limits of the file: a dataset of 20,000 episodes stays below them."""
+"""Limit of the file: a dataset of 20,000 episodes stays below it."""
 
 Count = Annotated[int, Field(ge=1)]
 Whole = Annotated[int, Field(ge=0)]
@@ -255,7 +253,7 @@ def parse_contents(text: str | bytes) -> Dataset:
         ValueError: it does not fit the schema; the line says which key is wrong, and what to do.
     """
     try:
-        values = parse_json_object(text, MOST_BYTES, MOST_VALUES)
+        values = parse_json_object(text, MOST_BYTES)
     except ValueError as error:
         raise InputError(f"it {error}; {_REMEDY}") from error
     rule = f"must be {', '.join(list(KINDS)[:-1])} or {list(KINDS)[-1]}"

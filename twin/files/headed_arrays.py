@@ -13,8 +13,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from twin.errors import InputError
 from twin.files.arrays import read_arrays
 from twin.files.atomic import write_whole
-from twin.files.json_text import parse_json
-from twin.files.schema import rule_of
+from twin.files.json_text import parse_json, rule_of
 from twin.files.shown import cut
 
 Head = TypeVar("Head", bound=BaseModel)

@@ -11,8 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.atomic import write_whole
-from twin.files.json_text import read_json
-from twin.files.schema import validated
+from twin.files.json_text import read_json, validated
 
 COST_FILE = "cost.json"
 _MOST_BYTES = 4096

@@ -13,9 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import read_json
+from twin.files.json_text import read_json, validated
 from twin.files.origin import Origin, stated_origin
-from twin.files.schema import validated
 from twin.gate.checks import accuracy, faults, honesty, sufficiency
 from twin.gate.figures import coverage_figure, difference_figure, fault_figure, twin_figure
 from twin.gate.result import Check, GateVerdict

@@ -1,6 +1,5 @@
 """Preset files: YAML of `parameter: value`, built in or from a user."""
 
-import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from twin.errors import InputError, MissingFileError
 from twin.files.assets import assets_folder
 from twin.files.bounded import MEBIBYTE
 from twin.files.shown import shown
-from twin.files.yaml_text import MOST_DIGITS, read_yaml
+from twin.files.yaml_text import read_yaml
 from twin.preset.preset import Preset, suggestion
 
 MOST_BYTES = MEBIBYTE
@@ -25,10 +24,6 @@ def load_preset(name_or_path: str | Path) -> Preset:
     """Read a preset by its name in `assets/`, or from a YAML file.
 
     The key `ranges` of the file is not a parameter: see `twin.preset.randomization`.
-
-    Raises:
-        ValueError: the preset is unknown, or one of its parameters is unknown or out of range.
-        FileNotFoundError: a path to a YAML file that does not exist.
     """
     name, values = read_preset_file(name_or_path)
     try:
@@ -38,26 +33,12 @@ def load_preset(name_or_path: str | Path) -> Preset:
 
 
 def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
-    """Build a preset from the parameters of a YAML file.
-
-    Args:
-        name: name of the preset, unless a `name` is among the parameters.
-        parameters: by name; the others keep their defaults.
-
-    Raises:
-        ValueError: a parameter is unknown or out of range.
-    """
-    named = {key: value if key == "name" else _number(value) for key, value in parameters.items()}
-    return Preset(name=name).replace(**named)
+    """Build a preset from parameters by name, a `name` perhaps among them; the others keep their defaults."""
+    return Preset(name=name).replace(**parameters)
 
 
 def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
-    """Read a preset file; returns its name, without the ending, and its contents.
-
-    Raises:
-        ValueError: the preset is unknown, or its file is not YAML of `parameter: value`.
-        FileNotFoundError: a path to a YAML file that does not exist.
-    """
+    """Read a preset file; returns its name, without the ending, and its contents."""
     text = str(name_or_path)
     path = Path(text) if text.endswith((".yaml", ".yml")) else assets_folder() / f"{text}.yaml"
     if path.parent == assets_folder() and not path.is_file():
@@ -72,11 +53,3 @@ def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     if not isinstance(values, dict):
         raise InputError(f"{path} holds no preset: expected `parameter: value` lines")
     return path.stem, values
-
-
-def _number(value: Any) -> Any:
-    """Convert text such as 1e6 to a number: YAML 1.1 reads it as text without a point and a sign."""
-    if isinstance(value, str) and len(value) <= MOST_DIGITS:
-        with contextlib.suppress(ValueError):
-            return float(value)
-    return value

@@ -98,7 +98,7 @@ def members_from_dict(values: Any) -> MemberSet:
         ValueError: it is something else, or a value cannot be.
     """
     # Here, so that a table of methods needs none of it.
-    from twin.files.schema import validated
+    from twin.files.json_text import validated
     from twin.files.trained_schema import MOST_MEMBERS, MembersFile
     from twin.preset.file import preset_of
 

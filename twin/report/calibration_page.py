@@ -7,9 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import read_json
+from twin.files.json_text import read_json, validated
 from twin.files.origin import stated_origin
-from twin.files.schema import validated
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
 from twin.report.facts import flat_facts, origin_command, origin_groups

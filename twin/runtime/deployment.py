@@ -70,7 +70,7 @@ class Deployment:
         """
         if not isinstance(values, Mapping):
             raise InputError(f"{KEY} = {shown(values)}: must be its parts by name")
-        from twin.files.schema import validated
+        from twin.files.json_text import validated
         from twin.files.trained_schema import DeploymentFile
 
         try:

@@ -6,6 +6,7 @@ the angle, and less on chance: as the endoscope moves slowly, errors of neighbou
 
 import dataclasses
 import functools
+import json
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,13 +77,6 @@ class StereoNoise:
 @functools.cache
 def stereo_noise() -> StereoNoise:
     """Return what was measured."""
-    # Here, so that a table of methods needs none of it.
-    from twin.files.json_text import read_json
-    from twin.files.schema import validated
-    from twin.files.stereo_noise_schema import StereoNoiseFile
-
-    path = assets_folder() / "stereo_noise.json"
-    file = validated(StereoNoiseFile, read_json(path))
-    return StereoNoise(
-        np.array(file.bends_deg), np.array(file.errors_deg), file.hides_per_pass, np.array(file.hidden_s)
-    )
+    values = json.loads((assets_folder() / "stereo_noise.json").read_text())
+    bends, errors, hidden = (np.array(values[key]) for key in ("bends_deg", "errors_deg", "hidden_s"))
+    return StereoNoise(bends, errors, values["hides_per_pass"], hidden)

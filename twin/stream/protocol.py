@@ -14,16 +14,13 @@ from pydantic.json_schema import models_json_schema
 
 from twin.errors import InputError
 from twin.estimation.health import Health
-from twin.files.json_text import parse_json_object
-from twin.files.schema import validated
+from twin.files.json_text import parse_json_object, validated
 from twin.runtime.reading import Alarm, Source
 from twin.stream.lines import LONGEST_LINE
 from twin.stream.sample import StreamSample
 
 MOST_COMING = 256
 """Wanted angles ahead that a sample may tell."""
-MOST_VALUES = MOST_COMING + 100
-"""Values in a line, at any depth; a sample has five, and those ahead."""
 LONGEST_ERROR = 300
 """Characters of the text of an error."""
 
@@ -123,7 +120,7 @@ def read_sample(line: bytes | None) -> StreamLine:
     if line is None:
         raise InputError(f"the line is longer than {LONGEST_LINE} bytes")
     try:
-        values = parse_json_object(line, LONGEST_LINE + 1, MOST_VALUES)
+        values = parse_json_object(line, LONGEST_LINE + 1)
     except ValueError as error:
         raise InputError(f"the line {error}".replace(": line 1, column", ", at column")) from None
     sample = validated(SampleLine, values)

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from twin.evaluation.record import EvaluationRecord
 from twin.files.assets import assets_folder
-from twin.files.frozen_schema import FrozenFile
-from twin.files.json_text import read_json
-from twin.files.schema import validated
 from twin.preset import load_preset, load_ranges
 from twin.suite.scenarios import Scenario, scenarios
 
@@ -26,6 +24,28 @@ TOLERANCE_DEG = 0.05
 """Largest difference of an angle to the frozen one: another processor rounds otherwise."""
 _DIGITS = 9
 """Digits of what is hashed: another processor's last ones differ."""
+
+
+class FrozenFile(BaseModel):
+    """Contents of `frozen_test_set.json`.
+
+    Attributes:
+        name: of the test set; another one has another name.
+        preset: packaged preset that is randomised.
+        seconds: length of each record [s].
+        seed: of commands and twins.
+        drives_sha256: of all that is simulated; see `drives_sha256`.
+        times_s: times of the angles that are kept [s].
+        bends_deg: angle of each record at these times [deg].
+    """
+
+    name: str
+    preset: str
+    seconds: float
+    seed: int
+    drives_sha256: str
+    times_s: list[float]
+    bends_deg: list[list[float]]
 
 
 def frozen_name(records: Sequence[EvaluationRecord], sample_time: float) -> str | None:
@@ -46,7 +66,7 @@ def frozen_name(records: Sequence[EvaluationRecord], sample_time: float) -> str 
 @functools.cache
 def frozen_file() -> FrozenFile:
     """Return what the frozen test set is told by."""
-    return validated(FrozenFile, read_json(assets_folder() / FILE))
+    return FrozenFile.model_validate_json((assets_folder() / FILE).read_bytes())
 
 
 def drives_sha256(drives: Sequence[Scenario]) -> str:

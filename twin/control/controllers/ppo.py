@@ -12,7 +12,7 @@ from twin.control.tracking_view import OBSERVED, Observation, TrackingView
 from twin.errors import InputError
 from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
 from twin.estimation.registry import Style
-from twin.files.schema import validated
+from twin.files.json_text import validated
 from twin.files.trained_schema import TrackingFile
 
 AGENT = "tracking"

@@ -45,7 +45,7 @@ def replay(file: TrainedFile) -> dict[str, float]:
         ValueError: the reference cannot be read, or does not fit the graph.
     """
     # Here, so that a table of methods needs none of it.
-    from twin.files.schema import validated
+    from twin.files.json_text import validated
     from twin.files.trained_schema import ReferenceFile
 
     reference = validated(ReferenceFile, file.description.get(REFERENCE) or {})

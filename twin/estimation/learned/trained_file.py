@@ -83,7 +83,7 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
     # Imported when used: a table of methods needs none of them.
     import onnxruntime
 
-    from twin.files.schema import validated
+    from twin.files.json_text import validated
     from twin.files.trained_schema import TrainedDescription
 
     options = onnxruntime.SessionOptions()
@@ -106,7 +106,7 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
 
 def learned_parameters(file: TrainedFile) -> int | None:
     """Return how many numbers were learned; None where the file does not say it."""
-    from twin.files.schema import validated
+    from twin.files.json_text import validated
     from twin.files.trained_schema import TrainedDescription
 
     return validated(TrainedDescription, {**file.description, "agent": file.agent}).parameters
