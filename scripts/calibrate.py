@@ -18,7 +18,7 @@ from twin.errors import require_extra
 class Calibrate:
     """Fit the physical parameters of a preset to logs, several bends of the sheath at once.
 
-    Writes the preset, and beside it NAME_fit.json (errors on each log, uncertainty of each parameter) and
+    Writes the preset, with NAME_fit.json (errors on each log, uncertainty of each parameter) and
     NAME_fit.png. An interrupted calibration goes on where it was when the same command runs again.
     """
 
@@ -33,7 +33,7 @@ class Calibrate:
     set: tuple[str, ...] = ()
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
-    """Parameters to fit; if not given, those that the logs can tell."""
+    """Parameters to fit; if not given, those that the logs can determine."""
     starts: int = 8
     """Starts of the search; with more of them a better valley may be found."""
     fraction: float = 1.0
@@ -60,8 +60,7 @@ def run_calibration(args: Calibrate) -> Summary:
     require_extra("sim")
     from twin.calibration import calibrate, structures
     from twin.calibration.files import log_summary, read_loops, report_files, write_fit
-    from twin.calibration.search import check_effort, foreseen_seconds
-    from twin.calibration.stages import STATE
+    from twin.calibration.search import STATE, check_effort, foreseen_seconds
     from twin.files.atomic import MADE_BY
     from twin.files.origin import origin_of
     from twin.files.state_file import remove_state

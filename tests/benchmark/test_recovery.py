@@ -1,12 +1,12 @@
-"""Known endoscopes: drawn as told, their logs disturbed, distances counted in standard deviations."""
+"""Known endoscopes: drawn as reports, their logs disturbed, distances counted in standard deviations."""
 
 import numpy as np
 import pytest
 
 from twin.benchmark import recovery
 from twin.benchmark.recovery import ANGLE_NOISE, SHEATH_BENDS, SPREAD, USUAL, deviations, drawn, logs_of
-from twin.calibration.fit import Fit
 from twin.calibration.parameters import free_parameters
+from twin.calibration.search import Fit
 from twin.calibration.uncertainty import uncertainty
 from twin.preset.file import load_preset
 from twin.simulation import simulate
@@ -41,10 +41,14 @@ def test_logs_are_the_endoscopes_own_with_noise_and_an_offset(loops):
         assert abs(loop.tension - clean.tension[:, :2]).max() < 0.1
 
 
-def test_distances_are_those_of_the_parameters_that_are_told(loops):
+def test_distances_are_those_of_the_parameters_that_are_rmse_text(loops):
     free = free_parameters(BASE, loops, ("wire_stiffness", "initial_bend", "routing_friction"))
     residual = 0.01 * np.random.default_rng(2).standard_normal(300)
-    jacobian = np.random.default_rng(3).standard_normal((300, 3)) * [1.0, 1.0, 1e-4]  # the last is not told
+    jacobian = np.random.default_rng(3).standard_normal((300, 3)) * [
+        1.0,
+        1.0,
+        1e-4,
+    ]  # the last is not reports
     found = BASE.replace(wire_stiffness=BASE.wire_stiffness * 1.01, initial_bend=0.001)
     fit = Fit(free, found, 1.0, 1.0, jacobian, residual)
     known = uncertainty(fit).deviation

@@ -15,6 +15,6 @@ def fitted() -> tuple[FreeParameters, list[MeasuredLoop], Fit, list[Any]]:
         logs,
         ("section_stiffness", "wire_stiffness", "sheath_friction"),
     )
-    told: list[Any] = []
-    fit = calibrate([free], logs, seed=0, starts=2, on_progress=lambda *news: told.append(news))
-    return free, logs, fit, told
+    reports: list[Any] = []
+    fit = calibrate([free], logs, seed=0, starts=2, on_progress=lambda *news: reports.append(news))
+    return free, logs, fit, reports

@@ -7,7 +7,7 @@ import pytest
 from calibrating import SAMPLE_TIME, TRUTH
 
 from twin.calibration import MeasuredLoop
-from twin.calibration.first_guess import FROM_NOTHING, first_guess
+from twin.calibration.parameters import FROM_NOTHING, first_guess
 
 
 def held(pull, bend, difference):

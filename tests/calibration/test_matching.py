@@ -29,12 +29,12 @@ def test_preset_is_matched_to_the_figures_of_another_endoscope():
         misfit=90.0,
         steady=90.0,
     )
-    told = []
+    reports = []
     start = TRUTH.replace(sheath_friction_floor=0.7)
     preset, outcome, cost = match(
-        start, PRIORS, published, commands, on_outcome=lambda *news: told.append(news)
+        start, PRIORS, published, commands, on_outcome=lambda *news: reports.append(news)
     )
-    first, costs = told[0][1], [news[2] for news in told]
+    first, costs = reports[0][1], [news[2] for news in reports]
     off = [np.abs(np.log(np.median(o.model, axis=0) / published.model)).max() for o in (first, outcome)]
     assert off[1] < min(0.01, off[0] / 5)
     assert preset.section_stiffness / wanted.section_stiffness == np.clip(

@@ -7,7 +7,7 @@ import pytest
 from calibrating import SAMPLE_TIME, TRUTH, recorded
 
 from twin.calibration import measured_loop
-from twin.calibration.measured import thinned
+from twin.calibration.logs import thinned
 from twin.episode import Episode
 
 

@@ -44,7 +44,7 @@ def cost(logs, weight=0.0):
 
 def test_windows_of_a_file_share_the_zero_of_its_sensor_and_other_logs_have_their_own():
     assert cost(measured_higher([None, None], [3, 1])) < 1e-12
-    assert cost(measured_higher(["a", "b"], [2, 2])) < 1e-12  # of one window, nothing tells the zero
+    assert cost(measured_higher(["a", "b"], [2, 2])) < 1e-12  # one window does not determine the zero
     assert cost(measured_higher(["a", "a", "b", "b"], [2, 2, -2, -2])) == pytest.approx(4 * 2**2)
     assert cost(measured_higher(["a", "a"], [3, 1])) == pytest.approx(2 * 2**2)
     assert cost(measured_higher(["a", "a"], [1, -1])) < 1e-12

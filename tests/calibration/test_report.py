@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from twin.calibration import compared, figure, files, rivals, uncertainty
+from twin.calibration import compared, figure, files, uncertainty
 from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
-from twin.calibration.files import log_summary, write_fit
-from twin.calibration.report import fit_report
+from twin.calibration.files import fit_report, log_summary, write_fit
 from twin.errors import InputError
 from twin.preset.file import load_preset
 
@@ -58,7 +57,7 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
         simulated = compared.predict
         monkeypatch.setattr(compared, "predict", lambda *args: [[None, *simulated(*args)[0][1:]]])
     if trouble == "no model":
-        monkeypatch.setattr(rivals, "identify", none_of_it)
+        monkeypatch.setattr(compared, "identify", none_of_it)
     if trouble == "blind":
         fit = dataclasses.replace(fit, jacobian=np.where([True, False, False], fit.jacobian, 0.0))
         fit.jacobian[:, 2] = math.nan

@@ -1,12 +1,12 @@
-"""Models without physics beside a calibration: each finds itself, its zero and its delay."""
+"""Models without physics, as rivals of a calibration: each finds itself, its zero and its delay."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from twin.calibration.measured import MeasuredLoop
-from twin.calibration.rivals import rival_errors
+from twin.calibration.compared import rival_errors
+from twin.calibration.logs import MeasuredLoop
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, PrandtlIshlinskii
 
 STEP = 0.05

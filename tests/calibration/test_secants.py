@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.calibration.secants import LONGEST, SHORTEST, secants, variance_of
+from twin.calibration.descent import LONGEST, SHORTEST, secants, variance_of
 
 FREE = (np.full(3, -np.inf), np.full(3, np.inf))
 

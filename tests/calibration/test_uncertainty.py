@@ -1,4 +1,4 @@
-"""Uncertainty of calibrated parameters, and the words on what the logs do not tell."""
+"""Uncertainty of calibrated parameters, and warnings about what the logs do not determine."""
 
 import dataclasses
 
@@ -49,7 +49,7 @@ def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
     away = np.array([0.5, -0.2])
     other = np.concatenate([[rise], away])[None]
     share = np.exp(-rise / 0.02)  # of a variance of 0.01
-    wide = deviations(dataclasses.replace(straight, beside=other)) ** 2
+    wide = deviations(dataclasses.replace(straight, neighbours=other)) ** 2
     expected = deviations(straight) ** 2 + away**2 * share / (1 + share)
     np.testing.assert_allclose(wide, expected, rtol=0.1)
 
@@ -57,13 +57,13 @@ def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
 def test_points_of_the_same_smooth_valley_add_nothing(straight):
     away = 0.006 * np.random.default_rng(3).standard_normal((30, 2))
     rise = ((away @ straight.jacobian.T) ** 2).sum(axis=1)
-    beside = np.column_stack([rise, away])
-    known = deviations(dataclasses.replace(straight, beside=beside))
+    neighbours = np.column_stack([rise, away])
+    known = deviations(dataclasses.replace(straight, neighbours=neighbours))
     np.testing.assert_allclose(known, deviations(straight), rtol=1e-9)
 
 
 def test_a_parameter_that_nothing_tells_stays_so_whatever_a_walk_met(straight):
     jacobian, far = straight.jacobian * [1.0, 0.0], np.array([[0.0, 3.0, 3.0]])
-    known = uncertainty(dataclasses.replace(straight, jacobian=jacobian, beside=far))
+    known = uncertainty(dataclasses.replace(straight, jacobian=jacobian, neighbours=far))
     assert np.isinf(known.deviation["wire_offset"])
     assert np.abs(known.correlation).max() <= 1 + 1e-9

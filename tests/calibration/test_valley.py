@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from twin.calibration.descent import Valley
 from twin.calibration.parameters import FreeParameters
-from twin.calibration.valley import Valley
 
 NAMES = ("section_stiffness", "wire_stiffening", "pretension", "wire_stiffness")
 BASE = TRUTH.replace(wire_stiffening=0.2)

@@ -7,7 +7,7 @@ import pytest
 from calibrating import loops, start_of
 
 from twin.calibration import free_parameters
-from twin.calibration.walk import FARTHEST, TOO_HIGH, parameter_along, walk
+from twin.calibration.descent import FARTHEST, TOO_HIGH, parameter_along, walk
 
 NAME = "joint_friction_taper"
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from calibrating import TRUTH, loops, noisy
 
-from twin.calibration.objective import channels, residuals, scales_of
-from twin.calibration.weights import MOST, weighed
+from twin.calibration.objective import MOST, channels, residuals, scales_of, weighed
 
 
 def test_scales_become_those_of_the_noise_and_the_cost_stays():

@@ -53,11 +53,7 @@ def fidelities(preset: Preset, amplitude: float) -> dict[str, Result]:
 
 
 def bends_of(preset: Preset, commands: Sequence[Array]) -> list[Array]:
-    """Simulate records and return their bends, (N,) each [rad].
-
-    Raises:
-        FloatingPointError: one diverged.
-    """
+    """Simulate records and return their bends, (N,) each [rad]."""
     batch = simulate_batch([preset] * len(commands), commands, SAMPLE_TIME, threads=1)
     return [episode.bend for episode in whole(batch)]
 

@@ -74,11 +74,7 @@ class Size:
     frames: int = 10_000
 
     def __post_init__(self) -> None:
-        """Refuse what measures nothing, or never ends.
-
-        Raises:
-            ValueError: a count or the amplitude is not positive, or too large.
-        """
+        """Refuse what measures nothing, or never ends."""
         for field in dataclasses.fields(self)[1:]:
             if not getattr(self, field.name) > 0:
                 raise InputError(f"{field.name} = {getattr(self, field.name)}: must be positive")
@@ -159,16 +155,7 @@ DRAWN = {"random_draws", "reduced", "reduced_online", "reduced_draws", "reduced_
 def check_measurements(
     size: Size, names: Sequence[str], table: Mapping[str, Measurement] = MEASUREMENTS
 ) -> None:
-    """Refuse, before any work, what cannot be measured.
-
-    Args:
-        size: what is measured, and how much of it.
-        names: of the table.
-        table: all measurements by name.
-
-    Raises:
-        ValueError: a name is no measurement, or the preset is unknown, or states no ranges to draw from.
-    """
+    """Refuse, before any work, what cannot be measured."""
     for name in names:
         if name not in table:
             raise InputError(f"unknown measurement {name!r}; valid: {', '.join(table)}")
@@ -183,14 +170,7 @@ def measure(
     progress: Callable[[str], OnProgress],
     table: Mapping[str, Measurement] = MEASUREMENTS,
 ) -> dict[str, Result]:
-    """Run measurements one after the other and return their results by name.
-
-    Args:
-        size: what is measured, and how much of it.
-        names: of the table.
-        progress: called with each name when it begins, returns what is told how far it is.
-        table: all measurements by name.
-    """
+    """Run measurements one after the other and return their results by name."""
     check_measurements(size, names, table)
     preset = load_preset(size.preset)
     results: dict[str, Result] = {}

@@ -158,11 +158,7 @@ def random_draws(
 
 
 def whole(episodes: list[Episode | None]) -> list[Episode]:
-    """Return the episodes, all of them complete.
-
-    Raises:
-        FloatingPointError: one diverged.
-    """
+    """Return the episodes, all of them complete."""
     whole = [episode for episode in episodes if episode is not None]
     if len(whole) < len(episodes):
         raise DivergedError("a simulation diverged")

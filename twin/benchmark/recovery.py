@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.benchmark.result import Result
-from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop
+from twin.calibration.logs import MeasuredLoop
 from twin.calibration.parameters import SIGNED, free_parameters
-from twin.calibration.search import calibrate
+from twin.calibration.search import Fit, calibrate
 from twin.calibration.uncertainty import UNKNOWN, uncertainty
 from twin.physics import simulate
 from twin.preset.preset import Preset

@@ -1,9 +1,8 @@
 """Calibration of a preset on measured logs: free parameters, fit, uncertainty, report."""
 
-from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop, measured_loop
+from twin.calibration.logs import MeasuredLoop, measured_loop
 from twin.calibration.parameters import FreeParameters, free_parameters, structures, with_slack
-from twin.calibration.search import calibrate
+from twin.calibration.search import Fit, calibrate
 from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Logs beside their simulation, and beside models without physics that were fitted to the same part."""
+"""Logs, their simulation, and models without physics that were fitted to the same part."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -6,13 +6,112 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.measured import MeasuredLoop
+from twin.calibration.logs import MeasuredLoop
 from twin.calibration.objective import bend_errors, offset_of, offsets_taken_off, predict
-from twin.calibration.rivals import rival_errors
 from twin.episode import Episode
+from twin.errors import DivergedError, InputError
+from twin.hysteresis import HysteresisModel, PrandtlIshlinskii
+from twin.identification import identify
+from twin.identification.nuisances import Log, Nuisances, fit_nuisances, records_of, tells_delay
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+
+GENERATIONS = 40
+"""Generations of the genetic algorithms: they find the basin, and least squares goes to its bottom."""
+
+
+def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int = 0) -> list[Array | None]:
+    """Fit a model to the fitted samples and return how far it is above each measured angle.
+
+    The model begins at the first angle that was measured. The zero of each angle and, where a log determines
+    it, a delay of the command are fitted with it, as they are with the twin.
+
+    Returns:
+        The error at all samples of each log (N,) [rad]; None where there is no such angle, or what was fitted
+        does not move or never turns back.
+    """
+    fitted = sorted({_bend(loop) for loop in loops if loop.fitted.any()})
+    errors: list[Array | None] = [None] * len(loops)
+    if not fitted:
+        return errors
+    nearest = [min(fitted, key=lambda bend: abs(bend - _bend(loop))) for loop in loops]
+    for bend in fitted:
+        places = [place for place, one in enumerate(nearest) if one == bend]
+        found = _errors_of(name, [loops[place] for place in places], seed, plane)
+        for place, error in zip(places, found, strict=True):
+            errors[place] = error
+    return errors
+
+
+def _bend(loop: MeasuredLoop) -> float:
+    return 0.0 if loop.sheath_bend is None else loop.sheath_bend
+
+
+def _errors_of(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int) -> list[Array | None]:
+    """Return the errors of one model, fitted to logs of one bend."""
+    logs = _logs(loops, plane, centred=name != PrandtlIshlinskii.name)
+    fitted = [log for log in logs if log is not None and log.pieces]
+    step = loops[0].sample_time
+    found = Nuisances((0.0,) * len(fitted))
+    try:
+        model, _ = identify(records_of(fitted, found, step), seed, name, generations=GENERATIONS)
+        if any(log.has_offset or log.has_delay for log in fitted):
+            model, _, found = fit_nuisances(model, fitted, step)
+    except (InputError, DivergedError):  # their rules on loops are stricter than those of a calibration
+        return [None] * len(loops)
+    offsets = dict(zip(map(id, fitted), found.offsets_deg, strict=True))
+    usual = float(np.mean(found.offsets_deg))  # of a log that is only predicted: its own is not known
+    return [
+        None if log is None else _error(model, log, offsets.get(id(log), usual), found.delay_s, step)
+        for log in logs
+    ]
+
+
+def _error(model: HysteresisModel, log: Log, offset_deg: float, delay_s: float, step: float) -> Array | None:
+    """Return the error of a model along a whole log (N,) [rad]; None where it diverges."""
+    whole = dataclasses.replace(log, pieces=((0, len(log.pull_mm)),))
+    ((pull, bend),) = records_of([whole], Nuisances((offset_deg,), delay_s), step)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error: Array = np.radians(model.response(pull, bend[0]) - bend)
+    return error if np.isfinite(error).all() else None
+
+
+def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[Log | None]:
+    """Return the command and angle of a plane of each log, None where it has no such angle.
+
+    Models that are odd about zero could not follow logs whose middle is elsewhere. They get command and angle
+    about the middle of what is fitted. A play starts from rest at zero: its model gets them as they are.
+    """
+    pairs = [(loop, loop.pull_in(plane), loop.bend_in(plane)) for loop in loops]
+    middle = zero = 0.0
+    if centred:
+        middle = _middle([pull[loop.fitted] for loop, pull, bend in pairs if bend.size])
+        zero = _middle([bend[loop.fitted] for loop, _, bend in pairs if bend.size])
+    return [
+        Log(
+            (pull - middle) * 1e3,
+            np.degrees(bend - zero),
+            _runs(loop.fitted),
+            has_offset=loop.offset and centred,
+            has_delay=loop.timed and tells_delay(pull * 1e3),
+        )
+        if bend.size
+        else None
+        for loop, pull, bend in pairs
+    ]
+
+
+def _middle(parts: Sequence[Array]) -> float:
+    values = np.concatenate([np.empty(0), *parts])
+    return float(values.max() + values.min()) / 2 if values.size else 0.0
+
+
+def _runs(mask: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """Return the first sample of each run of True and the one after its last; a single sample is no run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return tuple((int(begin), int(end)) for begin, end in edges.reshape(-1, 2) if end - begin > 1)
+
 
 TWIN = "twin"
 """Name of the twin among those that are compared."""
@@ -20,7 +119,7 @@ TWIN = "twin"
 
 @dataclasses.dataclass(frozen=True)
 class Compared:
-    """Log beside what the twin and its rivals make of it.
+    """Log, with the errors of the twin and its rivals.
 
     Attributes:
         loop: the log.
@@ -41,14 +140,7 @@ class Compared:
 def compare(
     preset: Preset, loops: Sequence[MeasuredLoop], seed: int = 0, rivals: Sequence[str] = ()
 ) -> list[Compared]:
-    """Simulate a calibrated preset along every log, and fit its rivals to the same samples.
-
-    Args:
-        preset: as calibrated.
-        loops: the logs; their fitted samples are those that the rivals are fitted to.
-        seed: of the rivals' fits.
-        rivals: names of models without physics, of `MODELS`.
-    """
+    """Simulate a calibrated preset along every log, and fit its rivals to the same samples."""
     episodes = predict([preset], loops)[0]
     planes = range(max(loop.planes for loop in loops))
     pairs = [*zip(loops, episodes, strict=True)]
@@ -74,3 +166,21 @@ def compare(
 def _offset(error: Array | None, loop: MeasuredLoop) -> float:
     """Return the offset of a rival along a fitted log [rad], 0 of one that is only predicted."""
     return offset_of(error, loop) if error is not None and loop.fitted.any() else 0.0
+
+
+def errors_deg(error: Array | None, loop: MeasuredLoop) -> dict[str, float | None]:
+    """Return the RMSE of an error (N,) [rad] where a log was fitted and where it was only predicted [deg]."""
+    if error is None:
+        return dict.fromkeys(("rmse_deg", "held_out_rmse_deg", "held_out_centred_rmse_deg"))
+    off, held_out = np.degrees(error), ~loop.fitted & loop.seen
+    centred = off[held_out] - off[held_out].mean() if held_out.any() else off[:0]
+    return {
+        "rmse_deg": rmse(off[loop.fitted]),
+        "held_out_rmse_deg": rmse(off[held_out]),
+        "held_out_centred_rmse_deg": rmse(centred),
+    }
+
+
+def rmse(off: Array) -> float | None:
+    """Return the root mean square of errors, or None if there are none."""
+    return float(np.sqrt(np.mean(off**2))) if off.size else None

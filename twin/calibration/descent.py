@@ -1,20 +1,187 @@
 """Descent of a search: least squares in a trust region on the reduced twin, and its derivatives."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from twin.calibration.measured import MeasuredLoop
-from twin.calibration.objective import penalised
+from twin.calibration.logs import MeasuredLoop
+from twin.calibration.objective import departure, penalised
 from twin.calibration.parameters import FreeParameters
-from twin.calibration.secants import secants, variance_of
-from twin.calibration.valley import Valley
 
 Array = NDArray[np.float64]
+
+
+class Valley:
+    """Change between a point of the search space and one of the straight valley; both are (P,)."""
+
+    def __init__(self, free: FreeParameters) -> None:
+        """Find the parameters that make the valley; without both of them nothing changes."""
+        self._free = free
+        self._places = [
+            free.names.index(name) if name in free.names else -1
+            for name in ("wire_stiffness", "wire_stiffening", "pretension")
+        ]
+
+    def straight(self, numbers: Array) -> Array:
+        """Return the straight coordinates of a point of the search space."""
+        return self._shifted(numbers, 1.0)
+
+    def point(self, straight: Array) -> Array:
+        """Return the point of the search space that has these straight coordinates."""
+        return self._shifted(straight, -1.0)
+
+    def within(self, straight: Array) -> Array:
+        """Return the point of the search space; one beyond its limits, as a stiffness may be, is at them."""
+        point: Array = np.clip(self.point(straight), self._free.lower, self._free.upper)
+        return point
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the limits of the straight coordinates, (P,) each; that of the stiffness has none."""
+        lower, upper = self._free.lower, self._free.upper
+        stiffness, stiffening, _ = self._places
+        if min(stiffness, stiffening) >= 0:
+            lower[stiffness], upper[stiffness] = -np.inf, np.inf
+        return lower, upper
+
+    def slope(self, jacobian: Array, numbers: Array) -> Array:
+        """Return derivatives (R, P) at a point with respect to the straight coordinates."""
+        stiffness, stiffening, pretension = self._places
+        slope = jacobian.copy()
+        if min(stiffness, stiffening) >= 0:
+            growth = self._growth(numbers)
+            for place in {stiffening, pretension} - {-1}:
+                slope[:, place] -= jacobian[:, stiffness] * growth / (2 * (1 + growth))
+        return slope
+
+    def _growth(self, numbers: Array) -> float:
+        """Return 2 s T at the pretension [-]."""
+        _, stiffening, pretension = self._places
+        tension = np.exp(numbers[pretension]) if pretension >= 0 else self._free.base.pretension
+        return float(2 * np.exp(numbers[stiffening]) * tension)
+
+    def _shifted(self, numbers: Array, sign: float) -> Array:
+        stiffness, stiffening, _ = self._places
+        shifted = np.array(numbers, dtype=float)
+        if min(stiffness, stiffening) >= 0:
+            shifted[stiffness] += sign * np.log1p(self._growth(numbers)) / 2
+        return shifted
+
+
+ALONG = ("joint_friction_taper", "section_stiffness", "joint_friction")
+"""Parameters to walk along; the first that is fitted is taken."""
+STRIDES = (0.1, 0.03)
+"""Length of a step on the scale of the search, of each walk."""
+FARTHEST = 10
+"""Most steps to a side."""
+TOO_HIGH = 1.5
+"""Cost at which a walk ends, times the lowest that it met."""
+
+
+def parameter_along(free: FreeParameters) -> str | None:
+    """Return the parameter to walk along; None if no such parameter is fitted, or no other one."""
+    return next((name for name in ALONG if name in free.names and len(free.names) > 1), None)
+
+
+def walk(
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    cost: float,
+    start: Array,
+    name: str,
+    stride: float,
+    steps: int,
+    weight: float,
+    *,
+    threads: int,
+    stopped: threading.Event,
+) -> Array:
+    """Return what a walk to one side meets, (FARTHEST, 1 + P): the cost and the point of each step.
+
+    It ends early where the cost rises to `TOO_HIGH`, or at a limit; then the last step stands for the rest.
+
+    Args:
+        free: the fitted parameters.
+        loops: the logs.
+        cost: where it begins.
+        start: where it begins, (P,).
+        name: the parameter to walk along.
+        stride: of a step; negative for the other side.
+        steps: most steps of each descent of the others.
+        weight: of the first guess, of `prior_weight`.
+        threads: number of threads of the derivatives; 0 for one per core.
+        stopped: ends it early.
+    """
+    here, place = start.copy(), free.names.index(name)
+    others = [number for number in range(len(here)) if number != place]
+    names = tuple(free.names[other] for other in others)
+    lower, upper = free.lower[place], free.upper[place]
+    met = np.tile(np.append(cost, start), (FARTHEST, 1))
+    lowest = cost
+    for number in range(FARTHEST):
+        here[place] += stride
+        if not lower <= here[place] <= upper:
+            break
+        value = getattr(free.decode(here), name)
+        rest = FreeParameters(free.base.replace(**{name: value}), names)
+        cost, *found = descend(
+            rest, loops, here[others], steps, weight, smooth=False, threads=threads, stopped=stopped
+        )
+        here[others] = found
+        cost += float(departure(free, here, weight)[place]) ** 2
+        met[number:] = cost, *here
+        lowest = min(lowest, cost)
+        if cost > TOO_HIGH * lowest:
+            break
+    return met
+
+
+SHORTEST, LONGEST = 1e-3, 0.3
+"""Least and largest reach of a secant to either side, in the parameter that moves most."""
+
+
+def secants(
+    residuals: Callable[[Sequence[Array]], Array],
+    numbers: Array,
+    around: Array,
+    variance: float,
+    bounds: tuple[Array, Array],
+) -> Array:
+    """Return the derivative of the residuals at a point, by secants over its uncertainty (R, P).
+
+    Args:
+        residuals: of points (P,) of the search space, (points, R).
+        numbers: the point.
+        around: an estimate of the derivative, which gives the axes (R, P).
+        variance: of a residual.
+        bounds: lowest and highest point, (P,) each.
+    """
+    _, gains, axes = np.linalg.svd(np.nan_to_num(around), full_matrices=False)
+    longest = np.abs(axes).max(axis=1)  # of the unit vectors: between 1 / sqrt(P) and 1
+    reach = np.clip(np.sqrt(variance) / np.maximum(gains, 1e-300), SHORTEST / longest, LONGEST / longest)
+    ways = axes * reach[:, None]
+    above, below = np.clip(numbers + ways, *bounds), np.clip(numbers - ways, *bounds)
+    off = residuals([*above, *below])
+    change: Array = (off[: len(ways)] - off[len(ways) :]).T
+    derivative: Array = change @ np.linalg.pinv((above - below).T)
+    return derivative
+
+
+def variance_of(residual: Array, parameters: int) -> float:
+    """Return the variance of residuals (R,), as if they were independent of each other.
+
+    Residuals of neighbouring samples are alike, so that there is less information than samples: it is
+    inflated by (1 + r) / (1 - r), with r their correlation from one sample to the next (the effective number
+    of samples of an AR(1) process, Bayley and Hammersley 1946).
+    """
+    freedom = max(len(residual) - parameters, 1)
+    power = float(residual @ residual)
+    r = float(np.clip(residual[1:] @ residual[:-1] / power, 0.0, 0.999)) if power > 0 else 0.0
+    return power / freedom * (1 + r) / (1 - r)
+
 
 STRIDE = 1e-3
 """Stride of differences, with which a descent begins."""
@@ -45,9 +212,6 @@ def descend(
             cost.
         threads: number of threads of the derivatives; 0 for one per core.
         stopped: ends it early.
-
-    Raises:
-        CancelledError: it was stopped.
     """
     valley = Valley(free)
     margin = 1e-6
@@ -64,7 +228,7 @@ def descend(
         if not smooth:
             return valley.slope(differences(free, loops, numbers, weight, threads=threads), numbers)
         last[:] = [
-            over_what_is_told(free, loops, numbers, weight, last[0] if last else None, threads=threads)
+            smoothed_jacobian(free, loops, numbers, weight, last[0] if last else None, threads=threads)
         ]
         return valley.slope(last[0], numbers)
 
@@ -82,7 +246,7 @@ def descend(
     return np.array([2 * result.cost, *valley.within(result.x)])
 
 
-def over_what_is_told(
+def smoothed_jacobian(
     free: FreeParameters,
     loops: Sequence[MeasuredLoop],
     numbers: Array,
@@ -91,14 +255,14 @@ def over_what_is_told(
     *,
     threads: int = 0,
 ) -> Array:
-    """Return the derivative of the residuals (R, P) at a point, over the scale on which the logs tell it.
+    """Return the derivative of the residuals (R, P) at a point, smoothed over its uncertainty.
 
     Args:
         free: the fitted parameters.
         loops: the logs.
         numbers: the point, (P,).
         weight: of the first guess.
-        around: the derivative nearby, which tells that scale; `differences` if not given.
+        around: the derivative nearby, which gives that scale; `differences` if not given.
         threads: number of threads; 0 for one per core.
     """
     if around is None:

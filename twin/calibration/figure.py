@@ -1,4 +1,4 @@
-"""Figure of a calibration: logs beside their simulation, what is left of each, and tensions."""
+"""Figure of a calibration: logs and their simulation, residuals, and tensions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.calibration.compared import TWIN, Compared
-from twin.calibration.report import errors_deg
+from twin.calibration.compared import TWIN, Compared, errors_deg
 from twin.report.figures import INK, MUTED, clean_axes
 
 Array = NDArray[np.float64]
@@ -16,7 +15,7 @@ Array = NDArray[np.float64]
 MOST_DRAWN = 24
 """Largest number of logs in the figure; a picture has a largest size."""
 COLUMNS = 4
-"""Logs beside each other; the next ones go below."""
+"""Logs per row; the next ones go below."""
 
 _MEASURED, _FITTED, _PREDICTED = "#8a939e", "#c4161c", "#1f5f99"
 _RIVALS = {
@@ -39,9 +38,6 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
     Rows are the bend, its error with those of the models that are compared, the same of the second plane, and
     tensions. What was fitted is red, what was only predicted blue; of an angle whose zero is not known, a
     prediction is shown less its mean error.
-
-    Args:
-        logs: the first `MOST_DRAWN` are drawn.
     """
     logs = logs[:MOST_DRAWN]
     rows = ["bend", "error"]
@@ -55,8 +51,8 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
     axes = figure.subplots(len(heights), len(bands[0]), squeeze=False, gridspec_kw={"height_ratios": heights})
     for band, drawn in enumerate(bands):
         below = axes[band * len(rows) : (band + 1) * len(rows)]
-        for row, beside in zip(rows, below, strict=True):
-            _draw_row(row, beside, drawn)
+        for row, next_row in zip(rows, below, strict=True):
+            _draw_row(row, next_row, drawn)
     for first in range(len(rows)):
         same = axes[first :: len(rows)].ravel()
         for axis in same[1:]:
@@ -76,7 +72,7 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
 
 
 def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
-    """Draw one quantity of logs beside each other; what a log does not have stays empty."""
+    """Draw one quantity of logs side by side; what a log does not have stays empty."""
     plane = int(row.startswith("lateral"))
     for place, axis in enumerate(axes):
         log = logs[place] if place < len(logs) else None
@@ -98,14 +94,14 @@ def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
 def _title(log: Compared, plane: int) -> str:
     """Return the name of a log and what of it was fitted or predicted how well."""
     errors = errors_deg(log.errors[plane][TWIN], log.loop)
-    said = []
+    parts = []
     if errors["rmse_deg"] is not None:
-        said.append(f"fitted within {errors['rmse_deg']:.2f}°")
+        parts.append(f"fitted within {errors['rmse_deg']:.2f}°")
     if errors["held_out_rmse_deg"] is not None:
         whole = log.loop.offset and not log.loop.fitted.any()
         centred = f" ({errors['held_out_centred_rmse_deg']:.2f}° less offset)" if whole else ""
-        said.append(f"predicted within {errors['held_out_rmse_deg']:.2f}°{centred}")
-    line = ", ".join(said) or "the twin diverges"
+        parts.append(f"predicted within {errors['held_out_rmse_deg']:.2f}°{centred}")
+    line = ", ".join(parts) or "the twin diverges"
     if plane:
         return line
     bend = log.loop.sheath_bend
@@ -147,7 +143,7 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
     """Draw the errors in a bending plane over pull: of the models that are compared, and of the twin."""
     pull = log.loop.pull_in(plane) * 1e3
     axis.axhline(0, color=_MEASURED, lw=0.8)
-    told = []
+    parts = []
     for name, error in log.errors[plane].items():
         shown = _shown(log, error)
         if shown is None or name == TWIN:
@@ -155,15 +151,15 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
         colour, line = _RIVALS.get(name, (MUTED, "-"))
         axis.plot(pull, np.degrees(shown), color=colour, lw=0.8, ls=line, label=name.title())
         initials = "-".join(part[0].upper() for part in name.split("-"))
-        told.append(f"{initials} {_told(errors_deg(shown, log.loop))}")
-    if told:
-        axis.set_title(", ".join(told), color=INK, fontsize=7)
+        parts.append(f"{initials} {_rmse_text(errors_deg(shown, log.loop))}")
+    if parts:
+        axis.set_title(", ".join(parts), color=INK, fontsize=7)
     twin = _shown(log, log.errors[plane][TWIN])
     if twin is not None:
         _draw_parts(axis, log, pull, np.degrees(twin))
 
 
-def _told(errors: Mapping[str, float | None]) -> str:
+def _rmse_text(errors: Mapping[str, float | None]) -> str:
     """Return an error where it was fitted, and where it was predicted."""
     values = [errors[name] for name in ("rmse_deg", "held_out_rmse_deg")]
     return " / ".join(f"{value:.2f}°" for value in values if value is not None)

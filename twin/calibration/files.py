@@ -7,16 +7,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 
-from twin.calibration.compared import compare
-from twin.calibration.confirm import steady
+from twin.calibration.compared import TWIN, Compared, compare, errors_deg, rmse
 from twin.calibration.figure import fit_figure
-from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop, file_of_window, measured_loop, thinned
-from twin.calibration.report import fit_report
-from twin.calibration.uncertainty import likely_ranges, uncertainty
-from twin.calibration.windows import check_windows, first_windows
+from twin.calibration.logs import (
+    MeasuredLoop,
+    check_windows,
+    file_of_window,
+    first_windows,
+    measured_loop,
+    thinned,
+)
+from twin.calibration.search import Fit, steady
+from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
@@ -25,6 +31,55 @@ from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
 from twin.report.figures import to_png_bytes
+
+Array = NDArray[np.float64]
+
+
+def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int) -> dict[str, Any]:
+    """Return errors on every log, and parameters, as plain values for JSON; an unknown value is None."""
+    diverged = [f"the calibrated twin diverges along {log.loop.name}" for log in logs if log.episode is None]
+    return {
+        "cost": fit.cost,
+        "reduced_cost": fit.reduced_cost,
+        "optimizer": "trust-region least squares from many starts on the reduced twin, corrected in MuJoCo",
+        "seed": seed,
+        "logs": [_of_log(log) for log in logs],
+        "parameters": {
+            name: {"value": getattr(fit.preset, name), "standard_deviation": _finite(known.deviation[name])}
+            for name in fit.free.names
+        },
+        "warnings": [*known.warnings, *diverged],
+    }
+
+
+def _of_log(log: Compared) -> dict[str, Any]:
+    loop, episode = log.loop, log.episode
+    values: dict[str, Any] = {
+        "name": loop.name,
+        "sheath_bend_deg": None if loop.sheath_bend is None else float(np.degrees(loop.sheath_bend)),
+    }
+    for plane, errors in enumerate(log.errors):
+        prefix = "lateral_" if plane else ""
+        known = loop.offset and errors[TWIN] is not None
+        values[f"{prefix}offset_deg"] = float(np.degrees(log.offsets[plane])) if known else None
+        for name, error in errors.items():
+            whose = prefix if name == TWIN else f"{prefix}{name.replace('-', '_')}_"
+            values |= {f"{whose}{key}": value for key, value in errors_deg(error, loop).items()}
+    scored = loop.fitted if loop.fitted.any() else loop.seen
+    for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
+        measured = loop.tension[:, index]
+        error = None if episode is None else rmse((episode.tension[:, index] - measured)[scored])
+        span = float(np.ptp(measured))  # zero for a wire that stays slack
+        values[f"tension_{wire}_rmse_n"] = error
+        values[f"tension_{wire}_rmse_percent_of_range"] = (
+            None if error is None or span == 0 else 100 * error / span
+        )
+    return values
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
 
 _LONGEST_NAME = 100  # of a log, in letters
 
@@ -51,11 +106,6 @@ def read_loops(
 
     Returns:
         The logs to fit, those to predict, and the preset with the pulley of the logs.
-
-    Raises:
-        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
-        ValueError: a file is damaged, a log cannot be calibrated on, the logs have different pulleys, or
-            `fraction` is out of range.
     """
     records, unseen = (
         [(path, episode) for path in paths for episode in read_dataset(path)] for paths in (fitted, predicted)
@@ -87,11 +137,7 @@ def read_loops(
 
 
 def with_pulley_of(base: Preset, episodes: Sequence[Episode]) -> Preset:
-    """Return the preset with the pulley by which an angle of the drive became a pulling distance.
-
-    Raises:
-        ValueError: the logs were read with different ones.
-    """
+    """Return the preset with the pulley by which an angle of the drive became a pulling distance."""
     radii = {radius for episode in episodes if (radius := episode.metadata.get("pulley_radius"))}
     if len(radii) > 1:
         listed = ", ".join(f"{radius * 1e3:g}" for radius in sorted(radii))
@@ -108,24 +154,15 @@ def write_fit(
     rivals: Sequence[str] = (),
     origin: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write a calibrated preset, and beside it NAME_fit.json and NAME_fit.png.
+    """Write a calibrated preset, with NAME_fit.json and NAME_fit.png.
 
     The preset is the first, so that no trouble with a report loses a fit.
-
-    Args:
-        out: the preset's file.
-        fit: what was found.
-        loops: the logs that were fitted.
-        held_out: the logs that are only predicted.
-        seed: of the calibration.
-        rivals: models without physics that are fitted to the same samples, as in `compare`.
-        origin: command, versions and hashes of the logs, for the report.
 
     Returns:
         What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
     """
     shown = [*loops, *held_out]
-    with contextlib.suppress(DivergedError):  # the report says along which log
+    with contextlib.suppress(DivergedError):  # the report states along which log
         fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))
     known = uncertainty(fit)
     write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
@@ -138,18 +175,12 @@ def write_fit(
 
 
 def report_files(out: Path) -> tuple[Path, Path]:
-    """Return the report and the figure that stand beside a calibrated preset."""
+    """Return the report and the figure that go with a calibrated preset."""
     return out.with_name(f"{out.stem}_fit.json"), out.with_name(f"{out.stem}_fit.png")
 
 
 def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
-    """Return a calibrated preset as YAML; its ranges for domain randomisation are the uncertainty of the fit.
-
-    Args:
-        preset: as fitted.
-        ranges: of the fitted parameters.
-        logs: names of the logs that it was fitted to.
-    """
+    """Return a calibrated preset as YAML, with the uncertainty of the fit as its ranges."""
     values = {name: value for name, value in preset.to_dict().items() if name != "name"}
     rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
     named_logs = cut(", ".join(logs), 400)

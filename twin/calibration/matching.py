@@ -1,6 +1,7 @@
 """Match of a preset to an instrument that is only published, by least squares.
 
-A Coleman-Hodgdon model and errors of a filter tell less than the preset has parameters: each has a prior.
+A Coleman-Hodgdon model and errors of a filter are fewer numbers than the preset has parameters: each has a
+prior.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -48,9 +49,6 @@ def match(
 
     Returns:
         The preset, its outcome, and the sum of squares.
-
-    Raises:
-        FloatingPointError: the endoscope of the start has no equilibrium.
     """
     noises = list(published.active)
     lowest = np.inf

@@ -1,12 +1,13 @@
 """Residuals of candidate presets against logs: all candidates times all logs in one batch simulation."""
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.measured import MeasuredLoop, windows_of_files
+from twin.calibration.logs import MeasuredLoop, windows_of_files
 from twin.calibration.parameters import FreeParameters
 from twin.episode import Episode
 from twin.preset.preset import Preset
@@ -33,12 +34,6 @@ def predict(
     """Simulate every candidate along every log; returns (candidates, logs), None where one failed.
 
     The wires are wound up in the sheath as it is bent in that log.
-
-    Args:
-        presets: the candidates.
-        loops: the logs.
-        physics: the twin that simulates.
-        threads: number of threads; 0 for one per core.
     """
     pairs = [
         (preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend), loop)
@@ -69,16 +64,9 @@ def residuals(
 
     Each log weighs the same: its squared differences are divided by its number of samples. An angle whose
     zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, which is the best offset;
-    a large one costs a little, so that what all logs share is told by the endoscope. Windows of one file were
-    measured by one sensor: what their offsets have in common is an error like any other, so that windows of
-    several files have to share one zero.
-
-    Args:
-        presets: the candidates.
-        loops: the logs.
-        physics: the twin that simulates.
-        threads: number of threads; 0 for one per core.
-        weight: of what offsets cost, of `prior_weight`.
+    a large one costs a little, so that what all logs share is explained by the endoscope. Windows of one file
+    were measured by one sensor: what their offsets have in common is an error like any other, so that windows
+    of several files have to share one zero.
 
     Returns:
         (candidates, R); the sum of squares of a row is the cost of that candidate.
@@ -98,7 +86,8 @@ def penalised(
 ) -> Array:
     """Return the residuals of points of the search space, with what departs from the first guess.
 
-    Parameters that the logs hardly tell would run to their limits, where they mean nothing and predict badly.
+    Parameters that the logs hardly determine would run to their limits, where they mean nothing and predict
+    badly.
 
     Args:
         free: the fitted parameters.
@@ -141,7 +130,7 @@ def channels(loops: Sequence[MeasuredLoop]) -> list[list[slice]]:
 
 
 def prior_weight(cost: float) -> float:
-    """Return the weight of the first guess beside logs that a fit leaves at a cost: `PRIOR` at most."""
+    """Return the weight of the first guess for a fit of this cost: `PRIOR` at most."""
     return PRIOR * min(1.0, cost / COMMON_COST) ** 2
 
 
@@ -223,3 +212,30 @@ def _of_log(
     off = [error / scale for error, scale in zip(off, scales_of(loop), strict=True)]
     weighted: Array = np.concatenate(off) / np.sqrt(np.count_nonzero(loop.fitted))
     return np.concatenate([weighted, weight * offsets / OFFSET_SPREAD])
+
+
+MOST = 30.0
+"""Largest factor between a scale and the usual one: a channel that is met exactly does not outweigh all."""
+
+
+def weighed(loops: Sequence[MeasuredLoop], residual: Array) -> list[MeasuredLoop]:
+    """Return logs whose samples cost the same by what a fit leaves of each channel, in sum as before.
+
+    Args:
+        loops: the logs, with their usual scales.
+        residual: what the fit leaves, of `residuals`, (R,).
+    """
+    places = channels(loops)
+    left = np.array([float(residual[place] @ residual[place]) for of_log in places for place in of_log])
+    count = np.array([place.stop - place.start for of_log in places for place in of_log])
+    total = left.sum()
+    if not total > 0:
+        return list(loops)
+    each = left / np.maximum(count, 1) / (total / count.sum())
+    factor = np.clip(np.sqrt(each), 1 / MOST, MOST)
+    factor *= np.sqrt((left / factor**2).sum() / total)  # what was clipped would change the sum
+    ends = np.cumsum([len(of_log) for of_log in places])[:-1]
+    return [
+        dataclasses.replace(loop, scales=scales_of(loop) * of_log)
+        for loop, of_log in zip(loops, np.split(factor, ends), strict=True)
+    ]

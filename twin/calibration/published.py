@@ -159,13 +159,7 @@ def best_coleman_hodgdon(pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]
 def outcomes(
     presets: Sequence[Preset], commands: Commands, noises: Sequence[tuple[str, float]]
 ) -> list[Outcome | None]:
-    """Return what the published figures are in each endoscope; None of one without equilibrium.
-
-    Args:
-        presets: the endoscopes.
-        commands: of all excitation seeds.
-        noises: kind and level of each row of AM.
-    """
+    """Return what the published figures are in each endoscope; None of one without equilibrium."""
     sets = (commands.identified, commands.tested)
     runs = [pull for commanded in sets for pull in commanded.reshape(-1, commanded.shape[-1])]
     episodes = simulate_batch([p for p in presets for _ in runs], runs * len(presets), SAMPLE_TIME)

@@ -4,30 +4,200 @@ import dataclasses
 import functools
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import __version__
-from twin.calibration.confirm import confirmed
-from twin.calibration.descent import descend, over_what_is_told
-from twin.calibration.fit import Fit
-from twin.calibration.measured import MeasuredLoop
-from twin.calibration.objective import PRIOR, penalised, prior_weight, residuals
+from twin.calibration.descent import (
+    FARTHEST,
+    STRIDES,
+    Valley,
+    descend,
+    parameter_along,
+    smoothed_jacobian,
+    walk,
+)
+from twin.calibration.logs import MeasuredLoop
+from twin.calibration.objective import PRIOR, penalised, predict, prior_weight, residuals, weighed
 from twin.calibration.parameters import FreeParameters
-from twin.calibration.stages import OnProgress, Stages
-from twin.calibration.walk import FARTHEST, STRIDES, parameter_along, walk
-from twin.calibration.weights import weighed
-from twin.errors import InputError
+from twin.errors import DivergedError, InputError
 from twin.files.bounds import check_between
-from twin.files.state_file import state_key
+from twin.files.state_file import damaged_state, read_state, state_key, write_state
 from twin.physics import MUJOCO
+from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+R = TypeVar("R")
+OnProgress = Callable[[int, int, float], None]
+"""Called with the stages done, their total, and the lowest cost so far."""
+
+STATE = "calibration state"
+"""Kind of the state that an interrupted calibration leaves."""
+
+
+class Stages:
+    """Stages of one calibration."""
+
+    def __init__(self, total: int, state_file: Path | None, key: str, on_progress: OnProgress | None) -> None:
+        """Take up what an interrupted calibration with the same key left."""
+        self._kept = (read_state(state_file, STATE, key) if state_file else None) or {}
+        self._state_file, self._key, self._on_progress = state_file, key, on_progress
+        self._total, self._done = total, 0
+        self._lowest, self._lock = np.inf, threading.Lock()
+
+    def finish(self, cost: float) -> None:
+        """Report that a stage is done."""
+        self._done += 1
+        self._lowest = min(self._lowest, cost)
+        if self._on_progress:
+            self._on_progress(self._done, self._total, self._lowest)
+
+    def skip(self, stages: int, cost: float) -> None:
+        """Report stages that are not needed."""
+        for _ in range(stages):
+            self.finish(cost)
+
+    def once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
+        """Return the result of a stage: as it was kept, or worked out and kept."""
+        found = self._kept.get(name)
+        if found is not None:
+            if self._state_file and found.shape != shape:
+                raise damaged_state(self._state_file)
+            return found
+        found = work()
+        with self._lock:
+            self._kept[name] = found
+            if self._state_file is not None:
+                write_state(self._state_file, STATE, self._key, self._kept)
+        return found
+
+    def side_by_side(
+        self, work: Callable[[T, threading.Event], R], items: Sequence[T], cost_of: Callable[[R], float]
+    ) -> list[R]:
+        """Return the work on each item, in threads of their own, and report each."""
+        stopped = threading.Event()
+        with ThreadPoolExecutor() as pool:
+            waiting = [pool.submit(work, item, stopped) for item in items]
+            try:
+                done = []
+                for one in waiting:
+                    done.append(one.result())
+                    self.finish(cost_of(done[-1]))
+                return done
+            except BaseException:
+                stopped.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """Fitted preset, with residuals and Jacobian at the fit.
+
+    Attributes:
+        free: the fitted parameters.
+        preset: the fitted preset.
+        cost: sum over logs of the mean square error of the twin in MuJoCo, in units of `BEND_SCALE` and
+            `TENSION_SHARE`.
+        reduced_cost: the same of the reduced twin, on which the search was made.
+        jacobian: derivative of the residuals with respect to the search space, (R, P).
+        residual: residuals, weighted as the search had them at its end (`weights.py`), (R,).
+        neighbours: points that walks met near the fit of the reduced twin: how much more each costs, and how
+            far away it is in the search space, (K, 1 + P).
+    """
+
+    free: FreeParameters
+    preset: Preset
+    cost: float
+    reduced_cost: float
+    jacobian: Array
+    residual: Array
+    neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
+
+
+CORRECTIONS = 20
+"""Most corrections towards the twin in MuJoCo."""
+DAMPINGS = (1e-4, 1e-2, 1.0)
+"""Dampings of a correction that are tried, in one batch."""
+HELPS = 0.9999
+"""Share of the cost that a correction may leave at most, or it was the last one.
+
+Of the cost that noise leaves, a thousandth is a standard deviation of a parameter.
+"""
+HALVINGS = 4
+"""Most halvings of the time step where the simulation diverges."""
+TRUSTED = 0.2
+"""Farthest that a correction moves a parameter, on the scale of the search."""
+
+
+def confirmed(
+    free: FreeParameters,
+    loops: Sequence[MeasuredLoop],
+    numbers: Array,
+    weight: float,
+    jacobian: Callable[[Array, Array | None], Array],
+    counted: Sequence[MeasuredLoop],
+) -> Fit:
+    """Move a fit of the reduced twin to where the twin in MuJoCo agrees with the logs.
+
+    A Gauss-Newton step takes the residuals from MuJoCo and their derivatives from the reduced twin, which
+    are the same but for MuJoCo's own step. It is damped (Levenberg and Marquardt), and kept where it helps.
+
+    Args:
+        free: the fitted parameters.
+        loops: the logs.
+        numbers: the fit, in the search space, (P,).
+        weight: of the first guess, of `prior_weight`.
+        jacobian: derivative of the residuals of the reduced twin at a point (R, P); it is given the last one.
+        counted: the logs with the scales by which costs are stated.
+    """
+    reduced = residuals([free.decode(numbers)], counted, "reduced")[0]
+    count = len(reduced)  # what follows is the departure from the first guess
+    base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
+    free = dataclasses.replace(free, base=base)
+    valley = Valley(free)
+    slope, off = jacobian(numbers, None), penalised(free, [numbers], loops, "mujoco", weight)[0]
+    for _ in range(CORRECTIONS):
+        along = valley.slope(slope, numbers)
+        normal, downhill = along.T @ along, along.T @ off
+        scale = np.diag(np.diag(normal) + 1e-12)
+        ways = [np.linalg.solve(normal + damping * scale, downhill) for damping in DAMPINGS]
+        ends = [valley.straight(numbers) - np.clip(way, -TRUSTED, TRUSTED) for way in ways]
+        tried = [valley.within(end) for end in ends]
+        then = penalised(free, tried, loops, "mujoco", weight)
+        best = int(np.argmin((then**2).sum(axis=1)))
+        if not float(then[best] @ then[best]) < HELPS * float(off @ off):
+            break
+        numbers, off = tried[best], then[best]
+        slope = jacobian(numbers, slope)
+    return Fit(
+        free=free,
+        preset=free.decode(numbers),
+        cost=float((residuals([free.decode(numbers)], counted) ** 2).sum()),
+        reduced_cost=float(reduced @ reduced),
+        jacobian=slope[:count],
+        residual=off[:count],
+    )
+
+
+def steady(preset: Preset, loops: Sequence[MeasuredLoop]) -> Preset:
+    """Return a preset with a time step at which MuJoCo follows every log: its own, or a part of it."""
+    for halving in range(HALVINGS + 1):
+        finer = preset.replace(time_step=preset.time_step / 2**halving)
+        if None not in predict([finer], loops)[0]:
+            return finer
+    raise DivergedError(
+        f"the calibrated twin diverges in MuJoCo, even at steps of {finer.time_step:g} s: "
+        "fit fewer parameters with `free`, or begin with another `preset`"
+    )
+
 
 SCREENED = 40
 """Candidates that are tried for each start of least squares."""
@@ -62,22 +232,8 @@ def calibrate(
     (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks along its valley
     then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
 
-    Args:
-        structures: the fitted parameters and their first guess; of several sets the one that fits best is
-            taken, each with a share of the starts.
-        loops: the logs.
-        seed: of the candidates.
-        starts: of least squares.
-        state_file: where what is found is kept; an interrupted calibration goes on there.
-        on_progress: called with the stages done, their total, and the lowest cost so far.
-
     Returns:
         The fit.
-
-    Raises:
-        ValueError: there is no log, `starts` or `seed` is out of range, gravity pulls at the endoscope, or
-            the state file is foreign or damaged.
-        FloatingPointError: the best fit cannot be simulated in MuJoCo.
     """
     if not loops:
         raise InputError("no log to calibrate on")
@@ -98,7 +254,7 @@ def calibrate(
             weight = prior_weight(left)
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
-            stages.tell(cost)
+            stages.finish(cost)
     if weight < PRIOR:
         for number in range(len(STRIDES)):
             search.weigh(free, numbers)
@@ -110,19 +266,15 @@ def calibrate(
         search.loops,
         numbers,
         weight,
-        jacobian=lambda at, around: over_what_is_told(free, search.loops, at, weight, around),
+        jacobian=lambda at, around: smoothed_jacobian(free, search.loops, at, weight, around),
         counted=loops,
     )
-    stages.tell(cost)
-    return dataclasses.replace(fit, beside=search.beside(which, numbers, weight))
+    stages.finish(cost)
+    return dataclasses.replace(fit, neighbours=search.neighbours(which, numbers, weight))
 
 
 def check_effort(starts: int, seed: int) -> None:
-    """Refuse a number of starts or a seed that cannot be.
-
-    Raises:
-        ValueError: so it is.
-    """
+    """Refuse a number of starts or a seed that cannot be."""
     check_between("starts", starts, 1, MOST_STARTS)
     check_between("seed", seed, 0, MOST_SEED)
 
@@ -168,7 +320,7 @@ class _Search:
                 f"screen {which}", (len(candidates),), functools.partial(self._costs, free, candidates)
             )
             begun += [(which, candidates[place]) for place in np.argsort(cost, kind="stable")[:share]]
-            self._stages.tell(float(cost.min()))
+            self._stages.finish(float(cost.min()))
         return begun
 
     def descend(
@@ -233,8 +385,8 @@ class _Search:
         ((reached, _, end),) = self.descend(f"landing {number}", [(which, lowest)], MOST_STEPS, weight)
         return (reached, end) if reached < LOWER * cost else (cost, numbers)
 
-    def beside(self, which: int, numbers: Array, weight: float) -> Array:
-        """Return the points that walks met, of each shortest stride the lowest, as `Fit.beside` has them."""
+    def neighbours(self, which: int, numbers: Array, weight: float) -> Array:
+        """Return `Fit.neighbours`: of the points that walks met, the lowest within each shortest stride."""
         free = self._structures[which]
         name = parameter_along(free)
         if not self._met or name is None:

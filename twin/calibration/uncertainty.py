@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.calibration.fit import Fit
+from twin.calibration.descent import variance_of
 from twin.calibration.parameters import SIGNED, FreeParameters
-from twin.calibration.secants import variance_of
+from twin.calibration.search import Fit
 from twin.preset.preset import parameter_limits
 from twin.preset.randomization import Ranges
 
@@ -43,12 +43,12 @@ def uncertainty(fit: Fit) -> Uncertainty:
     met valleys that explain the logs too: `_between`.
     """
     free = fit.free
-    told = np.isfinite(fit.jacobian).all(axis=0)
-    residual, jacobian = fit.residual, np.where(told, fit.jacobian, 0.0)
+    finite = np.isfinite(fit.jacobian).all(axis=0)
+    residual, jacobian = fit.residual, np.where(finite, fit.jacobian, 0.0)
     variance = variance_of(residual, jacobian.shape[1])
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) * variance
-    if fit.beside.size and variance > 0:
-        covariance += _between(fit.beside, jacobian, variance)
+    if fit.neighbours.size and variance > 0:
+        covariance += _between(fit.neighbours, jacobian, variance)
     blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
     covariance[blind] = covariance[:, blind] = 0.0
     deviation = np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
@@ -61,20 +61,20 @@ def uncertainty(fit: Fit) -> Uncertainty:
     )
 
 
-def _between(beside: Array, jacobian: Array, variance: float) -> Array:
-    """Return the mean square distance (P, P) of the fit from points beside it, by their likelihood.
+def _between(neighbours: Array, jacobian: Array, variance: float) -> Array:
+    """Return the mean square distance (P, P) of the fit from its neighbours, by their likelihood.
 
     A point counts by its likelihood, exp(-rise / 2 s^2), less what the law about the fit has for it already,
     exp(-|J d|^2 / 2 s^2): in a valley that is as smooth as linear theory takes it, nothing is added. Each
     stands for a valley as wide as that of the fit, which is a rule of thumb.
 
     Args:
-        beside: as of `Fit`.
+        neighbours: as in `Fit`.
         jacobian: derivative of the residuals (R, P).
         variance: of a residual.
     """
-    away = beside[:, 1:]
-    likely = np.exp(-np.maximum(beside[:, 0], 0.0) / (2 * variance))
+    away = neighbours[:, 1:]
+    likely = np.exp(-np.maximum(neighbours[:, 0], 0.0) / (2 * variance))
     known = np.exp(-((away @ jacobian.T) ** 2).sum(axis=1) / (2 * variance))
     missing = np.maximum(likely - known, 0.0)
     square: Array = (away.T * (missing / (1 + missing.sum()))) @ away
@@ -113,14 +113,14 @@ def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Arr
         if not np.isfinite(d):
             warnings.append(f"{name}: the logs do not depend on it")
         elif min(number - low, high - number) < 1e-2:
-            warnings.append(f"{name} = {value:.4g} ran to its limit: the logs do not tell it")
+            warnings.append(f"{name} = {value:.4g} ran to its limit: the logs do not determine it")
         elif name not in SIGNED and d > BLIND:
-            warnings.append(f"{name} = {value:.4g}: the logs do not tell it")
+            warnings.append(f"{name} = {value:.4g}: the logs do not determine it")
         elif name not in SIGNED and d > UNKNOWN:
             warnings.append(f"{name} = {value:.4g} is known to a factor of {np.exp(d):.2g} only")
     for i, first in enumerate(free.names):
         for j in range(i):
             if abs(correlation[i, j]) > ENTANGLED:
                 pair = f"{free.names[j]} and {first}"
-                warnings.append(f"{pair} are told only together (correlation {correlation[i, j]:+.3f})")
+                warnings.append(f"{pair} cannot be determined separately ({correlation[i, j]:+.3f})")
     return warnings

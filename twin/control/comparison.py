@@ -54,20 +54,7 @@ def compare(
     executor: Executor,
     on_progress: OnProgress,
 ) -> Comparison:
-    """Tune and run controllers under conditions.
-
-    Args:
-        settings: of the comparison.
-        conditions: noises, sample times and references.
-        controllers: names.
-        folder: of the results, in which the parts are kept.
-        executor: runs the parts.
-        on_progress: told how many of how many parts are done, and which was the last.
-
-    Raises:
-        ValueError: a controller is unknown, or a part is damaged.
-        FloatingPointError: an endoscope diverged or found no equilibrium.
-    """
+    """Tune and run controllers under conditions."""
     specs = find_controllers(controllers)
     sensors = list(dict.fromkeys(condition.sensor for condition in conditions))
     compared = [(place, spec) for spec in specs for place in places_of(spec, settings, conditions)]
@@ -258,11 +245,7 @@ def _trial_of(arrays: Arrays, sample_time: float) -> ControlTrial:
 
 
 def specs_of(settings: ControlSettings, names: Sequence[str]) -> tuple[ControllerSpec, ...]:
-    """Return the controllers of these names; `all` is those that can run with what is given.
-
-    Raises:
-        ValueError: one is unknown, or is named and needs a trained file that there is none of.
-    """
+    """Return the controllers of these names; `all` is those that can run with what is given."""
     found = []
     for spec in find_controllers(names):
         if not spec.needs or getattr(settings, spec.needs) is not None:
@@ -279,9 +262,6 @@ def places_of(
     """Return which of the conditions a controller runs under.
 
     One whose file is for one sample time is left out of others; under the first condition it must run.
-
-    Raises:
-        ValueError: its trained file is damaged, or of something else.
     """
     places = range(len(conditions))
     path = getattr(settings, spec.needs) if spec.needs else None

@@ -55,18 +55,7 @@ class Compensator:
         settings: Mapping[str, float],
         gains: Mapping[str, float],
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            runtime: that is pushed each sample before a command is asked for.
-            limits: of the command.
-            line: of the nominal endoscope, for the fallback.
-            settings: by the names of `COMPENSATOR_SETTINGS`.
-            gains: of the fallback, by the names of `PI_SETTINGS`.
-
-        Raises:
-            ValueError: the trained estimator is not RAM (twins).
-        """
+        """Prepare a run."""
         advanced = runtime.advanced.estimator
         if not isinstance(advanced, RamTwins):
             raise InputError(f"{runtime.method} has no twins to invert: commands are made on RAM (twins)")

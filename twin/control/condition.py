@@ -109,11 +109,7 @@ SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
 
 
 def find_conditions(suite: str) -> tuple[ControlCondition, ...]:
-    """Return the conditions of a suite.
-
-    Raises:
-        ValueError: there is no such suite.
-    """
+    """Return the conditions of a suite."""
     if suite not in SUITES:
         raise InputError(f"unknown suite {suite!r:.40}; valid: {', '.join(SUITES)}")
     return SUITES[suite]

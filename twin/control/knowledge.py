@@ -61,20 +61,12 @@ class ControlKnowledge:
 
     @property
     def trained(self) -> Path:
-        """The trained file of RAM (twins).
-
-        Raises:
-            ValueError: there is none.
-        """
+        """The trained file of RAM (twins)."""
         return self._trained("policy")
 
     @property
     def trained_tracking(self) -> Path:
-        """The trained file of PPO on `EndoTwin/Tracking-v0`.
-
-        Raises:
-            ValueError: there is none.
-        """
+        """The trained file of PPO on `EndoTwin/Tracking-v0`."""
         return self._trained("tracking_policy")
 
     def _trained(self, name: str) -> Path:

@@ -26,11 +26,7 @@ class CommandLimits:
     speed_mm_s: float
 
     def __post_init__(self) -> None:
-        """Refuse an empty stroke and a speed that is not positive.
-
-        Raises:
-            ValueError: a limit is no finite number, the stroke is empty, or the speed is not positive.
-        """
+        """Refuse an empty stroke and a speed that is not positive."""
         if not (math.isfinite(self.low_mm + self.high_mm) and self.low_mm < self.high_mm):
             raise InputError(
                 f"stroke [{self.low_mm:g}, {self.high_mm:g}] mm: the first must be below the second"

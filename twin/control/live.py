@@ -95,9 +95,6 @@ def prepare_commands(
         speed_mm_s: its fastest change; if not given, that of the training, or of the preset's servo where it
             is slower [mm / s].
         rate_per_s: at which the estimated error is removed [1 / s].
-
-    Raises:
-        ValueError: a limit cannot be, or the file is of another method.
     """
     if not 0 < rate_per_s < math.inf:
         raise InputError(f"rate = {rate_per_s:g} 1/s: must be positive and finite")

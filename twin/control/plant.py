@@ -23,12 +23,7 @@ class Plant:
     """
 
     def __init__(self, preset: Preset, sample_time: float, physics: str = "mujoco") -> None:
-        """Build the endoscope.
-
-        Raises:
-            ValueError: it has two bending planes, the sample time does not fit its control period, or there
-                is no such physics.
-        """
+        """Build the endoscope."""
         if preset.bending_planes != 1:
             raise InputError(f"{preset.name!r} has two bending planes: control is of one")
         check_physics(physics)
@@ -69,11 +64,6 @@ class Plant:
             pull_mm: command [mm].
             sheath_bend: bend of the sheath then, as before where not given [rad].
             tip_force: pushes the tip sideways meanwhile, in MuJoCo alone [N].
-
-        Raises:
-            ValueError: a number is not finite, the sheath's bend is negative, or a reduced endoscope is
-                pushed.
-            FloatingPointError: the simulation diverged.
         """
         bend = self.sheath_bend if sheath_bend is None else sheath_bend
         before, now = self.pull_mm * 1e-3, pull_mm * 1e-3

@@ -31,9 +31,6 @@ def reference(
         seconds: length of the signal [s].
         sample_time: T [s].
         rng: draws period, phase and levels.
-
-    Raises:
-        ValueError: the kind is unknown, or the signal is shorter than two samples.
     """
     if kind not in SIGNALS:
         raise InputError(f"unknown reference {kind!r:.40}; valid: {', '.join(SIGNALS)}")

@@ -84,11 +84,7 @@ _SPECS: dict[str, ControllerSpec] = {}
 
 
 def register_controller(spec: ControllerSpec) -> ControllerSpec:
-    """Add a controller to the table and return it.
-
-    Raises:
-        ValueError: another controller has this name.
-    """
+    """Add a controller to the table and return it."""
     if spec.name in _SPECS:
         raise InputError(f"controller {spec.name!r} is registered already")
     _SPECS[spec.name] = spec
@@ -104,11 +100,7 @@ def controller_specs() -> tuple[ControllerSpec, ...]:
 
 
 def find_controllers(names: Sequence[str]) -> tuple[ControllerSpec, ...]:
-    """Return the controllers of these names, in the order of tables; `all` is every one.
-
-    Raises:
-        ValueError: there is none of a name.
-    """
+    """Return the controllers of these names, in the order of tables; `all` is every one."""
     specs = controller_specs()
     known = [spec.name for spec in specs]
     for name in names:

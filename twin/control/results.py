@@ -26,14 +26,7 @@ RECORD_SIGN = "tracking_rmse_deg"
 def control_values(
     comparison: Comparison, settings: ControlSettings, ours: str | None, origin: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return what `control.json` holds.
-
-    Args:
-        comparison: results of all controllers.
-        settings: of the comparison.
-        ours: controller that the others are compared with; None where it was not run.
-        origin: command, versions and hashes of the data.
-    """
+    """Return what `control.json` holds."""
     results = comparison.results
     limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
     protocol = {

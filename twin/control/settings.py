@@ -69,11 +69,7 @@ class ControlSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be.
-
-        Raises:
-            ValueError: a number is out of range, or a stroke is empty.
-        """
+        """Refuse what cannot be."""
         check_between("twins", self.twins, 1, 1000)
         check_between("seconds", self.seconds, 1.0, 3600.0)
         check_between("preview_s", self.preview_s, 0.0, 60.0)
@@ -106,11 +102,7 @@ class ControlSettings:
         )
 
     def find_deployment(self, stroke_mm: tuple[float, float]) -> Deployment:
-        """Return the model that is identified on the nominal endoscope, and its active model, tuned.
-
-        Raises:
-            FloatingPointError: the endoscope found no equilibrium.
-        """
+        """Return the model that is identified on the nominal endoscope, and its active model, tuned."""
         records = nominal_records(self.preset, stroke_mm, self.seed, MODEL_SAMPLE_TIME, MODEL_STRIDE)
         model = identify_coleman_hodgdon(records, self.seed)[0]
         return prepare_deployment(records, model, MODEL_SAMPLE_TIME * MODEL_STRIDE, self.seed)

@@ -14,12 +14,7 @@ Cells = dict[str, dict[str, str]]
 
 
 def control_table(totals: Sequence[Values], fmt: str = "markdown") -> str:
-    """Return the table of errors: one row a condition, one column a controller [deg].
-
-    Args:
-        totals: of each controller under each condition, as `control.json` has them.
-        fmt: of the table, as `tabulate` names it: `markdown` or `plain`.
-    """
+    """Return the table of errors: one row a condition, one column a controller [deg]."""
     cells = _cells(totals, _condition, _error)
     first = next(iter(cells))
     ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
@@ -28,12 +23,7 @@ def control_table(totals: Sequence[Values], fmt: str = "markdown") -> str:
 
 
 def write_tables(folder: Path, values: Values) -> None:
-    """Write all tables as Markdown.
-
-    Args:
-        folder: of `control.md`.
-        values: what `control.json` holds.
-    """
+    """Write all tables as Markdown."""
     totals, against = values["totals"], values["comparisons"]
     parts = [
         "RMSE of tracking [deg] of all trials, in brackets that of the worst twin.",

@@ -92,17 +92,7 @@ class ControlTrial:
 
 
 def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -> ControlTrial:
-    """Run a controller on a plant.
-
-    Args:
-        controller: its name.
-        knowledge: what it may know.
-        case: plant, reference and noise.
-
-    Raises:
-        ValueError: the controller is unknown, or the plant cannot be.
-        FloatingPointError: the simulation diverged.
-    """
+    """Run a controller on a plant."""
     (spec,) = find_controllers([controller])
     driven, T = spec.make(knowledge), knowledge.sample_time
     plant = Plant(case.preset, T, case.physics)

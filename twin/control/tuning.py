@@ -46,14 +46,7 @@ class Tuned:
 def tune(
     spec: ControllerSpec, cases: Sequence[tuple[ControlKnowledge, ControlCase]], candidates: int, seed: int
 ) -> Tuned:
-    """Search the settings of a controller.
-
-    Args:
-        spec: the controller.
-        cases: knowledge and case of each trial of a setting.
-        candidates: settings to try; a controller that has none is tried once.
-        seed: of the search.
-    """
+    """Search the settings of a controller."""
     names = list(spec.settings)
     if not names:
         return Tuned({}, _trials(spec, {}, cases)[0], 1)

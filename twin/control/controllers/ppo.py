@@ -40,11 +40,7 @@ class TrackingPolicy:
         return float(action[0, 0])
 
     def check(self, sample_time: float, speed_mm_s: float) -> None:
-        """Refuse a loop of another sample time or speed limit: both are in the scale of every action.
-
-        Raises:
-            ValueError: one is another.
-        """
+        """Refuse a loop of another sample time or speed limit: both are in the scale of every action."""
         for name, given, trained, unit in (
             ("sample time", sample_time, self.sample_time, "s"),
             ("speed limit", speed_mm_s, self.speed_mm_s, "mm/s"),
@@ -57,12 +53,7 @@ class TrackingPolicy:
 
 
 def load_tracking_policy(path: Path) -> TrackingPolicy:
-    """Read a trained policy.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no trained file, of another agent, or does not take and return what it should.
-    """
+    """Read a trained policy."""
     network = read_trained_file(path, AGENT, _TRAINER)
     try:
         said = validated(TrackingFile, network.description)

@@ -1,8 +1,10 @@
 """Preparation of measured logs for calibration: checks, resampling to an even grid, playback speed."""
 
+import collections
 import dataclasses
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +16,8 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 
 LEAST_MOTION = 1e-6  # [m]
-LEAST_TOLD = 3e-4
-"""A lateral command that moves less does not tell which way its angle is counted [m]."""
+LEAST_LATERAL_MOTION = 3e-4
+"""A lateral command that moves less does not determine the sign of its angle [m]."""
 AGAINST = -0.5
 """Correlation of command and angle below which the angle is counted the other way."""
 LEAST_TENSION = 1e-3  # [N]
@@ -24,7 +26,7 @@ MOST_SAMPLES = 1_000_000  # of a log, on the grid
 MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
 """Largest plausible values: beyond them squares of residuals overflow."""
 USUAL_SAMPLES, LONGEST_PERIODS = 900, 10
-"""Samples that a calibration compares if not told how many; the longest time between two, in control periods,
+"""Samples that a calibration compares by default; the longest time between two, in control periods,
 where as many were recorded."""
 BETWEEN, FEWEST = 4, 40
 """Most samples that are compared for each that was recorded seldom, so that models of hysteresis step finely
@@ -104,12 +106,6 @@ def thinned(
 
     Logs that were recorded seldom, as poses are, are compared `BETWEEN` times as often, and no more, as long
     as the shortest has `FEWEST` samples.
-
-    Args:
-        episodes: the logs.
-        preset: whose control period counts.
-        pace: as of `measured_loop`.
-        predicted: logs that are not fitted, but have the same samples.
     """
     everything = [*episodes, *predicted]
     seconds = [float(one.time[-1] - one.time[0]) / _pace(one, pace) for one in everything]
@@ -146,9 +142,6 @@ def measured_loop(
         pace: playback speed relative to the recording. Without it, the recorded pace; a log of
             phases, which has none, is played at `SIMULATED_SECONDS_PER_CYCLE`.
         fraction: share of the log, from its start, that is fitted.
-
-    Raises:
-        ValueError: the command does not move or never reverses, or a value is out of range.
     """
     speed = _pace(episode, pace)
     if not 0 < fraction <= 1:
@@ -215,7 +208,7 @@ def measured_loop(
 
 
 def file_of_window(episode: Episode) -> str | None:
-    """Return what identifies the file that a window was cut from; None of a whole log, or if not told."""
+    """Return what identifies the file that a window was cut from; None if it is a complete log or unknown."""
     facts = episode.metadata
     window, origin = facts.get("window"), facts.get("file_sha256")
     return None if window is None or origin is None else str(origin)
@@ -240,11 +233,7 @@ def _check_fits(episode: Episode, name: str) -> None:
 
 
 def check_angle(pull: Array, bend: Array, name: str) -> None:
-    """Refuse an angle that does not change, or is counted against the command (both (N,)).
-
-    Raises:
-        ValueError: so it is.
-    """
+    """Refuse an angle that does not change, or is counted against the command (both (N,))."""
     if np.ptp(bend) < LEAST_BEND:
         raise InputError(f"{name}: the angle does not change: nothing to calibrate on")
     if np.corrcoef(pull, bend)[0, 1] < AGAINST:
@@ -252,12 +241,8 @@ def check_angle(pull: Array, bend: Array, name: str) -> None:
 
 
 def check_lateral_angle(pull: Array, bend: Array, name: str) -> None:
-    """Refuse a lateral angle that is counted against its command (both (N,)); it need not change.
-
-    Raises:
-        ValueError: so it is.
-    """
-    if np.ptp(pull) < LEAST_TOLD or np.ptp(bend) < LEAST_BEND:
+    """Refuse a lateral angle that is counted against its command (both (N,)); it need not change."""
+    if np.ptp(pull) < LEAST_LATERAL_MOTION or np.ptp(bend) < LEAST_BEND:
         return
     if np.corrcoef(pull, bend)[0, 1] < AGAINST:
         raise InputError(
@@ -266,11 +251,7 @@ def check_lateral_angle(pull: Array, bend: Array, name: str) -> None:
 
 
 def check_motion(pull: Array, name: str) -> None:
-    """Refuse a command (N,) [m] that does not move, or never turns back.
-
-    Raises:
-        ValueError: so it is.
-    """
+    """Refuse a command (N,) [m] that does not move, or never turns back."""
     span = np.ptp(pull)
     if span < LEAST_MOTION:
         raise InputError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")
@@ -279,3 +260,51 @@ def check_motion(pull: Array, name: str) -> None:
     forth = (pull - np.minimum.accumulate(pull)).max()
     if min(back, forth) < 0.05 * span:
         raise InputError(f"{name}: the command never reverses: friction shows only on the way back")
+
+
+Record = tuple[Path, Episode]
+"""A log, and the path that it was read from."""
+
+
+def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Record], list[Record]]:
+    """Divide logs into those to fit, and windows that are only predicted: the last of each file."""
+    fitted, rest = [], []
+    windows = collections.Counter(file_of_window(episode) for _, episode in records)
+    wanted = {origin: max(round(fraction * count), 1) for origin, count in windows.items()}
+    for record in records:
+        origin = file_of_window(record[1])
+        if origin is None or wanted[origin] > 0:
+            fitted.append(record)
+        else:
+            rest.append(record)
+        wanted[origin] -= 1
+    return fitted, rest
+
+
+def check_windows(loops: Sequence[MeasuredLoop]) -> None:
+    """Refuse windows of one file whose command reverses in none of them, or whose angle runs against it.
+
+    One window may stand still or go one way: friction shows in the others.
+    """
+    for places in windows_of_files(loops):
+        windows = [loops[place] for place in places]
+        faults = [fault for loop in windows if (fault := _fault(loop))]
+        if len(faults) == len(windows):
+            raise faults[0]
+        pull, bend = (_joined(windows, field) for field in ("pull", "bend"))
+        check_angle(pull, bend, windows[0].name)
+        if all(loop.lateral_pull.size and loop.lateral_bend.size for loop in windows):
+            pull, bend = (_joined(windows, field) for field in ("lateral_pull", "lateral_bend"))
+            check_lateral_angle(pull, bend, windows[0].name)
+
+
+def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
+    return np.concatenate([getattr(loop, field)[loop.fitted] for loop in loops])
+
+
+def _fault(loop: MeasuredLoop) -> InputError | None:
+    try:
+        check_motion(loop.pull[loop.fitted], loop.name)
+    except InputError as fault:
+        return fault
+    return None
