@@ -68,11 +68,11 @@ def _of_log(log: Compared) -> dict[str, Any]:
     scored = loop.fitted if loop.fitted.any() else loop.seen
     for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
         measured = loop.tension[:, index]
-        error = None if episode is None else rmse((episode.tension[:, index] - measured)[scored])
+        wire_rmse = None if episode is None else rmse((episode.tension[:, index] - measured)[scored])
         span = float(np.ptp(measured))  # zero for a wire that stays slack
-        values[f"tension_{wire}_rmse_n"] = error
+        values[f"tension_{wire}_rmse_n"] = wire_rmse
         values[f"tension_{wire}_rmse_percent_of_range"] = (
-            None if error is None or span == 0 else 100 * error / span
+            None if wire_rmse is None or span == 0 else 100 * wire_rmse / span
         )
     return values
 
