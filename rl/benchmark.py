@@ -31,10 +31,10 @@ from twin.benchmark.speed import in_turn
 from twin.benchmark.stream import stream
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned import ram_twins
 from twin.estimation.learned.networks_on_twins import KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS
 from twin.estimation.learned.ram import ReinforcementActiveModel
-from twin.estimation.task import TrainingTask, stack_records
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges

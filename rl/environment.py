@@ -11,9 +11,9 @@ from rl.policy import AGENTS
 from rl.shared_environment import SharedEnvironment
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.policy import Agent
 from twin.estimation.learned.ram import RAM
-from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]

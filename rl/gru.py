@@ -13,10 +13,10 @@ from rl.recurrent_graph import export_recurrent
 from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.gru import GRU, TRAINING
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import surprises
-from twin.estimation.task import TrainingTask, stack_records
 from twin.hysteresis import HysteresisModel
 from twin.signals.streams import SeedUse, random_stream
 

@@ -18,6 +18,7 @@ from rl.options import TrainingOptions, share_of
 from rl.supervised import descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.kalman_net import (
     FEATURES,
     KALMAN_NET,
@@ -29,7 +30,6 @@ from twin.estimation.learned.kalman_net import (
 )
 from twin.estimation.learned.scale import deviation
 from twin.estimation.learned.surprise import affine_steps
-from twin.estimation.task import TrainingTask, stack_records
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from rl.supervised import SequenceTraining, descend, sequence_settings, tensor32
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.lstm import LSTM, STATES, TRAINING, increments
-from twin.estimation.task import TrainingTask, stack_records
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]

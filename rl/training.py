@@ -24,10 +24,10 @@ from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
 from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
-from twin.estimation.task import TrainingTask, stack_records
 from twin.files.run_cost import counted_cost
 from twin.files.run_folder import CHECKPOINT_FILE, open_run, write_configuration
 from twin.files.state_file import state_key

@@ -9,8 +9,8 @@ from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
 from twin.benchmark import control
 from twin.benchmark.measurements import MEASUREMENTS, Size
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.ram import ReinforcementActiveModel
-from twin.estimation.task import TrainingTask, stack_records
 from twin.preset import load_preset
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.bias import BiasedActiveModel
+from twin.estimation.adaptive import BiasedActiveModel
 from twin.hysteresis import ColemanHodgdon
 
 A, B, C, T = 1.15, 22.38, 5.0, 0.1

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize, minimize_scalar
 
-from twin.estimation.ellipsoid import Ellipsoid, add_segment, around_box, cut
+from twin.estimation.set_membership import Ellipsoid, add_segment, around_box, cut
 
 sizes = st.floats(1e-3, 1e3)
 shapes = st.tuples(sizes, sizes, st.floats(-0.999, 0.999))

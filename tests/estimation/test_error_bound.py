@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bounded_system import COLEMAN_HODGDON, MODELS, T, pulls, simulate
 
-from twin.estimation.error_bound import ErrorBound, bound_model_error
+from twin.estimation.set_membership import ErrorBound, bound_model_error
 
 
 def training_records(bound: ErrorBound, style: str = "even"):

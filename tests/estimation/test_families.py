@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from twins_of_two_kinds import SAMPLES, estimates, family, last_state
 
-from twin.estimation.ensemble import EnsembleFilter
-from twin.estimation.families import FamilyFilter
-from twin.estimation.particles import ParticleFilter
+from twin.estimation.ensemble import EnsembleFilter, FamilyFilter, ParticleFilter
 from twin.signals.noise import draw_noise
 from twin.signals.noise_density import family_densities, noise_density
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.adaptive import InteractingModels
 from twin.estimation.estimator import Sensor
-from twin.estimation.interacting import InteractingModels
 from twin.hysteresis import ColemanHodgdon
 
 T, R = 0.1, 0.5

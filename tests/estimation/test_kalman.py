@@ -10,12 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.benchmark.filters import covariances, least_margin
-from twin.estimation.active_model import ActiveModel
-from twin.estimation.adaptive import AdaptiveActiveModel
-from twin.estimation.constant_gain import ConstantGain
-from twin.estimation.kalman import KalmanActiveModel
-from twin.estimation.robust import RobustActiveModel
-from twin.estimation.unscented import UnscentedActiveModel
+from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
+from twin.estimation.adaptive import AdaptiveActiveModel, RobustActiveModel
+from twin.estimation.tuning import ConstantGain
 from twin.hysteresis import ColemanHodgdon
 from twin.hysteresis.bouc_wen import BoucWen
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii

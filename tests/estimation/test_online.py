@@ -11,14 +11,12 @@ from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.adaptive import AdaptiveActiveModel
-from twin.estimation.bias import BiasedActiveModel
-from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.adaptive import AdaptiveActiveModel, BiasedActiveModel, RobustActiveModel
 from twin.estimation.health import Health, StreamLimits
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.online import OnlineEstimator
-from twin.estimation.robust import RobustActiveModel
 from twin.estimation.soundness import is_sound
+from twin.estimation.tuning import ConstantGain
 
 T = 0.1
 MODEL = COLEMAN_HODGDON

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from twins_of_two_kinds import SAMPLES, estimates, family, last_state
 
-from twin.estimation.ensemble import EnsembleFilter
-from twin.estimation.particles import ParticleFilter
+from twin.estimation.ensemble import EnsembleFilter, ParticleFilter
 from twin.signals.noise import draw_noise
 from twin.signals.noise_density import noise_density
 

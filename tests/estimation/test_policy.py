@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.case import Case
-from twin.estimation.constant_gain import ConstantGain
 from twin.estimation.estimator import Sensor
+from twin.estimation.knowledge import Case
 from twin.estimation.learned.direct import DirectEstimator
 from twin.estimation.learned.policy import OracleRun, PolicyEstimator
 from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.online import OnlineEstimator
+from twin.estimation.tuning import ConstantGain
 from twin.evaluation.method import as_method
 
 SEEDS = 8

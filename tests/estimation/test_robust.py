@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.adaptive import RobustActiveModel, huber_variance
 from twin.estimation.gaussian import Belief
-from twin.estimation.robust import RobustActiveModel, huber_variance
 
 MODEL = COLEMAN_HODGDON
 PLAIN = ActiveModel(MODEL, 0.1, measurement_variance=1.0)

@@ -8,10 +8,8 @@ from bounded_system import BATCH, BOUC_WEN, COLEMAN_HODGDON, MODELS, SAMPLES, T,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.estimation.ellipsoid import Ellipsoid
-from twin.estimation.error_bound import ErrorBound
 from twin.estimation.estimator import Sensor
-from twin.estimation.set_membership import SetMembershipFilter
+from twin.estimation.set_membership import Ellipsoid, ErrorBound, SetMembershipFilter
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 NAMES = [model.name for model in MODELS]

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.ellipsoid import Ellipsoid
 from twin.estimation.gaussian import Belief
 from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.set_membership import Ellipsoid
 from twin.estimation.soundness import is_sound
 
 

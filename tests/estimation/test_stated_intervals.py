@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from models import COLEMAN_HODGDON
 
-from twin.estimation.active_model import ActiveModel
-from twin.estimation.adaptive import AdaptiveActiveModel
-from twin.estimation.bias import BiasedActiveModel
-from twin.estimation.constant_gain import ConstantGain
+from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
+from twin.estimation.adaptive import AdaptiveActiveModel, BiasedActiveModel, RobustActiveModel
 from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.estimator import Estimator
-from twin.estimation.kalman import KalmanActiveModel
 from twin.estimation.koopman import KoopmanFilter
-from twin.estimation.robust import RobustActiveModel
-from twin.estimation.unscented import UnscentedActiveModel
+from twin.estimation.tuning import ConstantGain
 from twin.evaluation.innovations import squared_innovations
 from twin.evaluation.metrics import interval_indices
 

@@ -5,14 +5,15 @@ import pytest
 from scipy import stats
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.constant_gain import ConstantGain, tune_constant_gain
 from twin.estimation.estimator import Sensor
-from twin.estimation.task import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import (
+    ConstantGain,
     FixedNoiseActiveModel,
     draw_training_episodes,
     innovation_log_likelihood,
     tune_active_model,
+    tune_constant_gain,
 )
 from twin.hysteresis import ColemanHodgdon
 from twin.signals.streams import SeedUse, random_stream

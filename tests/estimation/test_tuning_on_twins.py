@@ -8,14 +8,15 @@ import pytest
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method
-from twin.estimation.tuning import TUNED, innovation_log_likelihood
-from twin.estimation.tuning_on_twins import (
+from twin.estimation.tuning import (
     INITIAL_ERROR_DEG,
     STROKE_MM,
+    TUNED,
     TWINS,
     VARIANCES_DEG2,
     TwinsLikelihoodFit,
     draw_twin_episodes,
+    innovation_log_likelihood,
 )
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from models import BOUC_WEN, COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.robust import RobustActiveModel
+from twin.estimation.adaptive import RobustActiveModel
 from twin.estimation.two_states import TwoStatesForm
 
 PLAIN = ActiveModel(COLEMAN_HODGDON, 0.1, (1e-3, 4e-2), 0.5, (25.0, 1.0))

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import BOUC_WEN
 
-from twin.estimation.active_model import ActiveModel
+from twin.estimation.active_model import ActiveModel, UnscentedActiveModel, cholesky, sigma_points
 from twin.estimation.gaussian import Belief
-from twin.estimation.unscented import UnscentedActiveModel, cholesky, sigma_points
 
 
 @dataclasses.dataclass(frozen=True)

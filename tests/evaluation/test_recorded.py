@@ -13,7 +13,7 @@ import twin
 from scripts import evaluate as verb
 from twin.dataset.recipe import Recipe
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.case import Case
+from twin.estimation.knowledge import Case
 from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import Method, as_method

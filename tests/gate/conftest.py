@@ -7,7 +7,7 @@ from stable_baselines3 import PPO
 from rl.environment import BatchEnvironment
 from rl.policy import AGENTS, export_policy
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.task import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
 
 

@@ -7,7 +7,7 @@ import pytest
 from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.task import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes, innovation_log_likelihood, tune_active_model
 from twin.hysteresis import BoucWen
 from twin.identification.one_step import identify_steps

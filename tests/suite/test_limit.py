@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from twin.estimation.ensemble import Ensembles
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.limit import Ensembles
 from twin.estimation.registry import find_method, method_specs
 from twin.evaluation.case import make_case
 from twin.evaluation.compare import evaluate

@@ -3,7 +3,7 @@
 import numpy as np
 from models import BOUC_WEN, COLEMAN_HODGDON
 
-from twin.estimation.error_bound import ErrorBound
+from twin.estimation.set_membership import ErrorBound
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 T = 0.1  # [s]

@@ -9,12 +9,12 @@ import numpy as np
 from models import COLEMAN_HODGDON
 from numpy.typing import NDArray
 
-from twin.estimation.ellipsoid import Ellipsoid
 from twin.estimation.estimator import Estimator
 from twin.estimation.gaussian import Belief
 from twin.estimation.health import Health
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.online import OnlineEstimator
+from twin.estimation.set_membership import Ellipsoid
 
 Array = NDArray[np.float64]
 Sample = tuple[Any, Any, Any]

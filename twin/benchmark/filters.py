@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.benchmark.result import Result
-from twin.estimation.active_model import ActiveModel
+from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
 from twin.estimation.gaussian import Belief
-from twin.estimation.kalman import KalmanActiveModel
-from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]

@@ -5,10 +5,9 @@ import time
 import numpy as np
 
 from twin.benchmark.result import Result
-from twin.estimation.active_model import ActiveModel
+from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
+from twin.estimation.adaptive import RobustActiveModel
 from twin.estimation.open_loop import OpenLoop
-from twin.estimation.robust import RobustActiveModel
-from twin.estimation.unscented import UnscentedActiveModel
 from twin.evaluation.compare import evaluate
 from twin.evaluation.method import as_method
 from twin.evaluation.protocol import Protocol

@@ -1,7 +1,8 @@
-"""The active model (AM): an extended Kalman filter of the bending angle and of the model's error, eqs. 4-9.
+"""The active model (AM), eqs. 4-9: a Kalman filter of the bending angle and of the error of its model.
 
 The state is X = [theta, f]: the bending angle [deg] and the error of the model of hysteresis [deg / s], a
-random walk.
+random walk. It is an extended filter (EKF), as in the paper; on a model that is affine in the angle it equals
+the plain one (KF, Kalman 1960), for any other there is the unscented one (UKF, Julier and Uhlmann 1997).
 """
 
 import dataclasses
@@ -13,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.estimator import Sensor
-from twin.estimation.gaussian import Belief, condition, propagate
-from twin.estimation.gaussian_filter import GaussianFilter
+from twin.estimation.gaussian import Belief, GaussianFilter, condition, propagate
 from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
@@ -29,7 +29,7 @@ ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
 
 @dataclasses.dataclass(frozen=True)
 class ActiveModel(GaussianFilter):
-    """Everything that the filter is told before it runs.
+    """Parameters of the extended Kalman filter.
 
     Attributes:
         model: the reference model.
@@ -78,14 +78,14 @@ class ActiveModel(GaussianFilter):
         return Belief(mean, covariance, belief.memory)
 
     def single(self) -> SingleForm[Any]:
-        """Return the filter on one stream; one of another algebra, or on another model, has no plain form."""
-        told = np.asarray(self.measurement_variance, dtype=float)
+        """Return the filter on one stream: in plain numbers on Coleman and Hodgdon's model."""
+        variance = np.asarray(self.measurement_variance, dtype=float)
         methods = ("start", "step", "predict", "update", "bend_deg")
         is_own = all(getattr(type(self), name) is getattr(ActiveModel, name) for name in methods)
-        if not (is_own and isinstance(self.model, ColemanHodgdon) and told.size == 1):
+        if not (is_own and isinstance(self.model, ColemanHodgdon) and variance.size == 1):
             return super().single()
         return TwoStatesForm(
-            self.model, self.sample_time, self.process_variance, told.item(), self.initial_variance
+            self.model, self.sample_time, self.process_variance, variance.item(), self.initial_variance
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,14 +100,10 @@ class ActiveModel(GaussianFilter):
 
     @classmethod
     def from_dict(cls, values: Any) -> Self:
-        """Return the filter of what `to_dict` returned.
-
-        Raises:
-            ValueError: a value is missing, is no number or is out of range, or the model cannot be.
-        """
+        """Return the filter of what `to_dict` returned; raises `ValueError` where a value is wrong."""
         if not isinstance(values, Mapping):
             raise InputError(f"active_model = {shown(values)}: must be its parameters by name")
-        # Here, so that a table of methods needs none of it.
+        # Imported here, so that a table of methods needs none of it.
         from twin.files.json_text import validated
         from twin.files.trained_schema import ActiveModelFile
 
@@ -125,11 +121,120 @@ class ActiveModel(GaussianFilter):
         )
 
 
-register_method(
-    MethodSpec(
-        name=METHOD,
-        noise_information="R",
-        build=lambda known: ActiveModel(known.reference, known.sample_time),
-        models=(ColemanHodgdon.name,),
+@dataclasses.dataclass(frozen=True)
+class KalmanActiveModel(ActiveModel):
+    """The active model without linearisation, for a model that is affine in the angle.
+
+    Given the command, eq. 4 then reads x_k = F_k x_{k-1} + u_k: F_k and u_k are found from two steps of the
+    model, without its slope.
+    """
+
+    def __post_init__(self) -> None:
+        """Refuse a model that is not affine in the angle."""
+        if not self.model.affine:
+            raise InputError(
+                f"the model {self.model.name!r} is not affine in the angle, as a plain Kalman filter needs; "
+                "valid filters: ActiveModel, an extended one (EKF), and UnscentedActiveModel (UKF)"
+            )
+
+    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
+        """Advance the belief by x_k = F_k x_{k-1} + u_k."""
+        zero = np.zeros_like(belief.mean[0])
+        drive, memory = self.model.step(zero, belief.memory, pull_mm, previous_pull_mm)
+        one, _ = self.model.step(zero + 1, belief.memory, pull_mm, previous_pull_mm)
+        transition = np.empty_like(belief.covariance)  # F_k
+        transition[0, 0] = one - drive
+        transition[0, 1] = self.sample_time
+        transition[1, 0] = 0
+        transition[1, 1] = 1
+        mean = np.einsum("ijb,jb->ib", transition, belief.mean)
+        mean[0] += drive  # u_k = [drive, 0]
+        return Belief(mean, propagate(belief.covariance, transition, np.diag(self.process_variance)), memory)
+
+
+@dataclasses.dataclass(frozen=True)
+class UnscentedActiveModel(ActiveModel):
+    """The active model without a slope: mean and covariance of five points that go through the model.
+
+    Scaled as by Wan and van der Merwe (2000). A small alpha, 1e-3 as often printed, gives weights of 1e6 that
+    cancel and costs 6 digits of the mean. At alpha = 1 they are between 1/6 and 1/3, the filter equals the
+    plain one on a linear model to 1e-10, and the covariance is positive for any model. kappa = 3 - n then
+    matches the fourth moment of a normal angle, with beta = 0: Wan and van der Merwe's beta = 2 does that for
+    alpha near 0, in general it is beta = 2 (1 - alpha^2).
+
+    Attributes:
+        alpha: spread of the points, above 0.
+        beta: added to the weight of the centre in the covariance.
+        kappa: second parameter of the spread, above -2.
+    """
+
+    alpha: float = 1.0
+    beta: float = 0.0
+    kappa: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse parameters without points."""
+        if not (self.alpha > 0 and self.kappa > -2):
+            raise InputError(
+                f"no points for alpha = {self.alpha}, kappa = {self.kappa}; valid: alpha > 0, kappa > -2"
+            )
+
+    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
+        """Advance the belief by one sample, point by point."""
+        points = sigma_points(belief.mean, belief.covariance, self.alpha, self.kappa)
+        moved = np.empty_like(points)
+        # A step of the model does not depend on f, so that points 0, 2 and 4 of one angle share it.
+        moved[0, 0], memory = self.model.step(points[0, 0], belief.memory, pull_mm, previous_pull_mm)
+        moved[0, 2] = moved[0, 4] = moved[0, 0]
+        for point in (1, 3):
+            moved[0, point], _ = self.model.step(points[0, point], belief.memory, pull_mm, previous_pull_mm)
+        moved[0] += points[1] * self.sample_time
+        moved[1] = points[1]
+        # Weights of the points in the mean and in the covariance (Wan and van der Merwe, eq. 15).
+        spread = 2 * self.alpha**2 + self.alpha**2 * self.kappa  # n + lambda
+        mean_weights = np.full(5, 0.5 / spread)
+        mean_weights[0] = 1 - 2 / spread
+        weights = mean_weights.copy()
+        weights[0] += 1 - self.alpha**2 + self.beta
+        mean = np.einsum("s,isb->ib", mean_weights, moved)
+        off = moved - mean[:, None]
+        covariance = np.einsum("isb,jsb->ijb", weights[:, None] * off, off)
+        covariance = (covariance + covariance.swapaxes(0, 1)) / 2
+        return Belief(mean, covariance + np.diag(self.process_variance)[:, :, None], memory)
+
+
+def sigma_points(mean: Array, covariance: Array, alpha: float, kappa: float) -> Array:
+    """Return points (2, 5, B): the mean (2, B), plus and minus the columns of a root of (n + lambda) P.
+
+    The points 2 and 4 have the mean's first coordinate: the root is Cholesky's, lower triangular.
+    """
+    root = alpha * np.sqrt(2 + kappa) * cholesky(covariance)
+    points = np.repeat(mean[:, None], 5, axis=1)
+    points[:, 1:3] += root
+    points[:, 3:5] -= root
+    return points
+
+
+def cholesky(covariance: Array) -> Array:
+    """Return the lower triangular root (2, 2, B) of covariances (2, 2, B); rounding may leave none."""
+    root = np.zeros_like(covariance)
+    root[0, 0] = np.sqrt(np.maximum(covariance[0, 0], 0))
+    np.divide(covariance[1, 0], root[0, 0], out=root[1, 0], where=root[0, 0] > 0)
+    root[1, 1] = np.sqrt(np.maximum(covariance[1, 1] - root[1, 0] ** 2, 0))
+    return root
+
+
+def _register(name: str, kind: type[ActiveModel]) -> None:
+    register_method(
+        MethodSpec(
+            name=name,
+            build=lambda known: kind(known.reference, known.sample_time),
+            noise_information="R",
+            models=(ColemanHodgdon.name,),
+        )
     )
-)
+
+
+_register(METHOD, ActiveModel)
+_register("KF", KalmanActiveModel)
+_register("UKF", UnscentedActiveModel)

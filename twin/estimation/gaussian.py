@@ -1,19 +1,22 @@
-"""The algebra of Gaussian beliefs that all Kalman filters here share (Kalman 1960), for B filters at once.
+"""Gaussian beliefs of B filters: the algebra of all Kalman filters here (Kalman 1960), and their base class.
 
 The state comes before the batch, (n, B) and (n, n, B): the inner loop of all arithmetic then runs over the
 filters, which is many times faster than B small matrix products.
 """
 
+import abc
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from twin.estimation.estimator import Estimator
+
 Array = NDArray[np.float64]
 
 
 class Belief(NamedTuple):
-    """Mean and covariance of the state of B filters, and what their model remembers beside it.
+    """Mean and covariance of the state of B filters, and the memory of their model.
 
     Attributes:
         mean: (n, B); first the bending angle [deg].
@@ -27,23 +30,17 @@ class Belief(NamedTuple):
 
 
 DEVIATIONS_OF_95 = 1.959963984540054
-"""Half of the 95 % interval of a normal law, in standard deviations."""
+"""Half of the 95 % interval of a normal distribution, in standard deviations."""
 
 
 def half_width_of(variance: Array) -> Array:
-    """Return half of the 95 % interval of a normal law; a variance below zero is a rounding of zero."""
+    """Return half of the 95 % interval of a normal distribution; a variance below zero counts as zero."""
     half: Array = DEVIATIONS_OF_95 * np.sqrt(np.maximum(variance, 0.0))
     return half
 
 
 def propagate(covariance: Array, transition: Array, process_covariance: Array) -> Array:
-    """Return F P F^T + Q.
-
-    Args:
-        covariance: P, (n, n, B).
-        transition: F, (n, n, B).
-        process_covariance: Q, (n, n) or (n, n, B).
-    """
+    """Return F P F^T + Q for P and F (n, n, B), and Q (n, n) or (n, n, B)."""
     spread = np.einsum("ijb,jkb->ikb", transition, covariance)
     spread = np.einsum("ijb,kjb->ikb", spread, transition)
     noise = process_covariance if process_covariance.ndim == 3 else process_covariance[:, :, None]
@@ -52,16 +49,16 @@ def propagate(covariance: Array, transition: Array, process_covariance: Array) -
 
 
 def innovation_of(mean: Array, covariance: Array, row: Array, measurement: ArrayLike) -> tuple[Array, Array]:
-    """Return what is new in a measurement y = row x + noise, and the variance that the belief gives it.
+    """Return the innovation of a measurement y = H x + noise, and its predicted variance H P H^T.
 
     Args:
         mean: (n, B).
         covariance: (n, n, B).
-        row: (n,).
+        row: H, (n,).
         measurement: scalar or (B,); NaN where there is none.
 
     Returns:
-        (B,) innovation, NaN where there is no measurement, and (B,) row P row^T without the noise.
+        (B,) innovation, NaN where there is no measurement, and (B,) variance without that of the noise.
     """
     innovation = np.asarray(measurement, dtype=float) - np.einsum("i,ib->b", row, mean)
     return innovation, np.einsum("i,ijb,j->b", row, covariance, row)
@@ -70,11 +67,10 @@ def innovation_of(mean: Array, covariance: Array, row: Array, measurement: Array
 def condition(
     mean: Array, covariance: Array, row: Array, measurement: ArrayLike, variance: ArrayLike
 ) -> tuple[Array, Array]:
-    """Condition a belief on one scalar measurement, its covariance in Joseph's form.
+    """Return mean and covariance conditioned on one scalar measurement, the covariance in Joseph's form.
 
     (I - K H) P (I - K H)^T + K R K^T stays symmetric and positive; eq. 9 of the RAM paper as printed does
-    not.
-    Where the measurement is NaN nothing changes: prediction without update.
+    not. Where the measurement is NaN nothing changes: prediction without update.
 
     Args:
         mean: (n, B).
@@ -82,9 +78,6 @@ def condition(
         row: H, (n,): the measurement is H x plus noise.
         measurement: scalar or (B,).
         variance: R, scalar or (B,).
-
-    Returns:
-        Mean and covariance.
     """
     cross = np.einsum("ijb,j->ib", covariance, row)  # P H^T
     spread = np.einsum("i,ib->b", row, cross)
@@ -94,9 +87,52 @@ def condition(
     if missing.any():
         gain = np.where(missing, 0.0, gain)
         innovation = np.where(missing, 0.0, innovation)
-    # With one scalar measurement, (I - K H) P is P minus an outer product; so is what follows it, where
-    # (K R - (I - K H) P H^T) K^T is zero but for rounding, which it takes back.
+    # With one scalar measurement, (I - K H) P is P minus an outer product; so is the rest,
+    # (K R - (I - K H) P H^T) K^T, which is zero but for rounding and corrects it.
     kept = covariance - gain[:, None] * cross[None]
     rounding = np.asarray(variance) * gain - np.einsum("ijb,j->ib", kept, row)
     kept += rounding[:, None] * gain[None]
     return mean + gain * innovation, (kept + kept.swapaxes(0, 1)) / 2
+
+
+class GaussianFilter(Estimator[Belief]):
+    """A filter with a Gaussian belief whose newest angle is the first state."""
+
+    @property
+    @abc.abstractmethod
+    def measurement_variance(self) -> ArrayLike:
+        """R [deg^2]."""
+
+    @abc.abstractmethod
+    def predict(self, belief: Belief, pull_mm: Array, previous_pull_mm: Array) -> Belief:
+        """Advance the belief by one sample."""
+
+    @abc.abstractmethod
+    def update(self, belief: Belief, measurement_deg: Array) -> Belief:
+        """Condition the belief on a measurement of the newest angle."""
+
+    def log_likelihood(self, belief: Belief, measurement_deg: Array) -> Array:
+        """Return the (B,) log-likelihood of a measurement of the newest angle, 0 where there is none."""
+        newest = np.eye(len(belief.mean))[0]
+        innovation, spread = innovation_of(belief.mean, belief.covariance, newest, measurement_deg)
+        variance = spread + np.asarray(self.measurement_variance, dtype=float)
+        terms = innovation**2 / variance + np.log(2 * np.pi * variance)
+        return np.where(np.isnan(innovation), 0.0, -0.5 * terms)
+
+    def step(self, state: Belief, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> Belief:
+        """Predict and update by one sample."""
+        return self.update(self.predict(state, pull_mm, previous_pull_mm), measurement_deg)
+
+    def bend_deg(self, state: Belief) -> Array:
+        """Return the (B,) mean of the angle [deg]."""
+        bend: Array = state.mean[0]
+        return bend
+
+    @property
+    def states_interval(self) -> bool:
+        """True: its covariance states one."""
+        return True
+
+    def half_width_deg(self, state: Belief) -> Array:
+        """Return half of the (B,) 95 % intervals of the angle [deg]."""
+        return half_width_of(state.covariance[0, 0])

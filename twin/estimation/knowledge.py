@@ -1,27 +1,68 @@
-"""Knowledge of methods before the test: identified models, training records, fits, trained files."""
+"""Knowledge of methods: what is known before the test (`Knowledge`), and measurements under test (`Case`)."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.task import TrainingTask, stack_records
+from twin.estimation.estimator import Sensor
 from twin.hysteresis import ColemanHodgdon, HysteresisModel
+from twin.signals.noise import draw_noise
 
 if TYPE_CHECKING:
     from twin.preset.preset import Preset
     from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
-Record = tuple[Array, Array]
-"""`(pull_mm (N,), bend_deg (N,))` of a training record, with its true angle."""
+TrainingRecord = tuple[Array, Array]
+"""`(pull_mm (N,), truth_deg (N,))` of a training record."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingTask:
+    """Training records of equal length, and what is drawn for every trial.
+
+    Attributes:
+        pull_mm: (records, N) pulling distance [mm].
+        bend_deg: (records, N) true bending angle, for measurements and rewards, never observed [deg].
+        noise: kind of the measurement noise.
+        noise_level: its level: the paper trains at R = 0.1.
+        initial_error_deg: largest error of the initial estimate, evenly drawn [deg].
+    """
+
+    pull_mm: Array
+    bend_deg: Array
+    noise: str = "gaussian"
+    noise_level: float = 0.1
+    initial_error_deg: float = 20.0
+
+    def draw(
+        self, count: int, rng: np.random.Generator, first: NDArray[np.int64] | int = 0
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """Draw episodes: (count,) records, (count, N) measurements and (count,) initial estimates [deg].
+
+        The estimates are of the angle at the first sample of each episode, (count,) or the same for all.
+        """
+        record = rng.integers(len(self.pull_mm), size=count)
+        truth = self.bend_deg[record]
+        measurement = truth + draw_noise(self.noise, self.noise_level, truth.shape, rng)
+        error = rng.uniform(-self.initial_error_deg, self.initial_error_deg, size=count)
+        initial = truth[np.arange(count), first] + error
+        return record, measurement, initial
+
+
+def stack_records(records: Sequence[TrainingRecord]) -> tuple[Array, Array]:
+    """Cut records to the shortest and stack them: (records, N) pulls [mm] and true angles [deg]."""
+    samples = min(len(pull) for pull, _ in records)
+    pulls, bends = zip(*((pull[:samples], bend[:samples]) for pull, bend in records), strict=True)
+    return np.stack(pulls), np.stack(bends)
 
 
 class TrainingFit(Protocol):
-    """Numbers that are found on the training records, once for all methods that use them."""
+    """Numbers fitted to the training records, once for all methods that use them."""
 
     @property
     def key(self) -> str:
@@ -38,20 +79,19 @@ class Knowledge:
     Attributes:
         sample_time: T [s].
         models: identified models of hysteresis, by name.
-        records: training records at this sample time; empty where there are none.
+        records: training records at this sample time; may be empty.
         seed: of what is drawn for fits.
-        fits: what each `TrainingFit` has found, by its key.
-        trained: files of each trained agent, one for each training of it.
-        training: place among them, or among the ensembles, of the one that a method is built from.
-        ensembles: files of twins along the test's commands, of each ensemble: all of other twins, so that
-            they differ by what one of them is uncertain by.
+        fits: result of each `TrainingFit`, by its key.
+        trained: files of each trained agent, one for each training run.
+        training: index of the training run, or of the ensemble, that a method is built from.
+        ensembles: files of twins along the test's commands, of each ensemble; no twin is in two of them.
         smallest_wire_offset: that a twin may have [m].
-        twins: preset and ranges of twins that may be simulated for a training.
+        twins: preset and ranges of twins that may be simulated for a training run.
     """
 
     sample_time: float
     models: Mapping[str, HysteresisModel]
-    records: Sequence[Record] = ()
+    records: Sequence[TrainingRecord] = ()
     seed: int = 0
     fits: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     trained: Mapping[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
@@ -80,5 +120,38 @@ class Knowledge:
         return self.ensembles[self.training]
 
     def found(self, fit: TrainingFit) -> dict[str, Any]:
-        """Return what a fit has found, or find it now."""
+        """Return the numbers of a fit, found now if they are not known."""
         return self.fits[fit.key] if fit.key in self.fits else fit.find(self)
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """B runs over records, each with its own measurements.
+
+    Attributes:
+        pull_mm: (B, N) commanded pulling distance [mm].
+        measurement_deg: (B, N) measured bending angle, NaN where there is none [deg].
+        initial_bend_deg: (B,) initial estimate, wrong on purpose [deg].
+        sensor: variance and largest magnitude of each run's noise, known to the filters.
+        noises: (B,) kind and level of each run's noise: for the limit alone, which knows all of it.
+        truth_deg: (B, N) true angle, given to oracles alone [deg].
+    """
+
+    pull_mm: Array
+    measurement_deg: Array
+    initial_bend_deg: Array
+    sensor: Sensor
+    noises: tuple[tuple[str, float], ...] = ()
+    truth_deg: Array | None = None
+
+
+CaseEstimator = Callable[[Case], Array]
+"""Returns (B, N) estimated angles [deg] of a case."""
+
+
+@runtime_checkable
+class IntervalEstimator(Protocol):
+    """An estimator of a case that may also state intervals."""
+
+    def with_interval(self, case: Case) -> tuple[Array, Array | None]:
+        """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""

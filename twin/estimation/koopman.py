@@ -25,14 +25,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.estimator import Sensor, time_first
-from twin.estimation.gaussian import Belief, condition
-from twin.estimation.gaussian_filter import GaussianFilter
-from twin.estimation.knowledge import Knowledge
+from twin.estimation.gaussian import Belief, GaussianFilter, condition
+from twin.estimation.knowledge import Knowledge, TrainingRecord
 from twin.estimation.registry import MethodSpec, register_method
-from twin.estimation.tuning import TrainingEpisodes, draw_training_episodes, innovation_log_likelihood
+from twin.estimation.tuning import (
+    TrainingEpisodes,
+    draw_training_episodes,
+    innovation_log_likelihood,
+    nelder_mead,
+)
 
 Array = NDArray[np.float64]
-Record = tuple[Array, Array]  # (N,) pull [mm] and (N,) true angle [deg]
 DELAYS = (0, 1, 2)  # that a fit chooses from
 RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
 
@@ -101,11 +104,7 @@ class KoopmanFilter(GaussianFilter):
         return Belief(mean, covariance, belief.memory)
 
     def row(self, pulls_mm: Array) -> Array:
-        """Return the first row of the transition, (d + 1, ...).
-
-        Args:
-            pulls_mm: (d + 2, ...) pulls, the newest first [mm].
-        """
+        """Return the first row of the transition (d + 1, ...) for pulls (d + 2, ...), newest first [mm]."""
         increment = pulls_mm[0] - pulls_mm[1]
         return np.tensordot(self.gates, _gates(increment, self.symmetric), axes=(0, 0))
 
@@ -128,24 +127,17 @@ class KoopmanFilter(GaussianFilter):
 
 
 def fit_koopman(
-    records: Sequence[Record],
+    records: Sequence[TrainingRecord],
     delays: int | None = None,
     ridge: float | None = None,
     symmetric: bool = True,
 ) -> KoopmanFilter:
     """Fit the lifted model to the truth of the training records, which RAM's reward sees too.
 
-    What is not given is chosen by leaving each record out in turn: the least RMSE of the response along the
-    record left out, from its first angle, without measurements. A single record is halved for that.
-
-    Args:
-        records: `(pull_mm, bend_deg)` at the sample time that the filter will run at.
-        delays: d, how many past angles are lifted.
-        ridge: Tikhonov's penalty, as a fraction of the features' mean square.
-        symmetric: whether what bends one way is taken to bend the other.
-
-    Raises:
-        ValueError: no model that was tried forgets its first angle along the training commands.
+    Unless they are given, the number of delays d and Tikhonov's penalty (as a fraction of the features' mean
+    square) are chosen by leaving each record out in turn: the least RMSE of the response along that record,
+    from its first angle, without measurements. A single record is halved for that. Raises `ValueError` where
+    no model that was tried forgets its first angle along the training commands.
     """
     choices: list[tuple[int, float]] = list(
         itertools.product(DELAYS if delays is None else [delays], RIDGES if ridge is None else [ridge])
@@ -164,10 +156,8 @@ def fit_koopman(
 def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanFilter:
     """Return the filter with the process and initial variance that make the measurements most likely.
 
-    The residual of its fit is far too small a process variance: it says what one step misses, not that the
-    next step misses the same.
+    The residual of its fit is far too small a process variance: errors of successive steps are correlated.
     """
-    from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
 
     def with_variances(logarithms: Array) -> KoopmanFilter:
         process, initial = np.exp(np.clip(logarithms, -30, 20)).tolist()
@@ -177,12 +167,10 @@ def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanF
         return -innovation_log_likelihood(with_variances(logarithms), *episodes[:3])
 
     start = np.log([koopman.process_variance, koopman.initial_variance])
-    simplex = np.vstack([start, start + 2 * np.eye(2)])
-    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 150, "initial_simplex": simplex}
-    return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
+    return with_variances(nelder_mead(cost, start, xatol=0.02, fatol=0.1, maxfev=150))
 
 
-def _fit(records: Sequence[Record], delays: int, ridge: float, symmetric: bool) -> KoopmanFilter:
+def _fit(records: Sequence[TrainingRecord], delays: int, ridge: float, symmetric: bool) -> KoopmanFilter:
     """Least squares of the angle's increment on the lifted features, each scaled to unit mean square."""
     features, targets = zip(*(_regression(*record, delays, symmetric) for record in records), strict=True)
     X, y = np.concatenate(features), np.concatenate(targets)
@@ -226,14 +214,16 @@ def _drives(pulls_mm: Array, symmetric: bool) -> Array:
     return np.stack(drives[:2] if symmetric else drives)
 
 
-def _forgets(model: KoopmanFilter, records: Sequence[Record]) -> bool:
+def _forgets(model: KoopmanFilter, records: Sequence[TrainingRecord]) -> bool:
     """True where, along every record, less than all of a first angle is left."""
     undriven = dataclasses.replace(model, drives=np.zeros_like(model.drives))
     left = [undriven.response(pull, 1.0)[0, -1] for pull, _ in records]
     return bool((np.abs(left) < 1).all())  # not, where it is NaN
 
 
-def _left_out_rmse_deg(records: Sequence[Record], delays: int, ridge: float, symmetric: bool) -> float:
+def _left_out_rmse_deg(
+    records: Sequence[TrainingRecord], delays: int, ridge: float, symmetric: bool
+) -> float:
     if len(records) == 1:
         pull, bend = records[0]
         half = len(pull) // 2
@@ -249,11 +239,7 @@ def _left_out_rmse_deg(records: Sequence[Record], delays: int, ridge: float, sym
 
 @dataclasses.dataclass(frozen=True)
 class KoopmanFit:
-    """Variances of the lifted model that make the measured training records most likely.
-
-    Attributes:
-        key: name in the file of fits.
-    """
+    """Variances of the lifted model that make the measured training records most likely."""
 
     key: str = "koopman"
 

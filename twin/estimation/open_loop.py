@@ -1,4 +1,4 @@
-"""A model of hysteresis alone, from the given first estimate: measurements do not touch it."""
+"""A model of hysteresis alone, from the given first estimate, without measurements."""
 
 import dataclasses
 from typing import NamedTuple
@@ -11,15 +11,12 @@ from twin.estimation.registry import MethodSpec, register_method
 from twin.hysteresis import BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
 
 Array = NDArray[np.float64]
+MONOTONE = f"{ColemanHodgdon.name}, monotone"
+"""Name of the Coleman-Hodgdon model that is constrained to monotone loops."""
 
 
 class OpenLoopState(NamedTuple):
-    """Angle (B,) [deg] and memory (m, B) of the model.
-
-    Attributes:
-        bend: (B,) angle [deg].
-        memory: (m, B) of the model.
-    """
+    """Angle (B,) [deg] and memory (m, B) of the model."""
 
     bend: Array
     memory: Array
@@ -27,11 +24,7 @@ class OpenLoopState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OpenLoop(Estimator[OpenLoopState]):
-    """The static model of the paper's comparison: its row is the same under every noise.
-
-    Attributes:
-        model: of hysteresis.
-    """
+    """The static model of the paper's comparison: its row is the same under every noise."""
 
     model: HysteresisModel
 
@@ -54,10 +47,6 @@ class OpenLoop(Estimator[OpenLoopState]):
         shape = np.atleast_2d(measurement_deg).shape
         pull = np.broadcast_to(hold(np.asarray(pull_mm, dtype=float)), shape)
         return self.model.response(pull, np.broadcast_to(initial_bend_deg, shape[:1]))
-
-
-MONOTONE = f"{ColemanHodgdon.name}, monotone"
-"""Name of the Coleman-Hodgdon model that is constrained to monotone loops."""
 
 
 def _register(name: str, model: str) -> None:

@@ -20,9 +20,8 @@ from twin.estimation.methods import METHODS, UNLISTED, Presentation
 from twin.estimation.methods import Style as Style
 
 if TYPE_CHECKING:
-    from twin.estimation.case import CaseEstimator
     from twin.estimation.estimator import Estimator
-    from twin.estimation.knowledge import Knowledge, TrainingFit
+    from twin.estimation.knowledge import CaseEstimator, Knowledge, TrainingFit
 
 
 @dataclasses.dataclass(frozen=True)

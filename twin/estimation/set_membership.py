@@ -1,31 +1,245 @@
-"""The extended set-membership filter: where [theta, f] must lie if noise and model keep within their bounds.
+"""The extended set-membership filter: where [theta, f] must be if noise and model keep within their bounds.
 
-Schweppe (1968); for nonlinear models Scholte and Campbell (2003). No density is assumed, and what comes out
-is a guarantee. An ellipsoid alone gives a poor one: the smallest around what a narrow strip leaves is sqrt(2)
+Schweppe (1968); for nonlinear models Scholte and Campbell (2003). No density is assumed, and the interval is
+a guarantee. An ellipsoid alone gives a poor one: the smallest around what a narrow strip leaves is sqrt(2)
 times as wide as the strip, so that on the twin its interval of theta is hardly narrower than that of the last
-measurement. The box that the bounds give is therefore carried beside the ellipsoid, each cuts the other, and
-the set is what both hold. Without f the box is exact: the state is one number, and the model keeps order.
+measurement. The box of the bounds is therefore carried with the ellipsoid, each cuts the other, and the set
+is their intersection. Without f the box is exact: the state is one number, and the model keeps order.
+
+The error of a step of the model is e = theta_{k+1} - model(theta_k) = T f_k + w_k. Neither endoscope nor
+models depend on rate: their error is one of slope, so that |w_k| <= slope |dl| + floor. f is the error of the
+active model, known to stay in bounds and to change slowly. The bounds are found on training records.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.estimation.ellipsoid import ROUNDING, Ellipsoid, add_segment, around_box, cut
-from twin.estimation.error_bound import ErrorBound, bound_model_error, geometric_error_bound
+from twin.errors import InputError
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, register_method
 from twin.hysteresis import ColemanHodgdon, HysteresisModel
 
 Array = NDArray[np.float64]
-LEAST = 1e-6  # half width that bounds of zero are taken to have: a flat set has no ellipsoid [deg], [deg / s]
+LEAST = 1e-6  # half width of a bound of zero: a flat set has no ellipsoid [deg], [deg / s]
+ROUNDING = 1e-9  # every shape is widened by this share: rounding can then neither lose a point nor flatten it
+
+
+class Ellipsoid(NamedTuple):
+    """B ellipsoids {x: (x - c)^T P^-1 (x - c) <= 1}, each the smallest of its family (Schweppe 1968).
+
+    Areas are minimised, so that units of the coordinates do not matter.
+
+    Attributes:
+        centre: c, (2, B).
+        shape: P, (2, 2, B).
+    """
+
+    centre: Array
+    shape: Array
+
+    def half_width(self, axis: int) -> Array:
+        """Return how far (B,) they reach from their centres along a coordinate."""
+        reach: Array = np.sqrt(self.shape[axis, axis])
+        return reach
+
+
+def around_box(low: Array, high: Array) -> Ellipsoid:
+    """Return the smallest ellipsoid around boxes from low to high, both (2, B), none of them flat."""
+    half = (high - low) / 2
+    shape = np.zeros((2, 2, half.shape[1]))
+    shape[0, 0], shape[1, 1] = 2 * half**2
+    return _widened((low + high) / 2, shape)
+
+
+def add_segment(ellipsoid: Ellipsoid, axis: int, half_length: ArrayLike) -> Ellipsoid:
+    """Return the smallest ellipsoid around all sums with a point of a segment of half length b along an axis.
+
+    The family is (1 + 1/p) P + (1 + p) b^2 e e^T, p > 0 (Schweppe 1968). With h = b^2 e^T P^-1 e its area is
+    least where h p^2 - h p - 2 = 0.
+    """
+    P = ellipsoid.shape
+    square = np.square(np.asarray(half_length, dtype=float))
+    determinant = P[0, 0] * P[1, 1] - P[0, 1] * P[1, 0]
+    determinant = np.maximum(determinant, 1e-12 * P[0, 0] * P[1, 1])  # flat to rounding; any p is safe
+    h = np.maximum(square * P[1 - axis, 1 - axis] / determinant, 1e-200)
+    p = (1 + np.sqrt(1 + 8 / h)) / 2
+    shape = P * (1 + 1 / p)
+    shape[axis, axis] += (1 + p) * square
+    return _widened(ellipsoid.centre, shape)
+
+
+def cut(ellipsoid: Ellipsoid, axis: int, low: Array, high: Array) -> tuple[Ellipsoid, NDArray[np.bool_]]:
+    """Return the smallest ellipsoid around its part between two bounds (B,) on one coordinate.
+
+    Fogel and Huang (1982). Seen as the unit disc, with t along the normal of a strip of middle m and half
+    width d, the family is |z|^2 + q (t - m)^2 <= 1 + q d^2. The strip is first cut down to where it meets the
+    disc (Belforte and Bona 1985). With s = 1 + q the area is least where
+    d^2 s^2 - (1 - d^2 - m^2) s - 3 m^2 = 0. Where that is below s = 1, as for a strip around the ellipsoid,
+    nothing is gained and it stays.
+
+    Returns:
+        The ellipsoid, and (B,) whether nothing is left; there it is as it was.
+    """
+    centre, P = ellipsoid
+    half = ellipsoid.half_width(axis)
+    t_low = np.maximum((low - centre[axis]) / half, -1)
+    t_high = np.minimum((high - centre[axis]) / half, 1)
+    empty = t_low > t_high
+    m = (t_low + t_high) / 2
+    d = np.maximum((t_high - t_low) / 2, 1e-7)  # a wider strip is safe, a flat one has no ellipsoid
+    k = 1 - d**2 - m**2
+    s = (k + np.sqrt(k**2 + 12 * d**2 * m**2)) / (2 * d**2)
+    s = np.where(empty, 1, np.maximum(s, 1))
+    shift = np.where(empty, 0, m * (1 - 1 / s))
+    scale = np.where(empty, 1, 1 + (s - 1) * d**2 - m * shift)
+    normal = P[axis] / half
+    shape = scale * (P - (1 - 1 / s) * normal[:, None] * normal[None])
+    return _widened(centre + shift * normal, shape), empty
+
+
+def _widened(centre: Array, shape: Array) -> Ellipsoid:
+    for axis in (0, 1):
+        shape[axis, axis] *= 1 + ROUNDING
+    return Ellipsoid(centre, shape)
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorBound:
+    """Bounds on the one-step error of a model.
+
+    Attributes:
+        slope_deg_per_mm: of w, per move of the command [deg / mm].
+        floor_deg: of w, at rest [deg].
+        error_deg_per_s: of f [deg / s].
+        increment_deg_per_s: of the change of f from sample to sample [deg / s].
+    """
+
+    slope_deg_per_mm: float
+    floor_deg: float
+    error_deg_per_s: float = 0.0
+    increment_deg_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse negative or infinite bounds."""
+        values = dataclasses.astuple(self)
+        if not (np.isfinite(values).all() and min(values) >= 0):
+            raise InputError(f"bounds {values} of a model's error; valid: finite numbers, none negative")
+
+    def of_step(self, pull_mm: Array, previous_pull_mm: Array) -> Array:
+        """Return the bound (B,) on w for steps between commands (B,) [deg]."""
+        return self.slope_deg_per_mm * np.abs(pull_mm - previous_pull_mm) + self.floor_deg
+
+
+def geometric_error_bound(wire_offset: float, floor_deg: float) -> ErrorBound:
+    """Return the bound that geometry suggests, for endoscopes without a record.
+
+    A wire that runs at an offset r from the middle bends the section by dl / r, if neither wire nor sheath
+    yields, and by less if they do. The slopes of endoscope and model are then near [0, 1 / r], and differ by
+    no more than 1 / r. That is an assumption with a margin, not a theorem: a stretched wire that slips may
+    bend the section against the pull for a moment, and a Coleman-Hodgdon model may fall while the pull rises.
+
+    Args:
+        wire_offset: r, the smallest that the endoscope may have [m].
+        floor_deg: largest change of the angle at rest, by creep and the sheath's own motion [deg].
+    """
+    return ErrorBound(float(np.degrees(1e-3 / wire_offset)), floor_deg)
+
+
+def bound_model_error(
+    model: HysteresisModel,
+    records: Sequence[tuple[Array, Array]],
+    sample_time: float,
+    *,
+    factor: float = 2.0,
+    increment_deg_per_s: float = 0.0,
+) -> ErrorBound:
+    """Return the least bounds that hold on all records, times a safety factor.
+
+    Of all pairs (slope, floor) that hold, the one with the least mean bound: a linear programme.
+
+    Args:
+        model: the model of hysteresis, parameters scalar.
+        records: `(pull_mm, bend_deg)` with the true angle; noise in it would count as error of the model.
+        sample_time: T [s].
+        factor: safety factor on all bounds. The default was chosen before any test, and is no guarantee.
+        increment_deg_per_s: largest change of f from sample to sample (without the factor). At 0 there is no
+            f, and w alone explains the error.
+    """
+    if not factor >= 1:
+        raise InputError(
+            f"safety factor {factor} would break the bound on the very records; valid: 1 or more"
+        )
+    errors = [_step_errors(model, np.asarray(pull), np.asarray(bend)) for pull, bend in records]
+    errors = [(move, error) for move, error in errors if error.size]
+    if not errors:
+        raise InputError("no record to bound the model's error on: each needs two samples or more")
+    move = np.concatenate([moves for moves, _ in errors])
+    error = np.concatenate([found for _, found in errors])
+    programme = _without_f(move, error)
+    if increment_deg_per_s > 0:
+        lengths = [found.size for _, found in errors]
+        programme = _with_f(move, error, lengths, sample_time, increment_deg_per_s)
+    from scipy.optimize import linprog  # imported when used: a table of methods needs none of it
+
+    slope, floor, *f = linprog(**programme, method="highs").x
+    # Rounding of the programme must not break the bound on the records themselves.
+    w = error - sample_time * np.asarray(f) if f else error
+    floor += max(float((np.abs(w) - slope * move - floor).max()), 0.0)
+    return ErrorBound(
+        factor * float(slope),
+        factor * float(floor),
+        factor * float(np.abs(f).max(initial=0.0)),
+        factor * increment_deg_per_s,
+    )
+
+
+def _step_errors(model: HysteresisModel, pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]:
+    """Return |dl| (N - 1,) and e (N - 1,) along one record."""
+    memory = model.start(pull_mm[:1])
+    error = np.empty(max(len(pull_mm) - 1, 0))
+    for k in range(len(error)):
+        before, now = pull_mm[k : k + 1], pull_mm[k + 1 : k + 2]
+        predicted, memory = model.step(bend_deg[k : k + 1], memory, now, before)
+        error[k] = bend_deg[k + 1] - predicted[0]
+    return np.abs(np.diff(pull_mm)), error
+
+
+def _without_f(move: Array, error: Array) -> dict[str, object]:
+    """Least mean of slope |dl| + floor with slope |dl| + floor >= |e|."""
+    bound = np.stack([move, np.ones_like(move)], axis=1)
+    return {"c": bound.mean(axis=0), "A_ub": -bound, "b_ub": -np.abs(error), "bounds": (0, None)}
+
+
+def _with_f(
+    move: Array, error: Array, lengths: Sequence[int], sample_time: float, increment: float
+) -> dict[str, object]:
+    """The same with slope |dl| + floor >= |e - T f|, over all f whose changes within a record are bounded."""
+    from scipy import sparse
+
+    count = len(error)
+    bound = sparse.csr_array(np.stack([move, np.ones(count)], axis=1))
+    f = sparse.eye_array(count, format="csr")
+    inside = np.ones(count - 1, dtype=bool)
+    inside[np.cumsum(lengths)[:-1] - 1] = False  # a change from one record to the next is free
+    change = (f[1:] - f[:-1])[np.flatnonzero(inside)]
+    none = sparse.csr_array((change.shape[0], 2))
+    rows = [[-bound, -sample_time * f], [-bound, sample_time * f], [none, change], [none, -change]]
+    limits = [-error, error, *[np.full(change.shape[0], increment)] * 2]
+    return {
+        "c": np.concatenate([[move.mean(), 1], np.zeros(count)]),
+        "A_ub": sparse.block_array(rows, format="csr"),
+        "b_ub": np.concatenate(limits),
+        "bounds": [(0, None)] * 2 + [(None, None)] * count,
+    }
 
 
 class FeasibleSet(NamedTuple):
-    """The set of B filters: the points of [theta, f] that lie in an ellipsoid and in a box.
+    """The set of B filters: the points of [theta, f] in an ellipsoid and in a box.
 
     Attributes:
         ellipsoid: one of the two sets.
@@ -42,7 +256,7 @@ class FeasibleSet(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SetMembershipFilter(Estimator[FeasibleSet]):
-    """The bounds that the filter believes in.
+    """The bounds of the filter.
 
     The model must be affine in the angle, or keep the order of two angles and never move them apart
     (0 <= slope <= 1), as the model of Bouc and Wen does.
@@ -108,9 +322,8 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
     def update(self, state: FeasibleSet, measurement_deg: Array) -> FeasibleSet:
         """Keep what the measurement allows.
 
-        Where it allows nothing, the noise or the model broke its bound, and nobody knows which. The filter
-        then starts again from the interval that holds both the set and the strip of the measurement, with any
-        f.
+        Where it allows nothing, the noise or the model broke its bound. The filter then restarts from the
+        interval that holds both the set and the strip of the measurement, with any f.
         """
         half = np.maximum(np.asarray(self.measurement_bound), LEAST) + ROUNDING
         seen = ~np.isnan(measurement_deg)
@@ -158,7 +371,7 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
     def intervals(
         self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
     ) -> tuple[Array, Array]:
-        """Filter whole records, as `estimate` does, to the (B, N) lowest and highest angle [deg]."""
+        """Filter complete records, as `estimate` does, to the (B, N) lowest and highest angle [deg]."""
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         low, high = np.empty_like(measurement), np.empty_like(measurement)
         state = self.start(pull[0], initial)
@@ -169,36 +382,26 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
         return low.T, high.T
 
 
-def _found(knowledge: Knowledge) -> ErrorBound:
-    return bound_model_error(knowledge.reference, knowledge.records, knowledge.sample_time)
-
-
 def _from_records(knowledge: Knowledge) -> SetMembershipFilter:
-    return SetMembershipFilter(knowledge.reference, knowledge.sample_time, _found(knowledge))
+    bound = bound_model_error(knowledge.reference, knowledge.records, knowledge.sample_time)
+    return SetMembershipFilter(knowledge.reference, knowledge.sample_time, bound)
 
 
 def _from_geometry(knowledge: Knowledge) -> SetMembershipFilter:
     assert knowledge.smallest_wire_offset is not None
-    bound = geometric_error_bound(knowledge.smallest_wire_offset, _found(knowledge).floor_deg)
-    return SetMembershipFilter(knowledge.reference, knowledge.sample_time, bound)
+    filter_ = _from_records(knowledge)
+    bound = geometric_error_bound(knowledge.smallest_wire_offset, filter_.error_bound.floor_deg)
+    return dataclasses.replace(filter_, error_bound=bound)
 
 
-register_method(
-    MethodSpec(
-        name="ESMF",
-        noise_information="the largest magnitude of the noise",
-        build=_from_records,
-        models=(ColemanHodgdon.name,),
-        records=True,
+for _name, _build in {"ESMF": _from_records, "ESMF (geometry)": _from_geometry}.items():
+    register_method(
+        MethodSpec(
+            name=_name,
+            build=_build,
+            noise_information="the largest magnitude of the noise",
+            models=(ColemanHodgdon.name,),
+            records=True,
+            wire_offset=_build is _from_geometry,
+        )
     )
-)
-register_method(
-    MethodSpec(
-        name="ESMF (geometry)",
-        noise_information="the largest magnitude of the noise",
-        build=_from_geometry,
-        models=(ColemanHodgdon.name,),
-        records=True,
-        wire_offset=True,
-    )
-)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.ellipsoid import Ellipsoid
 from twin.estimation.estimator import Estimator
+from twin.estimation.set_membership import Ellipsoid
 
 LARGEST = 1e12
 """Magnitude that no number of a sound state comes near, a variance after hours without a sensor included."""

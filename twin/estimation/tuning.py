@@ -1,7 +1,7 @@
-"""Tuning of filters on training data by the likelihood of their innovations (Schweppe 1965).
+"""Tuning of active models: variances by the likelihood of the innovations (Schweppe 1965), a constant gain.
 
-The paper leaves Q small on purpose. A reader asks what the same filter does when it is tuned: its variances
-are found here, on the training records and the training noise alone.
+The paper leaves Q small on purpose. A reader asks what the same filter does when it is tuned: on the training
+records under the training noise, or on randomised twins (`TwinsLikelihoodFit`).
 """
 
 import dataclasses
@@ -10,22 +10,31 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.active_model import ActiveModel
+from twin.errors import DivergedError, InputError
+from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
 from twin.estimation.estimator import Sensor, time_first
-from twin.estimation.gaussian_filter import GaussianFilter
-from twin.estimation.knowledge import Knowledge
+from twin.estimation.gaussian import Belief, GaussianFilter
+from twin.estimation.knowledge import Knowledge, TrainingTask
 from twin.estimation.registry import MethodSpec, register_method
-from twin.estimation.task import TrainingTask
-from twin.estimation.unscented import UnscentedActiveModel
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
-TUNING_DRAWS = 16  # training episodes, with their own noise, that a filter is tuned on
+TUNING_DRAWS = 16
+"""Training episodes, each with its own noise, that a filter is tuned on."""
+TWINS, SECONDS = 32, 40.0
+"""Number of simulated twins that a filter is tuned on, and length of each record [s]."""
+STROKE_MM, NARROWEST_MM = (-4.0, 4.0), 1.0
+"""Widest stroke of their commands, and least width of a stroke [mm]."""
+VARIANCES_DEG2 = (0.05, 8.0)
+"""Least and largest R of their measurements, drawn log-uniformly [deg^2]."""
+INITIAL_ERROR_DEG = 20.0
+"""Largest error of their first estimates [deg]."""
+_SAMPLE_TIME = 0.02  # of the simulations [s]
 
 
 class TrainingEpisodes(NamedTuple):
-    """Training records with noise on them and a wrong first estimate; B of N samples.
+    """Training records with noise and a wrong first estimate; B of N samples.
 
     Attributes:
         pull_mm: (B, N) [mm].
@@ -42,7 +51,7 @@ class TrainingEpisodes(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class FixedNoiseActiveModel(ActiveModel):
-    """The active model that keeps its own R, whatever the sensor is said to be."""
+    """The active model that keeps its own R, whatever the sensor states."""
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return itself."""
@@ -64,16 +73,13 @@ def tune_active_model(
 ) -> ActiveModel:
     """Return the filter with the process and initial variances that make the measurements most likely.
 
-    R is told, at training as under test, unless it is to be fitted: then the filter keeps the one it found.
-
     Args:
-        active_model: where the search begins.
+        active_model: where the search begins; its R is known, unless it is fitted.
         pull_mm: (B, N) pulling distance [mm].
         measurement_deg: (B, N) measured angle [deg].
         initial_bend_deg: (B,) initial estimates, wrong as they are in training [deg].
-        fit_measurement_variance: whether R is fitted too; the result is then an `FixedNoiseActiveModel`.
+        fit_measurement_variance: whether R is fitted too; the result is then a `FixedNoiseActiveModel`.
     """
-    from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
 
     def with_variances(logarithms: Array) -> ActiveModel:
         q_bend, q_error, p_bend, p_error, *r = np.exp(np.clip(logarithms, -30, 20)).tolist()
@@ -87,12 +93,23 @@ def tune_active_model(
             with_variances(logarithms), pull_mm, measurement_deg, initial_bend_deg
         )
 
-    told = [float(np.asarray(active_model.measurement_variance))] if fit_measurement_variance else []
-    start = np.log([*active_model.process_variance, 100.0, 1.0, *told])
-    # SciPy's own first simplex hardly moves a logarithm that is zero: the search would end where it starts.
-    simplex = np.vstack([start, start + 2 * np.eye(len(start))])
-    options = {"xatol": 0.02, "fatol": 0.1, "maxfev": 500, "initial_simplex": simplex}
-    return with_variances(minimize(cost, start, method="Nelder-Mead", options=options).x)
+    fitted = [float(np.asarray(active_model.measurement_variance))] if fit_measurement_variance else []
+    start = np.log([*active_model.process_variance, 100.0, 1.0, *fitted])
+    return with_variances(nelder_mead(cost, start, xatol=0.02, fatol=0.1, maxfev=500))
+
+
+def nelder_mead(cost: Any, start: Array, step: float = 2.0, **options: float) -> Array:
+    """Return the point of least cost by the simplex search of Nelder and Mead, with a simplex of equal steps.
+
+    SciPy's own first simplex hardly moves a coordinate that is zero: the search would end where it starts.
+    """
+    from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
+
+    simplex = np.vstack([start, start + step * np.eye(len(start))])
+    found: Array = minimize(
+        cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, **options}
+    ).x
+    return found
 
 
 def innovation_log_likelihood(
@@ -117,7 +134,7 @@ class LikelihoodFit:
         key: name in the file of fits.
         model: name of the model of hysteresis.
         unscented: whether the filter is an unscented one.
-        measurement_variance: whether R is fitted too, and kept whatever the sensor is said to be.
+        measurement_variance: whether R is fitted too, and kept whatever the sensor states.
     """
 
     key: str
@@ -131,16 +148,14 @@ class LikelihoodFit:
         episodes = draw_training_episodes(knowledge.task, knowledge.seed)
         found = tune_active_model(
             kind(knowledge.models[self.model], knowledge.sample_time),
-            episodes.pull_mm,
-            episodes.measurement_deg,
-            episodes.initial_bend_deg,
+            *episodes[:3],
             fit_measurement_variance=self.measurement_variance,
         )
         names = ("process_variance", "measurement_variance", "initial_variance")
         return {name: np.asarray(getattr(found, name)).tolist() for name in names}
 
     def filter(self, knowledge: Knowledge, kind: type[ActiveModel] = ActiveModel) -> ActiveModel:
-        """Return a filter of some kind with the variances that were found."""
+        """Return a filter of some kind with the fitted variances."""
         found = knowledge.found(self)
         return kind(
             knowledge.models[self.model],
@@ -151,8 +166,133 @@ class LikelihoodFit:
         )
 
 
-TUNED = LikelihoodFit("coleman-hodgdon", ColemanHodgdon.name)
-"""Of the paper's active model; filters of its kind take the same variances."""
+@dataclasses.dataclass(frozen=True)
+class TwinsLikelihoodFit(LikelihoodFit):
+    """Variances of an active model that make measurements of randomised twins most likely.
+
+    A filter that is tuned on five records of one endoscope knows the error of its model there, and trusts it
+    on others. Here the measurements are those of randomised twins along commands on strokes of any width,
+    half of them in sheaths that move, under noise of a drawn and known R.
+    """
+
+    def find(self, knowledge: Knowledge) -> dict[str, Any]:
+        """Return the variances by the names of the fields of `ActiveModel`."""
+        episodes, variance = draw_twin_episodes(knowledge)
+        begin = ActiveModel(
+            knowledge.models[self.model], knowledge.sample_time, measurement_variance=variance
+        )
+        found = tune_active_model(begin, *episodes[:3])
+        return {
+            "process_variance": list(found.process_variance),
+            "measurement_variance": 1.0,  # replaced by that of the sensor
+            "initial_variance": list(found.initial_variance),
+        }
+
+
+def draw_twin_episodes(knowledge: Knowledge) -> tuple[TrainingEpisodes, Array]:
+    """Return noisy measurements of randomised reduced twins, and (B,) R of each [deg^2].
+
+    Raises `ValueError` without a preset and its ranges, and `FloatingPointError` where no twin found an
+    equilibrium.
+    """
+    from twin.reduced import simulate_batch  # here: a table of methods needs none of it
+    from twin.signals.excitation import SIGNALS, command
+
+    if knowledge.twins is None:
+        raise InputError("a tuning on twins needs a preset and its ranges")
+    preset, ranges = knowledge.twins
+    stride = round(knowledge.sample_time / _SAMPLE_TIME)
+    presets, pulls, bends = [], [], []
+    for number in range(TWINS):
+        rng = random_stream(knowledge.seed, SeedUse.TUNING_TWINS, number)
+        drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
+        width = rng.uniform(NARROWEST_MM, STROKE_MM[1] - STROKE_MM[0])
+        low = rng.uniform(STROKE_MM[0], STROKE_MM[1] - width)
+        signal = list(SIGNALS)[number % len(SIGNALS)]
+        pull = command(signal, (low * 1e-3, (low + width) * 1e-3), SECONDS, _SAMPLE_TIME, rng)
+        presets.append(drawn)
+        pulls.append(pull)
+        bends.append(np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None)
+    simulated = simulate_batch(presets, pulls, _SAMPLE_TIME, sheath_bends=bends)
+    found = [
+        (pull, episode.truth_deg)
+        for pull, episode in zip(pulls, simulated, strict=True)
+        if episode is not None
+    ]
+    if not found:
+        raise DivergedError("no twin that a filter could be tuned on found an equilibrium")
+    pull_mm = np.array([pull[::stride] * 1e3 for pull, _ in found])
+    truth = np.array([bend[::stride] for _, bend in found])
+    rng = random_stream(knowledge.seed, SeedUse.TUNING_TWINS, TWINS)
+    least, most = np.log(VARIANCES_DEG2)
+    variance = np.exp(rng.uniform(least, most, len(found)))
+    measurement = truth + np.sqrt(variance)[:, None] * rng.standard_normal(truth.shape)
+    initial = truth[:, 0] + rng.uniform(-INITIAL_ERROR_DEG, INITIAL_ERROR_DEG, len(found))
+    return TrainingEpisodes(pull_mm, measurement, initial, truth), variance
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantGain(ActiveModel):
+    """The active model with a second, constant gain on the measured residual: eq. 10 with a constant action.
+
+        phi = y - theta_AM(k|k),    X = X_AM + K phi
+
+    RAM must pass it to show that its policy does more than one number could. The covariance is left as it is.
+
+    Attributes:
+        gain: K: of the angle, and of the model's error [1 / s]; zero: the active model.
+    """
+
+    gain: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def states_interval(self) -> bool:
+        """False: the covariance does not account for the gain."""
+        return False
+
+    def update(self, belief: Belief, measurement_deg: Array) -> Belief:
+        """Condition the belief on one measurement and add the gain times the remaining residual."""
+        updated = super().update(belief, measurement_deg)
+        residual = measurement_deg - updated.mean[0]
+        residual = np.where(np.isnan(residual), 0.0, residual)  # without a measurement there is none
+        return updated._replace(mean=updated.mean + np.array(self.gain)[:, None] * residual)
+
+
+def tune_constant_gain(active_model: ActiveModel, task: TrainingTask, seed: int) -> ConstantGain:
+    """Return the filter with the constant gain of least RMSE on noisy training records.
+
+    It sees what RAM sees in training, the truth of the training records included. Both gains are searched
+    from the middle of [0, 1], as RAM's actions are bounded.
+    """
+    episodes = draw_training_episodes(task, seed)
+
+    def with_gain(action: Array) -> ConstantGain:
+        bend, error = ((np.clip(action, -1, 1) + 1) / 2).tolist()
+        return ConstantGain(**vars(active_model), gain=(bend, error))
+
+    def cost(action: Array) -> float:
+        estimate = with_gain(action).estimate(*episodes[:3])
+        rmse = float(np.sqrt(np.mean((estimate - episodes.bend_deg)[:, 1:] ** 2)))
+        return rmse + 10 * float(np.maximum(np.abs(action) - 1, 0).sum())  # keeps it within the bounds
+
+    return with_gain(nelder_mead(cost, np.zeros(2), step=0.5, xatol=0.01, fatol=1e-4, maxfev=120))
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantGainFit:
+    """Constant gain with the least RMSE on the training records."""
+
+    key: str = "constant gain"
+
+    def find(self, knowledge: Knowledge) -> dict[str, Any]:
+        """Return both gains."""
+        start = ActiveModel(knowledge.reference, knowledge.sample_time)
+        return {"gain": list(tune_constant_gain(start, knowledge.task, knowledge.seed).gain)}
+
+    def filter(self, knowledge: Knowledge) -> ConstantGain:
+        """Return the active model with the fitted gain."""
+        bend, error = knowledge.found(self)["gain"]
+        return ConstantGain(knowledge.reference, knowledge.sample_time, gain=(float(bend), float(error)))
 
 
 def register_likelihood(name: str, fit: LikelihoodFit, kind: type[ActiveModel] = ActiveModel) -> None:
@@ -170,6 +310,11 @@ def register_likelihood(name: str, fit: LikelihoodFit, kind: type[ActiveModel] =
 
 AM_TUNED = "AM-tuned"
 """Name of the tuned active model in tables."""
+TUNED = LikelihoodFit("coleman-hodgdon", ColemanHodgdon.name)
+"""Fit of the paper's active model; filters of its kind take the same variances."""
+TUNED_ON_TWINS = TwinsLikelihoodFit(f"{ColemanHodgdon.name}, on twins", ColemanHodgdon.name)
+BEST_GAIN = ConstantGainFit()
+
 register_likelihood(AM_TUNED, TUNED)
 register_likelihood(
     "AM-tuned (Q, R)",
@@ -183,3 +328,16 @@ register_likelihood(
     UnscentedActiveModel,
 )
 register_likelihood("AM-tuned (P-I)", LikelihoodFit("prandtl-ishlinskii", PrandtlIshlinskii.name))
+register_likelihood("AM-tuned (twins)", TUNED_ON_TWINS)
+register_likelihood(
+    "AM-tuned (Bouc-Wen, twins)", TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name)
+)
+register_method(
+    MethodSpec(
+        name="Constant gain",
+        build=BEST_GAIN.filter,
+        noise_information="R",
+        models=(ColemanHodgdon.name,),
+        fits=(BEST_GAIN,),
+    )
+)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.case import Case
 from twin.estimation.estimator import Sensor
+from twin.estimation.knowledge import Case
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
 from twin.evaluation.record import EvaluationRecord
 from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_variance

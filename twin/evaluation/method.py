@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.case import Case, CaseEstimator, IntervalEstimator
 from twin.estimation.estimator import Estimator
-from twin.estimation.knowledge import Knowledge
+from twin.estimation.knowledge import Case, CaseEstimator, IntervalEstimator, Knowledge
 from twin.estimation.registry import MethodSpec
 from twin.evaluation.case import first_draws, runs_of
 from twin.evaluation.innovations import with_innovations

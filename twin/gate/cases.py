@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError
-from twin.estimation.case import Case
 from twin.estimation.estimator import Sensor
+from twin.estimation.knowledge import Case
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch

@@ -13,8 +13,8 @@ from twin.dataset.farthest import check_reached, farthest_pull
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator
+from twin.estimation.knowledge import Case
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.load import load_estimator_at
 from twin.evaluation.case import first_draws, runs_of

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.gaussian import DEVIATIONS_OF_95
+from twin.estimation.knowledge import Case
 from twin.gate.cases import Condition
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.task import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes
 from twin.estimation.two_states import predicted, updated
 from twin.hysteresis import ColemanHodgdon

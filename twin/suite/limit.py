@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import __version__
-from twin.estimation.ensemble import posterior_bound
-from twin.estimation.limit import Ensembles
+from twin.estimation.ensemble import Ensembles, posterior_bound
 from twin.evaluation.protocol import RECORDED
 from twin.evaluation.record import EvaluationRecord
 from twin.files.atomic import write_whole

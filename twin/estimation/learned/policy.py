@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.case import Case
 from twin.estimation.estimator import Estimator, Sensor, time_first
-from twin.estimation.knowledge import Knowledge
+from twin.estimation.knowledge import Case, Knowledge
 from twin.estimation.learned.trained_file import TrainedFile, check_network, read_trained_file
 from twin.estimation.single import SingleForm
 from twin.files.shown import shown

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.case import CaseEstimator
 from twin.estimation.gaussian import Belief
-from twin.estimation.knowledge import Knowledge
+from twin.estimation.knowledge import CaseEstimator, Knowledge
 from twin.estimation.learned.policy import (
     POLICY_FILE,
     Agent,
