@@ -26,8 +26,8 @@ document.querySelectorAll("figure.player").forEach((figure) => {
       dot.setAttribute("cx", samples.loop_x[k]);
       dot.setAttribute("cy", samples.loop_y[k]);
     });
-    const way = samples.loop_x.slice(0, k + 1).map((x, i) => `${x},${samples.loop_y[i]}`);
-    part("way").forEach((line) => line.setAttribute("points", way.slice(-60).join(" ")));
+    const trace = samples.loop_x.slice(0, k + 1).map((x, i) => `${x},${samples.loop_y[i]}`);
+    part("trace").forEach((line) => line.setAttribute("points", trace.slice(-60).join(" ")));
     slider.value = k;
     const [time, pull, bend] = [samples.time_s[k], samples.pull_mm[k], samples.bend_deg[k]];
     const said = [`${time.toFixed(1)} s`, `pull ${pull.toFixed(2)} mm`, `bend ${bend.toFixed(1)} deg`];

@@ -94,7 +94,6 @@ def control(args: Control) -> Summary:
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
     from twin.report.control_page import FIGURES, control_page
-    from twin.report.parts import write_page
     from twin.workers.choice import choose_workers
 
     conditions = find_conditions(args.suite)
@@ -145,7 +144,7 @@ def control(args: Control) -> Summary:
         _draw_poses(comparison, out, ours)
         _draw(comparison, out, ours)
         write_tables(out, values)
-        write_page(control_page(values, out), out / PAGE)
+        control_page(values, out).write(out / PAGE)
         path = write_values(out, values)
     line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"
     return Summary(

@@ -171,8 +171,7 @@ def _paper(args: Evaluate) -> Summary:
     from twin.files.atomic import MADE_BY, write_whole
     from twin.files.bounds import check_between
     from twin.hysteresis import ColemanHodgdon
-    from twin.report.figures import rmse_figure, to_png_bytes
-    from twin.report.paper_figures import paper_figures
+    from twin.report.figures import paper_figures, rmse_figure, to_png_bytes
     from twin.report.tables import paper_tables, score_table
 
     for name in args.methods:
@@ -247,7 +246,7 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
 
 def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Score], str], str]") -> str:
     """Return a table, and below it the spread between trainings, where a method has several."""
-    from twin.report.trainings import training_table
+    from twin.report.tables import training_table
 
     return "\n\n".join(part for part in (table(scores, fmt), training_table(scores, fmt)) if part)
 

@@ -59,7 +59,6 @@ def gate(args: Gate) -> Summary:
     from twin.gate.run import write_verdict
     from twin.preset import load_preset, load_ranges
     from twin.recording import read_dataset
-    from twin.report.parts import write_page
 
     preset, ranges = load_preset(args.preset), load_ranges(args.preset)
     material = gather(
@@ -75,7 +74,7 @@ def gate(args: Gate) -> Summary:
     verdict = run_gate(material, Progress("gate"))
     given = [args.policy, *args.logs]
     origin = origin_of(command_line("gate", args, ("out",)), given)
-    write_page(gate_page(verdict, Origin(**origin), str(out)), out)
+    gate_page(verdict, Origin(**origin), str(out)).write(out)
     write_verdict(verdict, out.with_name(VERDICT_FILE), origin)
     first = verdict.reasons[0]
     lines = [f"  {check.word:<14} {check.name}: {check.said}" for check in verdict.checks]

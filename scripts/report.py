@@ -33,7 +33,7 @@ class Report:
 def report(args: Report) -> Summary:
     """Write the page."""
     require_extra("viz")
-    from twin.report.page import known_file, write_report
+    from twin.report.report import known_file, write_report
 
     known_file(args.path)  # before its output is looked at
     name = f"{args.path.stem}_report.html"

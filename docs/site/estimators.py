@@ -9,7 +9,7 @@ from pathlib import Path
 
 from twin.estimation.registry import MethodSpec, Training, method_specs
 from twin.evaluation.paper import noise_label
-from twin.report.facts import agent_names
+from twin.report.run_page import agent_names
 
 EQUATIONS = Path(__file__).with_name("equations.md")
 PUBLISHED = Path(__file__).parents[1] / "benchmark"

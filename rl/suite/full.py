@@ -34,10 +34,8 @@ from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.member_set import check_members
 from twin.reduced.parameters import refuse_gravity
-from twin.report.condition_pages import condition_pages
-from twin.report.costs_csv import costs_csv
-from twin.report.scores_csv import scores_csv
-from twin.report.summary import benchmark_figures, benchmark_tables
+from twin.report.comparison import comparison_tables, condition_pages, costs_csv, scores_csv
+from twin.report.comparison_figures import comparison_figures
 from twin.suite.frozen import frozen_name
 from twin.suite.intervals import containment
 from twin.suite.limit import bounds
@@ -212,13 +210,13 @@ def _write(
     }
     out = folder / "evaluation.json"
     write_whole(out, json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    tables = benchmark_tables(scores, limits, sets, rankings, costs)
+    tables = comparison_tables(scores, limits, sets, rankings, costs)
     write_whole(folder / SCORES, scores_csv(scores))
     write_whole(folder / COSTS, costs_csv(costs))
     write_whole(folder / "benchmark.md", f"{tables}\n<!-- {MADE_BY} -->\n")
     for name, page in condition_pages(scores).items():
         write_whole(folder / name, page)
-    for name, picture in benchmark_figures(scores, tracks, rankings).items():
+    for name, picture in comparison_figures(scores, tracks, rankings).items():
         write_whole(folder / name, picture)
     save_tracks(folder / "tracks.npz", tracks)
     return FullResult(scores, len(records), test_set, out)

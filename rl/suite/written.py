@@ -1,7 +1,7 @@
 """Files that a comparison may write, and the sign by which each is known as ours."""
 
 from twin.files.atomic import MADE_BY
-from twin.report.condition_pages import page_names
+from twin.report.comparison import page_names
 
 SCORES = "scores.csv"
 COSTS = "costs.csv"

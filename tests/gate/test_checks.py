@@ -20,7 +20,6 @@ from twin.gate.page import gate_page
 from twin.gate.table import CHECKS
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
-from twin.report.parts import write_page
 
 FRICTION = (
     "joint_friction",
@@ -194,7 +193,7 @@ def test_the_verdict_has_a_reason_for_every_check_that_does_not_pass(untrained_t
     text = json.dumps(verdict.to_dict(), allow_nan=False)
     assert {"name", "figure", "bar", "holds"} <= json.loads(text)["checks"][0].keys()
     origin = Origin(**origin_of("endotwin gate x", []))
-    page = write_page(gate_page(verdict, origin, "gate.html"), tmp_path / "gate.html").read_text()
+    page = gate_page(verdict, origin, "gate.html").write(tmp_path / "gate.html").read_text()
     assert "made by endotwin gate" in page
     assert "What was not shown" in page
     assert "<script" not in page

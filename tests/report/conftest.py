@@ -1,4 +1,4 @@
-"""A browser and the pages of every kind of run, made once for all tests of the pages."""
+"""The page of every kind of result, and a stand-in for drawing, which takes most of the time of a page."""
 
 import pytest
 from browser import open_browser
@@ -13,7 +13,13 @@ def browser():
 
 @pytest.fixture(scope="session")
 def pages(tmp_path_factory):
-    """The page of every kind of run, by kind."""
+    """The page of every kind of result, by kind, with its figures drawn."""
     made = make_pages(tmp_path_factory.mktemp("pages"))
     assert made.keys() == set(EVERY_KIND)
     return made
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made, but not drawn."""
+    monkeypatch.setattr("twin.report.page.to_svg", lambda figure: "<svg xmlns='http://www.w3.org/2000/svg'/>")

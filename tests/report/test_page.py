@@ -1,130 +1,92 @@
-"""The page of a run is one file that needs nothing else, and says what the run lacks."""
+"""Parts of a page: every text is escaped, and a page is one file that loads nothing."""
 
-import json
 import re
-import shutil
 
+import numpy as np
 import pytest
-from paged import CONDITIONS, make_calibration, make_gate, make_run
-from small_dataset import measured_log
+from markupsafe import Markup
+from rendered import make_episode
 
-from twin.measured.folder import write_measured
-from twin.report import run_page
-from twin.report.page import known_file, write_report
-
-
-@pytest.fixture
-def run(tmp_path):
-    """A run folder with everything that a report can show."""
-    return make_run(tmp_path / "run", tracks=1)
-
-
-def page_of(folder) -> str:
-    return write_report(folder, folder / "report.html").read_text()
-
-
-def test_a_whole_run_is_shown_without_gaps_and_with_every_figure_of_the_paper(tmp_path):
-    page = page_of(make_run(tmp_path / "run")).replace("&#39;", "'")
-    assert 'class="gap"' not in page
-    assert "RAM estimates the bending angle to 1.00 deg (RMSE over 5 noises), 50 % less error than" in page
-    assert "data:video/mp4;base64," in page
-    for number in range(1, 11):
-        assert page.count(f"As the paper's Fig. {number}: ") == 2, number  # its text and its alternative
-    assert "(0.635)" in page
-    assert "= 0.22</span>" in page  # c / b of a model that is not monotone
-    for fact in ("learning rate", "0.00025", "initial error deg", "-1, 1", "17"):
-        assert fact in page
-    assert len(CONDITIONS) == len(re.findall(r"Table II.*?, (?:R|λ) = ", page)) / 2  # title and label
-
-
-@pytest.mark.parametrize(
-    ("missing", "verb"),
-    [
-        ("data/train", "generate"),
-        ("data/test", "generate"),
-        ("coleman_hodgdon.json", "identify"),
-        ("runs", "train"),
-        ("results/evaluation.json", "evaluate"),
-        ("results/tracks.npz", "evaluate"),
-        ("bend.png", "render"),
-        ("bend.mp4", "render"),
-    ],
+from twin.report.figures import loop_figure
+from twin.report.page import (
+    Cell,
+    Page,
+    bullets,
+    commands,
+    facts,
+    figure,
+    film,
+    flat_facts,
+    folded,
+    gap,
+    side_by_side,
+    table,
+    text,
 )
-def test_what_is_missing_or_damaged_is_said_with_its_command(run, missing, verb):
-    path = run / missing
-    path.rename(run / "elsewhere")
-    page = page_of(run)
-    assert f"This run has no {missing}. This makes it: <code>endotwin {verb} " in page
-    assert page.count('class="gap"') == (2 if missing == "coleman_hodgdon.json" else 1)
+from twin.report.player import player
 
-    if missing != "bend.png":
-        path.write_bytes(b"\x00damaged")
-        if missing == "bend.mp4":
-            return  # a browser's business: the film is passed on as it is
-        assert f"{missing} cannot be shown: " in page_of(run)
-
-
-def test_a_large_film_becomes_a_strip_of_frames(run, monkeypatch):
-    monkeypatch.setattr(run_page, "LARGEST_VIDEO", 10)
-    page = page_of(run)
-    assert "data:video" not in page
-    assert "Six moments of bend.mp4" in page
+BAD = '<script>alert("1")</script>&'
+LINE = np.linspace(0.0, 1.0, 5)
+PARTS = {
+    "text": text(BAD, "note"),
+    "bullets": bullets([BAD]),
+    "table": table((BAD, BAD), [(BAD, Cell(BAD, (BAD,), "best"))], title=BAD, note=BAD, cards=True),
+    "facts": facts({BAD: [(BAD, BAD)]}),
+    "figure": figure(loop_figure([(LINE, LINE)]), BAD, BAD),
+    "film": film(b"....ftyp", BAD),
+    "gap": gap(BAD, BAD),
+    "commands": commands([BAD]),
+    "folded": folded(BAD, text(BAD)),
+    "side by side": side_by_side(text(BAD), text(BAD)),
+    "player": player(make_episode(), BAD),
+}
 
 
-def test_text_of_a_run_cannot_become_markup(run):
-    (run / "demo.json").write_text(json.dumps({"host": "<script>alert(1)</script>"}))
-    assert "<script>alert" not in page_of(run)
+@pytest.mark.parametrize("part", PARTS)
+def test_text_cannot_become_markup(part):
+    html = str(PARTS[part])
+    assert "<script>alert" not in html
+    assert "&lt;script&gt;alert(&#34;1&#34;)&lt;/script&gt;&amp;" in html
 
 
-def test_a_folder_without_a_run_is_one_line(tmp_path):
-    with pytest.raises(ValueError, match=r"holds no run: expected one of data/train.*NAME_fit.json") as error:
-        write_report(tmp_path, tmp_path / "report.html")
-    assert "\n" not in str(error.value)
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(FileNotFoundError, match="no folder"):
-        write_report(tmp_path / "nowhere", tmp_path / "report.html")
+def test_own_markup_is_kept():
+    assert "<p><b>x</b> &lt;</p>" in text(Markup("<b>x</b> {}").format("<"))
 
 
-def test_recipe_of_a_dataset_is_shown_with_its_strokes_and_its_hash(run, tmp_path, whole_dataset):
-    contents = json.loads((whole_dataset / "dataset.json").read_text())
-    contents["recipe"]["strokes_mm"] = [[2.0, 4.0], [-1.0, 1.0]]
-    (run / "data" / "train" / "dataset.json").write_text(json.dumps(contents))
-    page = write_report(run, tmp_path / "report.html").read_text()
-    assert "[2, 4], [-1, 1]" in page
-    assert "sensor, variance deg2" in page
-    assert "SHA-256 of dataset.json" in page
+def test_a_page_is_one_file_with_a_table_of_contents(tmp_path):
+    page = Page("kind", "A & B", verdict="go", intro=(text("intro"),))
+    page.add("First, of two", *PARTS.values())
+    page.add_commands(["endotwin report x"])
+    html = page.write(tmp_path / "page.html").read_text()
+    assert re.findall(r'<li><a href="#([^"]*)">', html) == re.findall(r'<h2 id="([^"]*)"', html)
+    assert re.findall(r'<h2 id="([^"]*)"', html) == ["first-of-two", "how-to-repeat-it"]
+    addresses = re.findall(r"""(?:src|srcset|href|action|data)\s*=\s*["']([^"']*)""", html)
+    assert addresses
+    assert all(address.startswith(("data:", "#")) for address in addresses)
+    assert html.count("<script>") == 1  # of the slider
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
 
 
-def test_dataset_json_of_an_older_version_is_said_in_one_line(run, tmp_path):
-    (run / "data" / "train" / "dataset.json").write_text(json.dumps({"recipe": {"seeds": [17]}, "files": []}))
-    page = write_report(run, tmp_path / "report.html").read_text()
-    assert "cannot be shown: source is missing" in page
+def test_a_picture_that_is_none_is_refused(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"GIF89a")
+    with pytest.raises(ValueError, match="it is no PNG picture"):
+        figure(tmp_path / "a.png", "caption")
+    with pytest.raises(FileNotFoundError):
+        figure(tmp_path / "none.png", "caption")
 
 
-def test_measured_dataset_is_shown_by_what_it_holds(run, tmp_path):
-    (tmp_path / "measured").mkdir()
-    write_measured(tmp_path / "measured", "log", measured_log(tmp_path))
-    shutil.copy(tmp_path / "measured" / "dataset.json", run / "data" / "train")
-    page = write_report(run, tmp_path / "report.html").read_text()
-    assert "<dt>source</dt><dd>measured</dd>" in page
-
-
-def test_a_calibration_is_known_by_its_preset_too_and_two_must_be_told_apart(tmp_path):
-    folder = make_calibration(tmp_path)
-    assert known_file(folder / "rig.yaml") == known_file(folder) == (folder / "rig_fit.json", "_fit.json")
-    page = write_report(folder / "rig.yaml", tmp_path / "r.html").read_text()
-    assert "One twin follows the log that it was fitted to to 0.25 deg" in page
-    assert "within 0.75 deg, against 2.50 (Coleman-Hodgdon)." in page
-    shutil.copy(folder / "rig_fit.json", folder / "other_fit.json")
-    with pytest.raises(ValueError, match=r"holds 2 calibrations \(other_fit.json, rig_fit.json\): name one"):
-        known_file(folder)
-
-
-@pytest.mark.parametrize(
-    "damage", [{"checks": []}, {"verdict": "perhaps"}, {"subject": {}}, {"checks": [{}]}]
-)
-def test_a_damaged_gate_json_is_one_line(tmp_path, damage):
-    path = make_gate(tmp_path) / "gate.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | damage))
-    with pytest.raises(ValueError, match=r"gate.json is not what `endotwin gate` wrote: "):
-        write_report(tmp_path, tmp_path / "report.html")
+def test_facts_of_nested_values():
+    values = {
+        "a_b": {"c": 1.0 / 3.0, "on": True, "none": None},
+        "pairs": [[2.0, 4.0], [-1.0, 1.0]],
+        "numbers": [1, 2],
+        "files": [{"name": "x"}, {"name": "y"}],
+    }
+    assert flat_facts(values) == [
+        ("a b, c", "0.333333"),
+        ("a b, on", "yes"),
+        ("a b, none", "none"),
+        ("pairs", "[2, 4], [-1, 1]"),
+        ("numbers", "1, 2"),
+        ("files", "2"),
+    ]

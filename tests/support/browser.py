@@ -1,6 +1,7 @@
 """Pages in headless Chromium, as people see them: what it logs, fetches, shows and cannot show."""
 
 import contextlib
+import functools
 import json
 import os
 import shutil
@@ -49,9 +50,13 @@ _AXE_RUN = """
 class Browser:
     """A browser without a screen, in a folder of its own."""
 
-    def __init__(self, driver: Any, axe: str):
+    def __init__(self, driver: Any):
         self.driver = driver
-        self.axe = axe
+
+    @functools.cached_property
+    def axe(self) -> str:
+        """The script of axe-core; empty where the registry of npm cannot be reached."""
+        return _axe()
 
     def open(self, page: Path | str, width: int) -> None:
         """Open a page at a width."""
@@ -63,13 +68,10 @@ class Browser:
         """Run a script in the page and return what it does."""
         return self.driver.execute_script(script)
 
-    def faults(self, page: Path | str, width: int, served: str = "file:") -> list[str]:
-        """Open a page at a width; return what is wrong with it, in a line each.
+    def faults(self, page: Path | str, width: int, served: str = "file:", *, axe: bool = True) -> list[str]:
+        """Open a page at a width; return its faults, a line each, by axe-core too.
 
-        Args:
-            page: HTML file, or address.
-            width: of the screen [pixels].
-            served: beginning of addresses that are no network.
+        Addresses that begin with `served` are no network.
         """
         self.driver.get_log("performance")  # of the page before
         self.driver.get_log("browser")
@@ -79,7 +81,7 @@ class Browser:
         over = self.ask("return document.documentElement.scrollWidth") - width
         if over > 0:
             found.append(f"{over} pixels wider than the screen of {width}")
-        if self.axe:
+        if axe and self.axe:
             self.ask(self.axe)
             found += [f"at {width}: {rule}" for rule in self.driver.execute_async_script(_AXE_RUN)]
         found += [f"console: {entry['message']}" for entry in self.driver.get_log("browser")]
@@ -111,13 +113,12 @@ def open_browser() -> Iterator[Browser]:
         driver = webdriver.Chrome(options=options, service=Service(chromedriver))
         driver.set_script_timeout(60)
         try:
-            yield Browser(driver, _axe())
+            yield Browser(driver)
         finally:
             driver.quit()
 
 
 def _axe() -> str:
-    """Return the script of axe-core; empty where the registry of npm cannot be reached."""
     if shutil.which("npm") is None:
         return ""
     with tempfile.TemporaryDirectory() as folder:

@@ -17,7 +17,7 @@ from twin.gate.run import write_verdict
 from twin.gate.table import CHECKS
 from twin.recording import write_episode
 from twin.rendering.video import write_video
-from twin.report.page import write_report
+from twin.report.report import write_report
 from twin.simulation import simulate
 
 METHODS = ("C-H", "AM", "LSTM", "Direct RL", "RAM")

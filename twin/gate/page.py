@@ -19,21 +19,18 @@ from twin.gate.checks import accuracy, faults, honesty, sufficiency
 from twin.gate.figures import coverage_figure, difference_figure, fault_figure, twin_figure
 from twin.gate.result import Check, GateVerdict
 from twin.gate.table import ACCURACY, CHECKS, HONESTY, PARTS, SAFETY, TWIN, CheckSpec
-from twin.report.facts import origin_command, origin_groups
-from twin.report.parts import (
+from twin.report.page import (
     Cell,
-    Facts,
-    Folded,
-    Gap,
-    Lines,
     Page,
-    Part,
-    Picture,
-    Section,
-    Table,
-    Text,
-    drawn,
-    repeat_section,
+    bullets,
+    facts,
+    figure,
+    folded,
+    gap,
+    origin_command,
+    origin_facts,
+    table,
+    text,
 )
 
 LIMITS = (
@@ -142,38 +139,25 @@ def gate_page(verdict: GateVerdict, origin: Origin | None, out: str) -> Page:
     """
     found = {check.name: check for check in verdict.checks}
     specs = {spec.name: spec for spec in CHECKS}
-    sections = [Section("Question and context", _context(verdict.subject, origin))]
+    words = [check.word for check in verdict.checks]
+    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    intro = [text(f"{len(words)} checks: {counts}."), bullets(verdict.reasons)]
+    if verdict.subject.get("quick"):
+        intro.append(text("This was a quick run, with fewer twins, draws and samples.", "gap"))
+    page = Page(
+        "EndoTwin gate: may this policy be deployed on this endoscope?",
+        f"{verdict.subject['policy']} on {verdict.subject['preset']}",
+        verb="gate",
+        verdict=verdict.word,
+        intro=tuple(intro),
+    )
+    page.add("Question and context", *_context(verdict.subject, origin))
     for part, claim in PARTS.items():
         made = [(specs[name], check) for name, check in found.items() if specs[name].part == part]
-        sections.append(Section(part, (_claim(claim), _table(made), *_figures(part, found), *_rows(made))))
-    sections.append(Section("What was not shown", _open(verdict)))
-    sections.append(repeat_section(origin_command(origin, out)))
-    quick = "This was a quick run: fewer twins, draws and samples stand behind it than behind a whole one."
-    return Page(
-        verb="gate",
-        kicker="EndoTwin gate: may this policy be deployed on this endoscope?",
-        title=f"{verdict.subject['policy']} on {verdict.subject['preset']}",
-        headline=gate_headline(verdict),
-        sections=tuple(sections),
-        before=(Lines(verdict.reasons), *((Text(quick, "gap"),) if verdict.subject.get("quick") else ())),
-        verdict=verdict.word,
-    )
-
-
-def gate_headline(verdict: GateVerdict) -> str:
-    """Return what a reader should take away, in one sentence."""
-    held = sum(check.holds is True for check in verdict.checks)
-    if verdict.go:
-        open_ = sum(check.holds is None for check in verdict.checks)
-        rest = f"; {open_} show nothing, and none of these is required" if open_ else ""
-        checks = f"{held} of {len(verdict.checks)} checks hold, none fails"
-        return f"Nothing speaks against this policy: {checks}{rest}."
-    against = [check.name for check in verdict.checks if not check.passes]
-    more = f" and {len(against) - 1} more" if len(against) > 1 else ""
-    return (
-        f"This policy should not be deployed: {held} of {len(verdict.checks)} checks hold, but not "
-        f"\N{LEFT DOUBLE QUOTATION MARK}{against[0]}\N{RIGHT DOUBLE QUOTATION MARK}{more}."
-    )
+        page.add(part, _strong("Claim", claim, "claim"), _table(made), *_figures(part, found), *_rows(made))
+    page.add("What was not shown", *_open(verdict))
+    page.add_commands(origin_command(origin, out))
+    return page
 
 
 def shown_figure(value: float | None) -> str:
@@ -184,7 +168,7 @@ def shown_figure(value: float | None) -> str:
     return said.replace("-", "\N{MINUS SIGN}")
 
 
-def _context(subject: dict[str, Any], origin: Origin | None) -> tuple[Part, ...]:
+def _context(subject: dict[str, Any], origin: Origin | None) -> list[Markup]:
     low, high = subject["stroke_mm"]
     logs = ", ".join(
         f"{log['name']} ({log['samples']} samples, {'measured' if log['measured'] else 'simulated'})"
@@ -199,25 +183,21 @@ def _context(subject: dict[str, Any], origin: Origin | None) -> tuple[Part, ...]
         ("seed", f"{subject['seed']}, from random numbers that no training has"),
         ("EndoTwin", str(subject["version"])),
     )
-    return (
-        _said("Question of interest", QUESTION),
-        _said("Context of use", USE),
-        _said("Weight of the evidence", WEIGHT),
-        Facts((("What was judged", judged), *origin_groups(origin))),
-    )
+    return [
+        _strong("Question of interest", QUESTION),
+        _strong("Context of use", USE),
+        _strong("Weight of the evidence", WEIGHT),
+        facts({"What was judged": judged, **origin_facts(origin)}),
+    ]
 
 
-def _said(what: str, text: str) -> Text:
-    return Text(Markup("<strong>{}.</strong> {}").format(what, text))
+def _strong(what: str, sentence: str, style: str = "") -> Markup:
+    return text(Markup("<strong>{}.</strong> {}").format(what, sentence), style)
 
 
-def _claim(claim: str) -> Text:
-    return Text(Markup("<strong>Claim.</strong> {}").format(claim), "claim")
-
-
-def _table(made: Sequence[tuple[CheckSpec, Check]]) -> Part:
+def _table(made: Sequence[tuple[CheckSpec, Check]]) -> Markup:
     if not made:
-        return Gap("No check of this part was made.")
+        return gap("No check of this part was made.")
     rows = []
     for spec, check in made:
         bar = "-" if check.bar is None else f"{check.relation} {shown_figure(check.bar)} {check.unit}".strip()
@@ -231,20 +211,18 @@ def _table(made: Sequence[tuple[CheckSpec, Check]]) -> Part:
                 bar,
             )
         )
-    return Table(("claim and question", "result", "evidence", "figure", "bar"), tuple(rows), cards=True)
+    return table(("claim and question", "result", "evidence", "figure", "bar"), rows, cards=True)
 
 
-def _rows(made: Sequence[tuple[CheckSpec, Check]]) -> list[Part]:
+def _rows(made: Sequence[tuple[CheckSpec, Check]]) -> list[Markup]:
     """Return all evidence of the checks, each behind a line that opens it."""
     return [
-        Folded(
+        folded(
             f"{check.name}: all figures",
-            (
-                Table(
-                    tuple(name.replace("_", " ") for name in check.rows[0]),
-                    tuple(tuple(_shown(value) for value in row.values()) for row in check.rows),
-                    cards=len(check.rows[0]) > 4,
-                ),
+            table(
+                [name.replace("_", " ") for name in check.rows[0]],
+                [[_shown(value) for value in row.values()] for row in check.rows],
+                cards=len(check.rows[0]) > 4,
             ),
         )
         for _, check in made
@@ -256,13 +234,13 @@ def _shown(value: Any) -> str:
     return shown_figure(value) if isinstance(value, float) else str(value)
 
 
-def _open(verdict: GateVerdict) -> tuple[Part, ...]:
+def _open(verdict: GateVerdict) -> list[Markup]:
     unknown = tuple(f"{check.name}: {check.said}" for check in verdict.checks if check.holds is None)
-    in_run: tuple[Part, ...] = (Text("In this run:"), Lines(unknown)) if unknown else ()
-    return (*in_run, Text("In any run:"), Lines(LIMITS))
+    in_run = [text("In this run:"), bullets(unknown)] if unknown else []
+    return [*in_run, text("In any run:"), bullets(LIMITS)]
 
 
-def _figures(part: str, found: dict[str, Check]) -> list[Picture]:
+def _figures(part: str, found: dict[str, Check]) -> list[Markup]:
     """Return the pictures of a part of the argument that there is evidence for."""
     pictures = []
     names = (accuracy.ON_TWINS, accuracy.ON_WIDER, accuracy.ON_LOGS, accuracy.LEARNING)
@@ -273,15 +251,15 @@ def _figures(part: str, found: dict[str, Check]) -> list[Picture]:
             "the worth of what was learned it is the policy's own filter. Red crosses: being worse "
             "is not excluded."
         )
-        pictures.append(drawn(difference_figure(compared), caption))
+        pictures.append(figure(difference_figure(compared), caption))
     if part == HONESTY and honesty.COVERAGE in found and found[honesty.COVERAGE].rows:
         caption = "How often the stated 95 % interval holds the truth. Red: the bar. Dashed: what it states."
-        figure = coverage_figure(found[honesty.COVERAGE], honesty.LEAST_COVERAGE)
-        pictures.append(drawn(figure, caption))
+        drawn = coverage_figure(found[honesty.COVERAGE], honesty.LEAST_COVERAGE)
+        pictures.append(figure(drawn, caption))
     if part == SAFETY and faults.ERRORS in found and found[faults.ERRORS].rows:
         caption = "Errors during a fault and shortly after, beside the trusted filter's on the same stream."
-        pictures.append(drawn(fault_figure(found[faults.ERRORS]), caption))
+        pictures.append(figure(fault_figure(found[faults.ERRORS]), caption))
     if part == TWIN and sufficiency.SUFFICIENT in found and found[sufficiency.SUFFICIENT].curves:
         caption = "Logs, and what the preset's twin makes of their commands; it sees no measurement."
-        pictures.append(drawn(twin_figure(found[sufficiency.SUFFICIENT]), caption))
+        pictures.append(figure(twin_figure(found[sufficiency.SUFFICIENT]), caption))
     return pictures

@@ -10,8 +10,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from twin.evaluation.paper import noise_label
 from twin.evaluation.protocol import Condition
 from twin.report.figures import INK, MUTED, clean_axes
-from twin.report.ranks import in_brackets
-from twin.report.tables import aligned_table, twin_name
+from twin.report.tables import aligned_table, in_brackets, twin_name
 
 COLOUR = "#a3195b"
 SHOWN = (("gaussian", 1.0), ("poisson", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))

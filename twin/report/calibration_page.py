@@ -1,8 +1,10 @@
-"""The page of a calibration: how near the twin comes to each log, beside models without physics."""
+"""The page of a calibration: the errors of the twin on each log, next to those of models without physics."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+from markupsafe import Markup
 from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
@@ -11,37 +13,35 @@ from twin.files.json_text import read_json, validated
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
-from twin.report.facts import flat_facts, origin_command, origin_groups
-from twin.report.parts import (
+from twin.report.page import (
     Cell,
-    Facts,
-    Gap,
-    Lines,
     Page,
-    Part,
-    Section,
-    Table,
-    Text,
-    png_picture,
-    repeat_section,
+    bullets,
+    facts,
+    figure,
+    flat_facts,
+    gap,
+    origin_command,
+    origin_facts,
+    table,
+    text,
 )
 
 FIT_END = "_fit.json"
-"""End of the name of the report that stands beside a calibrated preset."""
+"""End of the name of the report of a calibrated preset."""
 RIVALS = ("coleman_hodgdon", "prandtl_ishlinskii", "bouc_wen")
 """Models without physics that a calibration may be compared with, as its report names them."""
+_CAPTION = (
+    "Each log, and the twin driven by its command alone: it sees no measurement. Below, its errors and those "
+    "of models without physics."
+)
 
 Name = Annotated[str, Field(max_length=200)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class FittedParameter(BaseModel):
-    """A parameter of a calibrated preset.
-
-    Attributes:
-        value: as fitted, in its SI unit.
-        standard_deviation: of the fit; None where the logs do not tell it.
-    """
+    """A fitted parameter in SI units; the deviation is None where the logs do not determine it."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -50,10 +50,10 @@ class FittedParameter(BaseModel):
 
 
 class FitFile(BaseModel):
-    """Contents of `NAME_fit.json`, as far as the page needs them; other versions may add some.
+    """Contents of `NAME_fit.json` that the page needs; other versions may add some.
 
     Attributes:
-        optimizer: how it was searched.
+        optimizer: of the search.
         seed: of the search.
         logs: errors on each log, by name of the figure; None where there is nothing to compare.
         parameters: that were fitted, by name.
@@ -70,7 +70,7 @@ class FitFile(BaseModel):
 
 
 def calibration_page(path: Path) -> Page:
-    """Return the page of a `NAME_fit.json`, and of the preset and the figure beside it.
+    """Return the page of a `NAME_fit.json`, with the preset and the figure in its folder.
 
     Raises:
         ValueError: it is no such file.
@@ -83,149 +83,82 @@ def calibration_page(path: Path) -> Page:
     origin = stated_origin(values)
     stem = path.name.removesuffix(FIT_END)
     preset = path.with_name(f"{stem}.yaml")
-    sections = [
-        Section("The logs and the twin", (_picture(path.with_name(f"{stem}_fit.png")),)),
-        Section("Errors on every log", _errors(fit)),
-        Section("Parameters", _parameters(fit)),
-        Section("What was run", (Facts((*_groups(fit, preset), *origin_groups(origin))),)),
-        repeat_section((*origin_command(origin, str(preset)), f"endotwin report {preset}")),
-    ]
-    return Page(
-        verb="report",
-        kicker="EndoTwin calibration: a twin of a measured endoscope",
-        title=stem,
-        headline=calibration_headline(fit),
-        sections=tuple(sections),
-    )
+    page = Page("EndoTwin calibration: a twin of a measured endoscope", stem)
+    page.add("Errors on every log", *_errors(fit))
+    page.add("The logs and the twin", _picture(path.with_name(f"{stem}_fit.png")))
+    page.add("Parameters", *_parameters(fit))
+    groups = {"Search": (("optimizer", fit.optimizer), ("seed", f"{fit.seed}"))}
+    if preset.is_file():
+        groups[f"Preset {preset.name}, in SI units"] = _preset_facts(preset)
+    page.add("What was run", facts({**groups, **origin_facts(origin)}))
+    page.add_commands((*origin_command(origin, str(preset)), f"endotwin report {preset}"))
+    return page
 
 
-def calibration_headline(fit: FitFile) -> str:
-    """Return what a reader should take away, in one sentence."""
-    fitted = [log for log in fit.logs if log.get("rmse_deg") is not None]
-    unseen = [log for log in fit.logs if log.get("rmse_deg") is None and _held(log, "") is not None]
-    parts = []
-    if fitted:
-        worst = max(_number(log["rmse_deg"]) for log in fitted)
-        logs = (
-            f"{len(fitted)} logs that it was fitted to"
-            if len(fitted) > 1
-            else "the log that it was fitted to"
-        )
-        parts.append(f"follows {logs} to {worst:.2f} deg (RMSE)")
-        beside = _best_rival(fitted, "rmse_deg")
-        if beside:
-            parts[-1] += f", where the best model without physics has {beside}"
-    if unseen:
-        worst = max(_number(_held(log, "")) for log in unseen)
-        logs = f"{len(unseen)} others" if len(unseen) > 1 else "one other"
-        parts.append(f"predicts {logs} within {worst:.2f} deg")
-        beside = _best_rival(unseen, "held_out_rmse_deg")
-        if beside:
-            parts[-1] += f", against {beside}"
-    if not parts:
-        return "The calibrated twin diverges along every log."
-    return f"One twin {', and '.join(parts)}."
-
-
-def _best_rival(logs: list[dict[str, Any]], figure: str) -> str:
-    """Return the smallest of the rivals' worst errors, in words."""
-    worst = {}
-    for rival in RIVALS:
-        values = [log.get(f"{rival}_{figure}") for log in logs]
-        known = [_number(value) for value in values if value is not None]
-        if len(known) == len(values):
-            worst[rival] = max(known)
-    if not worst:
-        return ""
-    best = min(worst, key=lambda rival: worst[rival])
-    return f"{worst[best]:.2f} ({_in_words(best)})"
-
-
-def _held(log: dict[str, Any], prefix: str) -> Any:
-    return log.get(f"{prefix}held_out_rmse_deg")
-
-
-def _number(value: Any) -> float:
-    return float(value)
-
-
-def _picture(path: Path) -> Part:
-    if not path.is_file():
-        return Gap(f"There is no {path.name} beside this report.")
-    caption = (
-        "Each log, and the twin driven by its command alone: it sees no measurement. "
-        "Errors are below, beside those of models without physics."
-    )
+def _preset_facts(preset: Path) -> Any:
     try:
-        return png_picture(path, caption)
+        return flat_facts(read_yaml(preset, MEBIBYTE))
+    except ValueError as error:
+        return (("cannot be shown", cut(error, 200)),)
+
+
+def _picture(path: Path) -> Markup:
+    if not path.is_file():
+        return gap(f"There is no {path.name} with this report.")
+    try:
+        return figure(path, _CAPTION)
     except InputError as error:
-        return Gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
+        return gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
 
 
-def _in_words(rival: str) -> str:
-    """Return the name of a model, which is that of its authors."""
-    return rival.title().replace("_", "-")
-
-
-def _errors(fit: FitFile) -> tuple[Part, ...]:
+def _errors(fit: FitFile) -> Sequence[Markup]:
+    """Tables of the errors of the twin and of its rivals on each log, and of the tension of the wires."""
     rivals = [rival for rival in RIVALS if any(f"{rival}_rmse_deg" in log for log in fit.logs)]
-    rows = []
+    rows: list[Sequence[str | Cell]] = []
     for log in fit.logs:
-        for figure, what in (("rmse_deg", "fitted"), ("held_out_rmse_deg", "predicted")):
-            figures = [log.get(f"{name}_{figure}" if name else figure) for name in ("", *rivals)]
-            if all(value is None for value in figures):
-                continue
-            known = [_number(value) for value in figures if value is not None]
-            cells = tuple(_cell(value, known) for value in figures)
-            bend = log.get("sheath_bend_deg")
-            rows.append((str(log.get("name")), "-" if bend is None else f"{bend:g}", what, *cells))
-    head = ("log", "sheath bent by [deg]", "it was", "twin", *map(_in_words, rivals))
-    note = (
-        "RMSE in degrees; the offset of a fitted log is taken off. The twin is one for all logs; a model "
-        "without physics is fitted anew to each bend of the sheath."
+        bend = log.get("sheath_bend_deg")
+        for index, what in (("rmse_deg", "fitted"), ("held_out_rmse_deg", "predicted")):
+            errors = [log.get(f"{name}{index}") for name in ("", *(f"{rival}_" for rival in rivals))]
+            known = [float(error) for error in errors if error is not None]
+            if known:
+                cells = [
+                    Cell("-") if of is None else Cell(f"{of:.2f}", (), "best" if of == min(known) else "")
+                    for of in errors
+                ]
+                rows.append((str(log.get("name")), "-" if bend is None else f"{bend:g}", what, *cells))
+    head = (
+        "log",
+        "sheath bent by [deg]",
+        "it was",
+        "twin",
+        *(rival.title().replace("_", "-") for rival in rivals),
     )
+    note = (
+        "RMSE in degrees; the offset of a fitted log is removed. One twin is for all logs; a model without "
+        "physics is fitted to each bend of the sheath separately."
+    )
+    parts = [table(head, rows, note=note, cards=True)]
+    wires = [f"tension_{wire}_rmse_percent_of_range" for wire in "ab"]
     tension = [
-        (str(log.get("name")), *(_percent(log.get(f"tension_{wire}_rmse_percent_of_range")) for wire in "ab"))
+        (str(log.get("name")), *("-" if log.get(wire) is None else f"{log[wire]:.1f} %" for wire in wires))
         for log in fit.logs
-        if log.get("tension_a_rmse_percent_of_range") is not None
+        if log.get(wires[0]) is not None
     ]
-    parts: list[Part] = [Table(head, tuple(rows), note=note, cards=True)]
     if tension:
         note = "RMSE in percent of the range of the measured tension."
-        parts.append(Table(("log", "wire a", "wire b"), tuple(tension), "Tension of the wires", note))
-    return tuple(parts)
+        parts.append(table(("log", "wire a", "wire b"), tension, title="Tension of the wires", note=note))
+    return parts
 
 
-def _cell(value: Any, known: list[float]) -> Cell | str:
-    if value is None:
-        return "-"
-    return Cell(f"{value:.2f}", (), "best" if value == min(known) else "")
-
-
-def _percent(value: Any) -> str:
-    return "-" if value is None else f"{value:.1f} %"
-
-
-def _parameters(fit: FitFile) -> tuple[Part, ...]:
-    rows = tuple(
+def _parameters(fit: FitFile) -> Sequence[Markup]:
+    rows = [
         (
             name,
             f"{known.value:.4g}",
-            "not told" if known.standard_deviation is None else f"{known.standard_deviation:.2g}",
+            "not determined" if known.standard_deviation is None else f"{known.standard_deviation:.2g}",
         )
         for name, known in fit.parameters.items()
-    )
-    note = "In SI units, as in the preset's file; docs/physics.md and the preset's module say what each is."
-    table = Table(("parameter", "value", "standard deviation"), rows, note=note)
-    if not fit.warnings:
-        return (table,)
-    return (table, Text("The calibration warns:"), Lines(tuple(fit.warnings)))
-
-
-def _groups(fit: FitFile, preset: Path) -> tuple[tuple[str, tuple[tuple[str, str], ...]], ...]:
-    search = ("Search", (("optimizer", fit.optimizer), ("seed", f"{fit.seed}")))
-    try:
-        values = tuple(flat_facts(read_yaml(preset, MEBIBYTE)))
-    except (OSError, ValueError):
-        return (search,)
-    return (search, (f"Preset {preset.name}, in SI units", values))
+    ]
+    note = "In SI units, as in the preset's file; docs/physics.md describes each."
+    parts = [table(("parameter", "value", "standard deviation"), rows, note=note)]
+    return [*parts, text("Warnings of the calibration:"), bullets(fit.warnings)] if fit.warnings else parts

@@ -1,35 +1,35 @@
-"""The page of a comparison of controllers, made of what `control.json` holds and the figures beside it."""
+"""The page of a comparison of controllers, from `control.json` and the figures in its folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from markupsafe import Markup
 
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json
 from twin.files.origin import stated_origin
-from twin.report.facts import origin_command, origin_groups
-from twin.report.parts import (
+from twin.report.page import (
     Cell,
     Facts,
-    Lines,
     Page,
-    Part,
-    Picture,
-    Section,
-    Table,
-    Text,
-    png_picture,
-    repeat_section,
+    bullets,
+    facts,
+    figure,
+    gap,
+    origin_command,
+    origin_facts,
+    table,
 )
 
 LIMITS = (
-    "Endoscopes and the members of RAM (twins) share their physics, but for the conditions that say "
+    "Endoscopes and the members of RAM (twins) share their physics, but for the conditions that state "
     "otherwise; a real endoscope has more that no twin has.",
-    "Every controller was told the sensor's variance R and its sample time.",
-    "An oracle is told the endoscope itself: what it is off by is left over by the speed of the motor and by "
-    "a reference that is known one sample ahead.",
-    "Motors follow their command within one limit of speed; their own dynamics are not here.",
+    "Every controller is given the sensor's variance R and its sample time.",
+    "An oracle is given the endoscope itself: its remaining error is due to the speed of the motor and to a "
+    "reference that is known one sample ahead.",
+    "Motors follow their command within one limit of speed; their own dynamics are not modelled.",
 )
 """Limits of every comparison."""
 POSES = "poses.png"
@@ -37,14 +37,17 @@ POSES = "poses.png"
 FIGURES = {
     POSES: "Where the endoscope under compensation and the one without it, pale, differ most.",
     "tracking.png": "One reference (dashed) under every controller on the first endoscope; error; command.",
-    "loops.png": "Angle over what was wanted, without compensation and with it.",
+    "loops.png": "Angle over the reference, without compensation and with it.",
     "errors.png": "Error of every endoscope, a dot each; bars are all trials together.",
 }
-"""Figures beside `control.json`, and what each shows."""
+"""Figures next to `control.json`, and what each shows."""
+
+Total = Mapping[str, Any]
+"""Errors of a controller under a condition, as `control.json` holds them."""
 
 
 def read_control_page(path: Path) -> Page:
-    """Return the page of a `control.json`, and of the figures beside it.
+    """Return the page of a `control.json`, and of the figures in its folder.
 
     Raises:
         ValueError: it is no such file.
@@ -60,136 +63,105 @@ def control_page(values: Mapping[str, Any], folder: Path) -> Page:
     """Return the page of a comparison.
 
     Args:
-        values: what `control.json` holds.
-        folder: where it and its figures are.
+        values: contents of `control.json`.
+        folder: of `control.json` and its figures.
     """
     control, totals = values["control"], values["totals"]
     origin = stated_origin(values)
-    figures: list[Picture] = []
-    for name, caption in FIGURES.items():
-        if (folder / name).is_file():
-            figures.append(png_picture(folder / name, caption))
-    seen: tuple[Part, ...] = tuple(figures) or (Text("There is no figure beside these results."),)
-    sections = (
-        Section("What it looks like", seen),
-        Section("Errors", _errors(totals)),
-        Section("Against the others", (_against(values["comparisons"], totals[0]["condition"]),)),
-        Section(
-            "How it was measured",
-            (Facts((("", _facts(control)), *origin_groups(origin))), _tuned(values["tuned"])),
-        ),
-        Section("What was not shown", (Lines(LIMITS),)),
-        repeat_section((*origin_command(origin, str(folder)), f"endotwin report {folder}")),
-    )
-    return Page(
-        verb="control",
-        kicker="EndoTwin control: following a bend in spite of the hysteresis",
-        title=f"{control['preset']}, {control['twins']} endoscopes",
-        headline=headline(values),
-        sections=sections,
-    )
-
-
-def headline(values: Mapping[str, Any]) -> str:
-    """Return what a reader should take away, in a sentence."""
-    totals = values["totals"]
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
-    limit = next((of for of in first if of["oracle"]), None)
-    best = min((of for of in first if of is not limit) if len(first) > 1 else first, key=_error)
-    said = (
-        f"{best['controller']} follows references to {best['rmse_deg']:.2f} deg (RMSE) on "
-        f"{values['control']['twins']} endoscopes that it was not tuned on, {best['condition']}"
+    page = Page(
+        "EndoTwin control: following a bend in spite of the hysteresis",
+        f"{control['preset']}, {control['twins']} endoscopes",
+        verb="control",
     )
-    if limit is not None and limit is not best:
-        said += f" (the limit, by an oracle, is {limit['rmse_deg']:.2f} deg)"
-    rivals = [of for of in first if of is not best and of is not limit]
-    if not rivals:
-        return f"{said}."
-    rival, last = min(rivals, key=_error), max(rivals, key=_error)
-    said = f"{said}: {_less(best, rival)} less error than {rival['controller']}, the next best"
-    if last is rival:
-        return f"{said}."
-    return f"{said}, and {_less(best, last)} less than {last['controller']}, the last."
+    page.add("Controllers", _ranked(first, values["comparisons"]))
+    shown = [figure(folder / name, caption) for name, caption in FIGURES.items() if (folder / name).is_file()]
+    page.add("What it looks like", *(shown or [gap("There is no figure with these results.")]))
+    page.add("Errors under every condition", *_errors(totals))
+    stated = {"": _facts(control), **origin_facts(origin)}
+    page.add("How it was measured", facts(stated), _tuned(values["tuned"]))
+    page.add("What was not shown", bullets(LIMITS))
+    page.add_commands((*origin_command(origin, str(folder)), f"endotwin report {folder}"))
+    return page
 
 
-def _error(total: Mapping[str, Any]) -> float:
-    return float(total["rmse_deg"])
+def _ranked(totals: Sequence[Total], comparisons: Sequence[Mapping[str, Any]]) -> Markup:
+    """Controllers under the first condition, the least error first, and paired reductions by our own."""
+    condition = totals[0]["condition"]
+    against = {of["rival"]: of for of in comparisons if of["condition"] == condition}
+    rows = []
+    for total in sorted(totals, key=lambda of: float(of["rmse_deg"])):
+        less = against.get(total["controller"])
+        rows.append(
+            (
+                total["controller"],
+                f"{total['rmse_deg']:.2f}",
+                f"{total['worst_twin_rmse_deg']:.2f}",
+                "-" if less is None else f"{100 * less['reduction']:.0f} %",
+                "-"
+                if less is None
+                else "{:.0f} to {:.0f} %".format(*(100 * end for end in less["reduction_ci95"])),
+            )
+        )
+    ours = next((of["controller"] for of in comparisons), "this project's own")
+    head = (
+        "controller",
+        "RMSE [deg]",
+        "worst endoscope [deg]",
+        f"less error by {ours}",
+        "95 % interval",
+    )
+    note = (
+        "The least error first; an oracle is the limit. Paired: all met the same endoscopes, references and "
+        "noise. Intervals by a bootstrap over endoscopes, and trials within each."
+    )
+    return table(head, rows, title=condition, note=note, cards=True, numbers=True)
 
 
-def _less(best: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    return f"{1 - best['rmse_deg'] / max(other['rmse_deg'], 1e-9):.0%}"
-
-
-def _errors(totals: Sequence[Mapping[str, Any]]) -> tuple[Part, ...]:
-    """Return three tables with a row for each controller and a column for each condition."""
+def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
+    """Three tables with a row for each controller and a column for each condition."""
     conditions = list(dict.fromkeys(of["condition"] for of in totals))
     names = list(dict.fromkeys(of["controller"] for of in totals))
     cells = {(of["controller"], of["condition"]): of for of in totals}
 
-    def table(title: str, note: str, figure: str, small: Any, places: int = 2) -> Table:
-        rows = []
-        for name in names:
-            row: list[str | Cell] = [name]
-            for condition in conditions:
-                of = cells.get((name, condition))
-                row.append("-" if of is None else Cell(f"{of[figure]:.{places}f}", small(of)))
-            rows.append(tuple(row))
-        cards = len(conditions) > 3
-        return Table(("controller", *conditions), tuple(rows), title, note, cards, "numbers")
+    def by_condition(title: str, note: str, show: Callable[[Total], Cell]) -> Markup:
+        found = [[cells.get((name, condition)) for condition in conditions] for name in names]
+        rows = [
+            (name, *("-" if of is None else show(of) for of in row))
+            for name, row in zip(names, found, strict=True)
+        ]
+        head, cards = ("controller", *conditions), len(conditions) > 3
+        return table(head, rows, title=title, note=note, cards=cards, numbers=True)
 
     return (
-        table(
+        by_condition(
             "Whole references",
             "RMSE of tracking [deg] of all trials; below it, that of the worst endoscope.",
-            "rmse_deg",
-            lambda of: (f"{of['worst_twin_rmse_deg']:.2f}",),
+            lambda of: Cell(f"{of['rmse_deg']:.2f}", (f"{of['worst_twin_rmse_deg']:.2f}",)),
         ),
-        table(
+        by_condition(
             "Last 20 s",
             "RMSE [deg], and below it the largest error. A disturbance is over two seconds before.",
-            "late_rmse_deg",
-            lambda of: (f"{of['late_worst_deg']:.1f}",),
+            lambda of: Cell(f"{of['late_rmse_deg']:.2f}", (f"{of['late_worst_deg']:.1f}",)),
         ),
-        table(
-            "Way of the command",
-            "Mean of a trial [mm]: it wears the sheath. Below it, the share of time in the fallback's hands.",
-            "travel_mm",
-            lambda of: (f"fallback {100 * of['fallback_share']:.1f} %",) if of["fallback_share"] > 0 else (),
-            0,
+        by_condition(
+            "Travel of the command",
+            "Mean of a trial [mm]: it wears the sheath. Below it, the share of time under the fallback.",
+            lambda of: Cell(
+                f"{of['travel_mm']:.0f}",
+                (f"fallback {100 * of['fallback_share']:.1f} %",) if of["fallback_share"] > 0 else (),
+            ),
         ),
     )
 
 
-def _against(comparisons: Sequence[Mapping[str, Any]], first: str) -> Part:
-    shown = [of for of in comparisons if of["condition"] == first]
-    if not shown:
-        return Text("No controller of this project's own was run.")
-    rows = tuple(
-        (
-            of["rival"],
-            f"{of['rival_rmse_deg']:.2f}",
-            f"{100 * of['reduction']:.0f} %",
-            "{:.0f} to {:.0f} %".format(*(100 * end for end in of["reduction_ci95"])),
-        )
-        for of in shown
-    )
-    note = (
-        "Paired: all met the same endoscopes, references and noise. Intervals are by a bootstrap over "
-        "endoscopes, and trials within each."
-    )
-    head = (first, "its RMSE [deg]", f"less error by {shown[0]['controller']}", "95 % interval")
-    return Table(head, rows, note=note)
-
-
-def _facts(control: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def _facts(control: Mapping[str, Any]) -> Facts:
     limits = control["limits"]
     spans = " or ".join(f"{of['low_mm']:g} to {of['high_mm']:g} mm" for of in limits)
+    drawn = f"{control['twins']} drawn from the ranges of {control['preset']}, in {control['physics']}"
     return (
-        (
-            "endoscopes",
-            f"{control['twins']} drawn from the ranges of {control['preset']}, in {control['physics']}",
-        ),
-        ("references", f"{control['seconds']:g} s each, behind a hold of 3 s that is not scored"),
+        ("endoscopes", drawn),
+        ("references", f"{control['seconds']:g} s each, after a hold of 3 s that is not scored"),
         ("command", f"{spans}, at most {limits[0]['speed_mm_s']:g} mm/s"),
         ("delay of the sensor", f"{control['sensor_latency_s']:g} s"),
         ("reference known ahead", f"{control['preview_s']:g} s"),
@@ -200,8 +172,8 @@ def _facts(control: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Table:
-    rows = tuple(
+def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Markup:
+    rows = [
         (
             of["controller"],
             f"{of['noise_variance_deg2']:.3g}",
@@ -212,13 +184,7 @@ def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Table:
             or "none",
         )
         for of in tuned
-    )
-    head = (
-        "controller",
-        "R [deg²]",
-        "T [s]",
-        "tried",
-        "RMSE on the tuning's own, geometric mean [deg]",
-        "settings",
-    )
-    return Table(head, rows, "What was tuned", cards=True)
+    ]
+    error = "RMSE on the tuning's own, geometric mean [deg]"
+    head = ("controller", "R [deg²]", "T [s]", "tried", error, "settings")
+    return table(head, rows, title="What was tuned", cards=True)

@@ -3,29 +3,40 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from markupsafe import Markup
+
 from twin.dataset.card import FIGURE, varying
 from twin.dataset.recipe_file import load_recipe
-from twin.files.dataset_json import Dataset, Entry, MeasuredDataset, SimulatedDataset, read_contents
+from twin.files.dataset_json import Dataset, MeasuredDataset, SimulatedDataset, read_contents
 from twin.files.hashes import sha256_of
 from twin.recording import read_episode
-from twin.report.facts import flat_facts
-from twin.report.parts import (
+from twin.report.page import (
     Facts,
-    Folded,
-    Lines,
     Page,
-    Part,
-    Section,
-    ShownCommands,
-    Table,
-    Text,
-    png_picture,
-    repeat_section,
+    bullets,
+    commands,
+    facts,
+    figure,
+    flat_facts,
+    folded,
+    table,
+    text,
 )
-from twin.report.player import record_player
+from twin.report.player import player
 
 MOST_FILES = 200
 """Files that the page lists: `dataset.json` has all."""
+_LOOPS = "Loops of some of the episodes. Dark: the true bending angle; grey: what the sensor saw."
+_LOADING = """import twin
+for episode in twin.read_dataset({folder!r}):
+    print(episode)
+
+endotwin export {folder} --format parquet --out {name}_lerobot"""
+_SOURCES = {
+    "simulated": "simulated, with hidden state, friction and tension along each wire",
+    "measured": "measured on an endoscope",
+    "benchmark": "simulated for the full comparison",
+}
 
 
 def dataset_page(path: Path) -> Page:
@@ -38,120 +49,82 @@ def dataset_page(path: Path) -> Page:
     folder = path.parent
     contents = read_contents(folder)
     first = contents.files[0]
-    episode = read_episode(folder / first.name)
-    seen: list[Part] = [record_player(episode, first.name)]
-    if (folder / FIGURE).is_file():
-        caption = "Loops of some of the episodes. Dark: the true bending angle; grey: what the sensor saw."
-        seen.append(png_picture(folder / FIGURE, caption))
-    sections = [
-        Section("What it looks like", tuple(seen)),
-        Section("What varies", _varying(folder, contents)),
-        Section("What each file holds", (_features(contents),)),
-        Section("Files", _files(contents.files)),
-        Section(
-            "How to load it", (Text("In Python, or as a LeRobot dataset:"), ShownCommands(_loading(folder)))
-        ),
-        Section("What was run", (Facts(_facts(path, contents)),)),
-        repeat_section(_commands(folder, contents)),
-    ]
-    return Page(
-        verb="report",
-        kicker="EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope",
-        title=folder.resolve().name,
-        headline=_headline(contents),
-        sections=tuple(sections),
-    )
-
-
-def _headline(contents: Dataset) -> str:
+    page = Page("EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope", folder.resolve().name)
     bend = contents.statistics["truth_deg"]
-    count = f"{contents.episodes} record" + ("s" if contents.episodes > 1 else "")
-    made = {
-        "simulated": "simulated with its hidden state, friction and tension along each wire",
-        "measured": "measured on an endoscope",
-        "benchmark": "simulated for the full benchmark",
-    }[contents.source]
-    return (
-        f"{count}, {contents.seconds:.4g} s in all, {made}; the tip bends from "
-        f"{_whole(bend.min)} to {_whole(bend.max)} deg."
+    size = (
+        ("source", _SOURCES[contents.source]),
+        ("episodes", f"{contents.episodes}"),
+        ("seconds", f"{contents.seconds:.4g}"),
+        ("bending angle", _signed(f"{bend.min:z.0f} to {bend.max:z.0f} deg")),
     )
+    shown = [facts({"": size}), player(read_episode(folder / first.name), first.name)]
+    if (folder / FIGURE).is_file():
+        shown.append(figure(folder / FIGURE, _LOOPS))
+    page.add("What it looks like", *shown)
+    page.add("What varies", bullets(_varying(folder, contents)))
+    page.add("What each file holds", _features(contents))
+    page.add("Files", *_files(contents))
+    lines = _LOADING.format(folder=str(folder), name=folder.name).splitlines()
+    page.add("How to load it", text("In Python, or as a LeRobot dataset:"), commands(lines))
+    page.add("What was run", facts(_facts(path, contents)))
+    page.add_commands(_commands(folder, contents))
+    return page
 
 
-def _whole(angle: float) -> str:
-    """Return a number without its decimals, and without the sign of a zero."""
-    return f"{round(angle)}".replace("-", "\N{MINUS SIGN}")
+def _signed(text: str) -> str:
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _varying(folder: Path, contents: Dataset) -> tuple[Part, ...]:
+def _varying(folder: Path, contents: Dataset) -> Sequence[str]:
     if isinstance(contents, SimulatedDataset):
         recipe = load_recipe(folder / "recipe.yaml")
-        return (Lines(tuple(line.replace("`", "") for line in varying(recipe, contents.files))),)
+        return [line.replace("`", "") for line in varying(recipe, contents.files)]
     if isinstance(contents, MeasuredDataset):
-        return (Lines(tuple(f"{file.name}, read from {file.csv}" for file in contents.files[:MOST_FILES])),)
-    twins = dict.fromkeys(file.twin for file in contents.files)
-    return (Lines((f"twins: {', '.join(twins)}",)),)
+        return [f"{file.name}, read from {file.csv}" for file in contents.files[:MOST_FILES]]
+    return [f"twins: {', '.join(dict.fromkeys(file.twin for file in contents.files))}"]
 
 
-def _features(contents: Dataset) -> Table:
+def _features(contents: Dataset) -> Markup:
     rows = []
     for name, feature in contents.features.items():
-        held = contents.statistics[name]
+        of = contents.statistics[name]
         shape = " x ".join(map(str, feature.shape)) or "1"
-        figures = (f"{figure:.4g}" for figure in (held.min, held.max, held.mean, held.std))
-        numbers = (figure.replace("-", "\N{MINUS SIGN}") for figure in figures)
-        rows.append((name, feature.meaning, feature.unit, feature.topic, shape, *numbers, f"{held.count}"))
+        numbers = (_signed(f"{number:.4g}") for number in (of.min, of.max, of.mean, of.std))
+        rows.append((name, feature.meaning, feature.unit, feature.topic, shape, *numbers, f"{of.count}"))
     head = ("quantity", "what", "unit", "topic", "per sample", "min", "max", "mean", "std", "count")
-    note = "A measurement that is missing is not counted."
-    return Table(head, tuple(rows), note=note, cards=True)
+    return table(head, rows, note="A missing measurement is not counted.", cards=True)
 
 
-def _files(files: Sequence[Entry]) -> tuple[Part, ...]:
-    rows = tuple(
+def _files(contents: Dataset) -> Sequence[Markup]:
+    files = contents.files
+    rows = [
         (file.name, f"{file.samples}", f"{file.seconds:g}", f"{file.bytes / 1e6:.2f}", file.sha256)
         for file in files[:MOST_FILES]
-    )
-    table = Table(("file", "samples", "s", "MB", "SHA-256"), rows, cards=True)
-    if len(files) > MOST_FILES:
-        return (Text(f"The first {MOST_FILES} of {len(files)}; dataset.json lists all."), table)
-    return (table,) if len(files) <= 10 else (Folded(f"All {len(files)} files", (table,)),)
-
-
-def _loading(folder: Path) -> tuple[str, ...]:
-    return (
-        "import twin",
-        f"for episode in twin.read_dataset({str(folder)!r}):",
-        "    print(episode)",
-        "",
-        f"endotwin export {folder} --format parquet --out {folder.name}_lerobot",
-    )
-
-
-def _facts(path: Path, contents: Dataset) -> tuple[tuple[str, tuple[tuple[str, str], ...]], ...]:
-    versions = [("endotwin", contents.endotwin)]
-    if not isinstance(contents, MeasuredDataset):
-        versions.append(("mujoco", contents.mujoco))
-    groups = [
-        ("Versions", tuple(versions)),
-        ("Data, by SHA-256", ((path.name, sha256_of(path)),)),
     ]
+    listed = table(("file", "samples", "s", "MB", "SHA-256"), rows, cards=True)
+    if len(files) > MOST_FILES:
+        return [text(f"The first {MOST_FILES} of {len(files)}; dataset.json lists all."), listed]
+    return [listed] if len(files) <= 10 else [folded(f"All {len(files)} files", listed)]
+
+
+def _facts(path: Path, contents: Dataset) -> dict[str, Facts]:
+    groups: dict[str, Facts] = {
+        "Versions": [("endotwin", contents.endotwin)],
+        "Data, by SHA-256": [(path.name, sha256_of(path))],
+    }
     if not isinstance(contents, MeasuredDataset):
+        groups["Versions"] = [*groups["Versions"], ("mujoco", contents.mujoco)]
         recipe = contents.recipe.model_dump(mode="json", exclude_unset=True)
         preset = recipe.pop("preset")
-        groups.append(("Recipe", tuple(flat_facts(recipe))))
-        groups.append(("Preset, in SI units", tuple(flat_facts(preset))))
-    return tuple(groups)
+        groups |= {"Recipe": flat_facts(recipe), "Preset, in SI units": flat_facts(preset)}
+    return groups
 
 
-def _commands(folder: Path, contents: Dataset) -> tuple[str, ...]:
-    verify = f"endotwin generate --verify --out {folder}"
+def _commands(folder: Path, contents: Dataset) -> Sequence[str]:
+    made: list[str] = []
     if isinstance(contents, SimulatedDataset):
-        return (
-            f"endotwin generate {folder / 'recipe.yaml'} --out again",
-            verify,
-            f"endotwin report {folder}",
-        )
-    if isinstance(contents, MeasuredDataset):
-        names = dict.fromkeys(file.csv for file in contents.files)
-        imports = tuple(f"endotwin import {name} --out {folder}" for name in list(names)[:20])
-        return (*imports, verify, f"endotwin report {folder}")
-    return (verify, f"endotwin report {folder}")
+        made = [f"endotwin generate {folder / 'recipe.yaml'} --out again"]
+    elif isinstance(contents, MeasuredDataset):
+        names = list(dict.fromkeys(file.csv for file in contents.files))
+        made = [f"endotwin import {name} --out {folder}" for name in names[:20]]
+    return (*made, f"endotwin generate --verify --out {folder}", f"endotwin report {folder}")

@@ -1,4 +1,4 @@
-"""Figures of the results: loops, tracking, training and errors; one message each, readable in greyscale.
+"""Figures of results: loops, tracking, training and errors; one message each, readable in greyscale.
 
 A method keeps its colour, line and marker in all of them. No figure touches pyplot or its global state.
 """
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.estimation.methods import Style
-from twin.estimation.registry import method_spec
+from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.paper import noise_label
 from twin.evaluation.score import Score
 from twin.evaluation.track import Track
@@ -28,13 +28,19 @@ Array = NDArray[np.float64]
 
 INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
 MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
+FIT_COLOUR, LOOP_COLOUR = "#6f3fa0", "#a9b1ba"
+TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
 START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
-
-
-FIT_COLOUR = "#6f3fa0"
-TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
-"""The true angle."""
+PAPER_FIGURES = (
+    (5, "gaussian", 1.0),
+    (6, "gaussian", 1.0),
+    (7, "gaussian", 5.0),
+    (8, "poisson", 0.1),
+    (9, "poisson", 1.0),
+    (10, "poisson", 2.0),
+)
+"""Number in the paper, noise and level; a method declares in which it is shown."""
 _OTHER = tuple(
     Style(colour, (0, (2, 1)), marker)
     for colour, marker in (
@@ -62,27 +68,30 @@ def own_style(method: str) -> Style | None:
     return None if spec is None else spec.presentation.style
 
 
+def line_of(style: Style) -> dict[str, Any]:
+    """Return colour, line style and width as matplotlib takes them."""
+    return {"color": style.colour, "linestyle": style.line, "linewidth": style.width}
+
+
 def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()) -> Figure:
-    """Draw measured loops and the Coleman-Hodgdon fit over them.
+    """Draw loops and the Coleman-Hodgdon fit over them.
 
     Args:
-        loops: one (pull_mm (N,), bend_deg (N,)) per episode [mm], [deg].
-        fits: one (N,) response of the model to the same pull per episode [deg]; empty for loops alone.
-
-    Raises:
-        ValueError: there is not one fit per loop.
+        loops: (pull_mm (N,), bend_deg (N,)) of each episode.
+        fits: (N,) response of the model [deg] to each pull; empty for loops alone.
     """
     if fits and len(fits) != len(loops):
         raise InputError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
     figure = Figure(figsize=(4.6, 4.0), layout="constrained")
     axes = clean_axes(figure.subplots())
     for pull, bend in loops:
-        axes.plot(pull, bend, color="#a9b1ba", linewidth=1.6, solid_joinstyle="round")
+        axes.plot(pull, bend, color=LOOP_COLOUR, linewidth=1.6, solid_joinstyle="round")
+    fit_line: dict[str, Any] = {"color": FIT_COLOUR, "linestyle": (0, (4, 1.5))}
     for (pull, _), fit in zip(loops, fits, strict=False):
-        axes.plot(pull, fit, color=FIT_COLOUR, linewidth=1.0, linestyle=(0, (4, 1.5)))
-    handles = [Line2D([], [], color="#a9b1ba", linewidth=1.6, label="twin")]
+        axes.plot(pull, fit, linewidth=1.0, **fit_line)
+    handles = [Line2D([], [], color=LOOP_COLOUR, linewidth=1.6, label="twin")]
     if fits:
-        handles.append(Line2D([], [], color=FIT_COLOUR, linestyle=(0, (4, 1.5)), label="Coleman-Hodgdon fit"))
+        handles.append(Line2D([], [], label="Coleman-Hodgdon fit", **fit_line))
     figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
     axes.set_xlabel("pulling distance [mm]")
     axes.set_ylabel("bending angle [deg]")
@@ -92,33 +101,25 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
 def tracking_figure(
     track: Track, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
 ) -> Figure:
-    """Draw truth and estimates over their errors, the whole record beside its first seconds (Figs. 5-10).
+    """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10).
 
     Args:
         track: estimates along one record.
-        methods: which of them to draw, the most important last (it lies on top).
+        methods: which of them to draw, the most important last (on top).
         title: of the figure.
-        notes: what the legend says behind the name of a method.
-
-    Raises:
-        ValueError: the track has no estimates of one of the methods.
+        notes: follow the names of methods in the legend.
     """
     errors = {method: track.error_deg(method) for method in methods}
+    lines = {method: line_of(style_of(method, methods)) for method in methods}
     figure = Figure(figsize=(8.6, 4.3), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
-    truth = TRUTH
-    for column in range(2):
-        upper, lower = clean_axes(grid[0, column]), clean_axes(grid[1, column])
-        upper.plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
-        for method in methods:
-            style = style_of(method, methods)
-            line = {"color": style.colour, "linestyle": style.line, "linewidth": style.width}
+    for upper, lower in grid.T:
+        clean_axes(upper).plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
+        for method, line in lines.items():
             upper.plot(track.time, track.estimates[method], **line)
-            lower.plot(track.time, errors[method], **line)
-        upper.plot(
-            track.time, track.truth_deg, color=truth.colour, linestyle=truth.line, linewidth=truth.width
-        )
-        lower.axhline(0, color=truth.colour, linewidth=0.6)
+            clean_axes(lower).plot(track.time, errors[method], **line)
+        upper.plot(track.time, track.truth_deg, **line_of(TRUTH))
+        lower.axhline(0, color=TRUTH.colour, linewidth=0.6)
         lower.set_xlabel("time [s]")
     start = track.time[0]
     grid[0, 0].set_xlim(start, track.time[-1])
@@ -126,24 +127,56 @@ def tracking_figure(
     grid[0, 1].set_title(f"the first {START_SECONDS:g} s", fontsize=8.5, color=MUTED, loc="left")
     later = track.time >= start + START_SECONDS / 2
     if later.any():
-        bound = 1.15 * max(float(np.abs(error[later]).max()) for error in errors.values())
-        grid[1, 0].set_ylim(-max(bound, 0.1), max(bound, 0.1))
+        bound = max(1.15 * max(float(np.abs(error[later]).max()) for error in errors.values()), 0.1)
+        grid[1, 0].set_ylim(-bound, bound)
     grid[0, 0].set_ylabel("bending angle [deg]")
     grid[1, 0].set_ylabel("error [deg]")
     figure.align_ylabels(grid[:, 0])
     grid[0, 0].set_title(title, fontsize=10, color=INK, loc="left", fontweight="bold")
     handles = [
         Line2D([], [], linestyle="", label="measurement", **MEASUREMENT),
-        Line2D([], [], color=truth.colour, linestyle=truth.line, label="ground truth"),
-        *(_handle(method, methods, (notes or {}).get(method, "")) for method in methods),
+        Line2D([], [], label="ground truth", **line_of(TRUTH)),
     ]
+    for method, line in lines.items():
+        note = (notes or {}).get(method)
+        handles.append(Line2D([], [], label=f"{method}: {note}" if note else method, **line))
     columns = (len(handles) + 1) // 2 if notes else len(handles)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
     return figure
 
 
+def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict[int, tuple[Figure, str]]:
+    """Return the paper's Figs. 5 to 10 with captions, by number; those that the tracks lack are left out.
+
+    Args:
+        tracks: one for each noise, from `evaluate`.
+        scores: of the episodes that the tracks are from; their RMSE and the published one go into the legend.
+    """
+    by_noise = {(track.noise, track.level): track for track in tracks}
+    by_method = {(*score.condition, score.method): score for score in protocol_scores(scores)}
+    figures = {}
+    for number, noise, level in PAPER_FIGURES:
+        track = by_noise.get((noise, level))
+        wanted = [spec.name for spec in method_specs() if number in spec.presentation.paper_figures]
+        methods = [method for method in wanted if track is not None and method in track.estimates]
+        if track is None or not methods:
+            continue
+        notes = {}
+        for method in methods:
+            if score := by_method.get((noise, level, method)):
+                published = score.paper_rmse_deg
+                of_paper = "" if published is None else f" (paper {published + 1e-9:.2f})"
+                notes[method] = f"{score.rmse_deg:.2f}{of_paper}"
+        label = noise_label(noise, level)
+        caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
+        if notes:
+            caption += " In the legend: RMSE over all test records and seeds [deg]."
+        figures[number] = (tracking_figure(track, methods, label, notes), caption)
+    return figures
+
+
 def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
-    """Draw the error that each agent pays per step over the samples it has learned from; lower is better.
+    """Draw the cost that each agent pays per step over the samples it has learned from; lower is better.
 
     Args:
         curves: by agent, `samples` (M,) and `return` (M,), the mean reward per step, negative [deg^2].
@@ -165,69 +198,66 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
     return figure
 
 
+def _running_median(values: Array, window: int) -> Array:
+    """Median of the last `window` values at each place (M,)."""
+    padded = np.concatenate([np.full(window - 1, values[0]), values])
+    median: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
+    return median
+
+
 def rmse_figure(scores: Sequence[Score]) -> Figure:
     """Draw the RMSE of every method under every noise, with its 95 % interval; hollow marks are the paper's.
 
-    Args:
-        scores: of an evaluation; those of the longest sample time are drawn.
-
-    Raises:
-        ValueError: there is none.
+    Of an evaluation, the scores of the paper's protocol are drawn.
     """
     scores = protocol_scores(scores)
     if not scores:
         raise InputError("no rows of evaluation.json: nothing to draw")
     noises = sorted({score.condition for score in scores})
     methods = ordered(score.label for score in scores)
+    styles = {method: style_of(method, methods) for method in methods}
     slot = 0.8 / len(methods)
-    offsets = {method: slot * (place + 0.5) - 0.4 for place, method in enumerate(methods)}
     figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
     axes = clean_axes(figure.subplots())
     axes.grid(False, axis="x")
     for score in scores:
-        style = style_of(score.label, methods)
-        place = noises.index(score.condition) + offsets[score.label]
+        style = styles[score.label]
+        place = noises.index(score.condition) + slot * (methods.index(score.label) + 0.5) - 0.4
         low, high = score.rmse_ci95_deg
         axes.plot([place, place], [max(low, 1e-3), high], color=style.colour, linewidth=1.4)
         axes.plot(place, score.rmse_deg, style.marker, color=style.colour, markersize=5.5, zorder=3)
         if score.paper_rmse_deg is not None:
             hollow: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.colour}
             axes.plot(place - 0.38 * slot, score.paper_rmse_deg, style.marker, markersize=5.5, **hollow)
-    for edge in np.arange(1, len(noises)) - 0.5:
-        axes.axvline(edge, color=GRID, linewidth=1)
+    for edge in range(1, len(noises)):
+        axes.axvline(edge - 0.5, color=GRID, linewidth=1)
     axes.set_xlim(-0.5, len(noises) - 0.5)
     axes.set_xticks(range(len(noises)), [noise_label(*noise).replace(", ", "\n") for noise in noises])
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(FixedLocator([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50]))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_locator(NullLocator())
+    log_ticks(axes.yaxis, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50))
     axes.set_ylabel("RMSE [deg]")
+    point: dict[str, Any] = {"linestyle": ""}
     handles = [
-        Line2D(
-            [],
-            [],
-            linestyle="",
-            marker=style_of(m, methods).marker,
-            color=style_of(m, methods).colour,
-            label=m,
-        )
-        for m in methods
+        Line2D([], [], marker=style.marker, color=style.colour, label=method, **point)
+        for method, style in styles.items()
     ]
     if any(score.paper_rmse_deg is not None for score in scores):
-        paper: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": MUTED}
-        handles.append(Line2D([], [], linestyle="", marker="o", label="hollow: the paper", **paper))
+        hollow = {"markerfacecolor": "white", "markeredgecolor": MUTED}
+        handles.append(Line2D([], [], marker="o", label="hollow: the paper", **point, **hollow))
     # One row keeps the order of the slots; a narrow figure has no room for it.
     columns = len(handles) if figure.get_figwidth() > 1.2 * len(handles) else 5
+    spacing: dict[str, Any] = {"handletextpad": 0.1, "columnspacing": 1.2}
     figure.legend(
-        handles=handles,
-        loc="outside upper center",
-        ncols=columns,
-        frameon=False,
-        fontsize=8.5,
-        handletextpad=0.1,
-        columnspacing=1.2,
+        handles=handles, loc="outside upper center", ncols=columns, frameon=False, fontsize=8.5, **spacing
     )
     return figure
+
+
+def log_ticks(axis: Any, ticks: Sequence[float]) -> None:
+    """Mark a logarithmic axis at these values alone, as plain numbers."""
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def to_svg(figure: Figure) -> str:
@@ -239,14 +269,14 @@ def to_svg(figure: Figure) -> str:
 
 
 def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
-    """Return a figure as a PNG file with `dpi` pixels per inch, without the version of who drew it."""
+    """Return a figure as a PNG file of `dpi` pixels per inch, without the version of the library."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": MADE_BY})
     return buffer.getvalue()
 
 
 def clean_axes(axes: Axes) -> Axes:
-    """Give axes the look of all figures: a light grid behind, no frame at the top and the right."""
+    """Give axes the look of all figures: a light grid, no frame at the top and the right."""
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -255,16 +285,3 @@ def clean_axes(axes: Axes) -> Axes:
     axes.xaxis.label.set(color=INK, fontsize=9.5)
     axes.yaxis.label.set(color=INK, fontsize=9.5)
     return axes
-
-
-def _handle(method: str, methods: Sequence[str], note: str = "") -> Line2D:
-    style = style_of(method, methods)
-    label = f"{method}: {note}" if note else method
-    return Line2D([], [], color=style.colour, linestyle=style.line, linewidth=1.6, label=label)
-
-
-def _running_median(values: Array, window: int) -> Array:
-    """Median of the last `window` values at each place (M,)."""
-    padded = np.concatenate([np.full(window - 1, values[0]), values])
-    median: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
-    return median

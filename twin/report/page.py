@@ -1,85 +1,274 @@
-"""The page of any run: what a path holds is recognised, and its page is written from the same parts."""
+"""Self-contained HTML pages made of parts: text, tables, facts, figures, folded details, commands, a player.
 
-import importlib
-from collections.abc import Callable
+A part is a function that returns HTML as `Markup`; every text is escaped, unless it is `Markup` itself.
+`Page.write` puts parts under headings into `assets/page.html.j2`: one file that loads nothing else.
+"""
+
+import base64
+import dataclasses
+import re
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from twin.errors import InputError, MissingFileError
-from twin.report.calibration_page import FIT_END
-from twin.report.parts import Page, write_page
-from twin.report.run_page import run_commands, run_page
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
-KINDS: dict[str, tuple[str, str]] = {
-    "gate.json": ("twin.gate.page", "read_gate_page"),
-    "control.json": ("twin.report.control_page", "read_control_page"),
-    "evaluation.json": ("twin.report.evaluation_page", "evaluation_page"),
-    "dataset.json": ("twin.report.dataset_page", "dataset_page"),
-    FIT_END: ("twin.report.calibration_page", "calibration_page"),
-    "config.yaml": ("twin.report.training_page", "training_page"),
-}
-"""File by which each kind of result is known, beside a whole run, and the function that makes its page."""
+from twin.errors import InputError
+from twin.files.assets import assets_folder
+from twin.files.atomic import write_whole
+from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.origin import Origin
+from twin.files.shown import cut
+from twin.report.figures import to_svg
+
+LARGEST_PICTURE = 16 * MEBIBYTE
+"""Size that is read of a picture [bytes]."""
+WIDE = 6.7
+"""Width from which letters of a figure are too small on a narrow screen, which then scrolls it [inches]."""
+MOST_FACTS = 200
+"""Facts that a page lists of one file."""
+
+Facts = Sequence[tuple[str, str]]
+"""Names and values."""
 
 
-def write_report(path: Path, out: Path) -> Path:
-    """Write the page of a run; what it lacks is named with the command that makes it.
+@dataclasses.dataclass
+class Page:
+    """A page: parts under headings, with a table of contents.
+
+    Attributes:
+        kind: what is reported, in a line above the title.
+        title: heading of the page.
+        verb: command that writes it.
+        verdict: word in large letters above the title; empty for none.
+        intro: parts between the title and the table of contents.
+        sections: (heading, parts), see `add`.
+    """
+
+    kind: str
+    title: str
+    verb: str = "report"
+    verdict: str = ""
+    intro: tuple[Markup, ...] = ()
+    sections: list[tuple[str, tuple[Markup, ...]]] = dataclasses.field(default_factory=list)
+
+    def add(self, heading: str, *parts: Markup) -> None:
+        """Add a section."""
+        self.sections.append((heading, parts))
+
+    def add_commands(self, lines: Sequence[str], sentence: str = "") -> None:
+        """Add the last section: the commands that repeat the result and the page."""
+        self.add("How to repeat it", *((text(sentence),) if sentence else ()), commands(lines))
+
+    def write(self, path: Path) -> Path:
+        """Write the page as one HTML file."""
+        environment = jinja2.Environment(
+            loader=jinja2.FileSystemLoader(assets_folder()),
+            autoescape=True,
+            undefined=jinja2.StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        sections = [
+            (re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-"), heading, parts)
+            for heading, parts in self.sections
+        ]
+        has_player = any('class="player"' in part for _, parts in self.sections for part in parts)
+        template = environment.get_template("page.html.j2")
+        write_whole(path, template.render(page=self, sections=sections, has_player=has_player))
+        return path
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """Cell with small lines below its text, or a style: `best`, `mark yes`, `mark no`, `mark open`."""
+
+    text: str
+    small: tuple[str, ...] = ()
+    style: str = ""
+
+
+def text(sentence: str, style: str = "") -> Markup:
+    """Return a paragraph; styles are `note`, `gap` and `claim`."""
+    return Markup("<p{}>{}</p>").format(_class(style), sentence)
+
+
+def bullets(lines: Iterable[str]) -> Markup:
+    """Return a list."""
+    return Markup('<ul class="lines">{}</ul>').format(_each("<li>{}</li>", lines))
+
+
+def table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    *,
+    title: str = "",
+    note: str = "",
+    cards: bool = False,
+    numbers: bool = False,
+) -> Markup:
+    """Return a table.
 
     Args:
-        path: folder of a run, a dataset, an evaluation, a training, a gate or a comparison of controllers; or
-            a file by which one is known, or a calibrated preset.
-        out: the HTML file to write, whole or not at all.
-
-    Returns:
-        `out`.
-
-    Raises:
-        FileNotFoundError: there is no such folder or file, or none to write into.
-        ValueError: nothing there belongs to a run.
+        head: names of the columns.
+        rows: text or a `Cell` for each column; the first one is the heading of its row.
+        title: above the table.
+        note: below the table.
+        cards: on a narrow screen each row becomes a card: for many or wordy columns.
+        numbers: cells but the first are aligned to the right.
     """
-    return write_page(page_of(path), out)
-
-
-def page_of(path: Path) -> Page:
-    """Return the page of a run; arguments and errors as in `write_report`."""
-    known = known_file(path)
-    if known is None:
-        return run_page(path)
-    file, kind = known
-    module, name = KINDS[kind]
-    make: Callable[[Path], Page] = getattr(importlib.import_module(module), name)
-    return make(file)
-
-
-def known_file(path: Path) -> tuple[Path, str] | None:
-    """Return the file by which a result is known, and its kind; None for the folder of a whole run.
-
-    Raises:
-        FileNotFoundError: there is no such folder or file.
-        ValueError: nothing there belongs to a run.
-    """
-    if path.is_file():
-        return _of_file(path)
-    if not path.is_dir():
-        raise MissingFileError(f"no folder {path}")
-    if any((path / name).exists() for name in ("demo.json", *run_commands())):
-        return None
-    for kind in KINDS:
-        found = sorted(path.glob(f"*{kind}")) if kind == FIT_END else [path / kind]
-        if len(found) > 1:
-            names = ", ".join(file.name for file in found[:5])
-            raise InputError(f"{path} holds {len(found)} calibrations ({names}): name one of them")
-        if found and found[0].is_file():
-            return found[0], kind
-    valid = ", ".join((*run_commands(), *(f"NAME{kind}" if kind == FIT_END else kind for kind in KINDS)))
-    raise InputError(f"{path} holds no run: expected one of {valid}")
-
-
-def _of_file(path: Path) -> tuple[Path, str]:
-    """Return the file by which a result is known, from that file, or from a calibrated preset beside it."""
-    if path.suffix in (".yaml", ".yml") and path.with_name(f"{path.stem}{FIT_END}").is_file():
-        return path.with_name(f"{path.stem}{FIT_END}"), FIT_END
-    for kind in KINDS:
-        if path.name == kind or (kind == FIT_END and path.name.endswith(kind)):
-            return path, kind
-    raise InputError(
-        f"{path} is no result that a report can be made of; valid: {', '.join(KINDS)}, or its folder"
+    style = f"{'numbers' if numbers else ''} {'cards' if cards else ''}".strip()
+    lines = (
+        Markup("<tr>{}</tr>\n").format(
+            Markup("").join(
+                _cell(value, name, "td" if column else 'th scope="row"')
+                for column, (name, value) in enumerate(zip(head, row, strict=True))
+            )
+        )
+        for row in rows
     )
+    return Markup(
+        '{}<div class="scroll" tabindex="0" role="group" aria-label="{}">\n<table{}>\n'
+        "<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody>\n</table>\n</div>\n{}"
+    ).format(
+        Markup("<h3>{}</h3>\n").format(title) if title else "",
+        title or "Table",
+        _class(style),
+        _each('<th scope="col">{}</th>', head),
+        Markup("").join(lines),
+        text(note, "note") if note else "",
+    )
+
+
+def _cell(value: object, label: str, tag: str) -> Markup:
+    cell = value if isinstance(value, Cell) else Cell(str(value))
+    return Markup('<{} data-label="{}"{}>{}{}</{}>').format(
+        Markup(tag),
+        label,
+        _class(cell.style),
+        cell.text,
+        _each("<small>{}</small>", cell.small),
+        Markup(tag[:2]),
+    )
+
+
+def facts(groups: Mapping[str, Facts]) -> Markup:
+    """Return names and values in groups, by the titles of the groups."""
+    sections = (
+        Markup("<section>{}<dl>{}</dl></section>\n").format(
+            Markup("<h3>{}</h3>").format(title) if title else "",
+            Markup("\n").join(Markup("<dt>{}</dt><dd>{}</dd>").format(*entry) for entry in entries),
+        )
+        for title, entries in groups.items()
+    )
+    return Markup('<div class="facts">\n{}</div>').format(Markup("").join(sections))
+
+
+def figure(image: Figure | Path | bytes, caption: str, alternative: str = "") -> Markup:
+    """Return a matplotlib figure, or a PNG picture or file, with its caption; a wide one scrolls on its own.
+
+    Raises:
+        ValueError: the file is not a PNG picture, or too large.
+        FileNotFoundError: there is no such file.
+    """
+    if isinstance(image, Figure):
+        address, wide = data_address("image/svg+xml", to_svg(image).encode()), image.get_figwidth() > WIDE
+    else:
+        content = image if isinstance(image, bytes) else read_limited(image, LARGEST_PICTURE)
+        if not content.startswith(b"\x89PNG\r\n\x1a\n"):
+            raise InputError("it is no PNG picture")
+        address, wide = data_address("image/png", content), True
+    inner = Markup('<img alt="{}" src="{}">').format(alternative or caption, address)
+    if wide:
+        label = "Figure, wider than a narrow screen"
+        scroll = '<div class="scroll" tabindex="0" role="group" aria-label="{}">{}</div>'
+        inner = Markup(scroll).format(label, inner)
+    return captioned(inner, caption, "pan" if wide else "narrow")
+
+
+def film(content: bytes, caption: str) -> Markup:
+    """Return an MP4 film with its caption."""
+    video = '<video controls loop muted playsinline preload="auto" aria-label="{}" src="{}"></video>'
+    return captioned(Markup(video).format(caption, data_address("video/mp4", content)), caption)
+
+
+def captioned(inner: Markup, caption: str, style: str = "") -> Markup:
+    """Return HTML as a figure with a number and a caption."""
+    frame = "<figure{}>\n{}\n<figcaption>{}</figcaption>\n</figure>"
+    return Markup(frame).format(_class(style), inner, caption)
+
+
+def data_address(kind: str, data: bytes) -> str:
+    """Return bytes as a `data:` address."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def gap(sentence: str, command: str = "") -> Markup:
+    """Return a note that something is missing, and the command that makes it."""
+    makes = Markup(" This makes it: <code>{}</code>").format(command) if command else ""
+    return text(Markup("{}{}").format(sentence, makes), "gap")
+
+
+def commands(lines: Sequence[str]) -> Markup:
+    """Return commands as they are typed."""
+    return Markup('<pre tabindex="0">{}</pre>').format("\n".join(lines))
+
+
+def folded(summary: str, *parts: Markup) -> Markup:
+    """Return parts that are shown when their summary is opened; a printed page shows them."""
+    inner = Markup("\n").join(parts)
+    return Markup("<details>\n<summary>{}</summary>\n{}\n</details>").format(summary, inner)
+
+
+def side_by_side(*parts: Markup) -> Markup:
+    """Return parts next to each other, below one another on a narrow screen."""
+    return Markup('<div class="pair">\n{}</div>').format(_each("<div>{}</div>\n", parts))
+
+
+def _class(style: str) -> Markup:
+    return Markup(' class="{}"').format(style) if style else Markup("")
+
+
+def _each(element: str, values: Iterable[str]) -> Markup:
+    return Markup("").join(Markup(element).format(value) for value in values)
+
+
+def origin_facts(origin: Origin | None) -> dict[str, Facts]:
+    """Return versions and hashes of the data as groups of facts; none where a file states no origin."""
+    if origin is None:
+        return {}
+    groups: dict[str, Facts] = {"Versions": tuple(origin.versions.items())}
+    if origin.data:
+        groups["Data, by SHA-256"] = [(data.path, data.sha256) for data in origin.data]
+    return groups
+
+
+def origin_command(origin: Origin | None, out: str) -> tuple[str, ...]:
+    """Return the command that repeats a result at a place; none where its file states no origin."""
+    return () if origin is None else (f"{origin.command} --out {shlex.quote(out)}",)
+
+
+def flat_facts(values: Mapping[str, Any], prefix: str = "") -> Facts:
+    """Return names and values of nested mappings; of a list of mappings, as of files, its length."""
+    entries: list[tuple[str, str]] = []
+    for key, value in values.items():
+        name = f"{prefix}{key}".replace("_", " ")
+        if isinstance(value, dict):
+            entries += flat_facts(value, f"{name}, ")
+        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+            entries.append((name, f"{len(value)}"))
+        else:
+            said = _fact(value)
+            entries.append((name, said[1:-1] if isinstance(value, list) else said))
+    return entries[:MOST_FACTS]
+
+
+def _fact(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_fact, value))}]"
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.6g}" if isinstance(value, float) else cut(value, 300)

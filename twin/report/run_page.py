@@ -1,11 +1,11 @@
-"""The page of a whole run: its records, its model, its trainings, and every method beside the paper's."""
+"""The pages of a run folder, and of one training run: data, model, learning curves, and every method."""
 
 import contextlib
 import functools
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -16,48 +16,55 @@ from twin.episode import Episode
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.registry import proposed_method
-from twin.evaluation.score import read_scores
+from twin.estimation.registry import method_specs, proposed_method, trainings
+from twin.evaluation.ranking import rankings_of
+from twin.evaluation.score import read_evaluation
 from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
+from twin.files.hashes import sha256_of
 from twin.files.json_text import read_json
 from twin.files.progress_csv import read_progress
+from twin.files.run_folder import CURVE_FILE
 from twin.files.shown import cut
+from twin.files.yaml_text import read_yaml
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
 from twin.recording import read_dataset
 from twin.rendering.video import read_frames
-from twin.report.evaluation_parts import result_parts, tracking_parts
-from twin.report.facts import MOST_TEXT, agent_names, run_facts
+from twin.report.evaluation_page import result_parts, tracking_parts
 from twin.report.figures import loop_figure, training_figure
-from twin.report.headline import evaluation_headline
-from twin.report.parts import (
-    MP4,
+from twin.report.page import (
     Facts,
-    Gap,
     Page,
-    Part,
-    Picture,
-    Section,
-    SideBySide,
-    Text,
-    data_address,
-    drawn,
-    png_picture,
-    repeat_section,
+    facts,
+    figure,
+    film,
+    flat_facts,
+    gap,
+    side_by_side,
+    table,
+    text,
 )
-from twin.report.player import record_player
+from twin.report.player import player
 from twin.report.schematics import bending_schematic, direct_schematic, platform_schematic, ram_schematic
 
 Value = TypeVar("Value")
 
-LARGEST_VIDEO = 8 * 2**20
+MOST_TEXT = MEBIBYTE
+"""Size that is read of files of settings and curves [bytes]."""
+LARGEST_VIDEO = 8 * MEBIBYTE
 """A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
 LARGEST_FILM = 512 * MEBIBYTE
 """Size that is read of a film [bytes]."""
-
-MINUS = "\N{MINUS SIGN}"
 _DRAWN = 2
 """Loops that are drawn over each other: more cannot be told apart."""
+_FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
+"""Errors of reading what is missing or damaged."""
+_POSES = (
+    "Poses along one record, and their places on its hysteresis loop. Poses 2 and 3 have the same pull on "
+    "the wires: the bend depends on where the tip came from."
+)
+_LEARNING = "Cost of each agent per step while it learns, thin as recorded, thick the running median."
 
 
 @functools.cache
@@ -83,11 +90,7 @@ def run_commands() -> dict[str, str]:
 
 
 class DemoFile(BaseModel):
-    """Contents of `demo.json`, as far as the page needs them.
-
-    Attributes:
-        commands: that made the run.
-    """
+    """Contents of `demo.json` that the page needs: the commands that made the run."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 
@@ -95,99 +98,91 @@ class DemoFile(BaseModel):
 
 
 def run_page(folder: Path) -> Page:
-    """Return the page of a run folder; what it lacks is named with the command that makes it."""
-    evaluation = _part(folder, "results/evaluation.json", lambda path: read_scores(path)[0])
-    model = _part(folder, "coleman_hodgdon.json", _coleman_hodgdon)
-    fit = None if isinstance(model, Gap) else model
-    train = _part(folder, "data/train", read_dataset)
-    test = _part(folder, "data/test", read_dataset)
-    if isinstance(evaluation, Gap):
-        headline = "This run has not been evaluated yet."
-        results: tuple[Part, ...] = (evaluation,)
-    else:
-        headline = evaluation_headline(evaluation)
-        results = _whole(folder, "results/evaluation.json", lambda _: result_parts(evaluation))
-    facts = run_facts(folder)
-    sections = (
-        Section("The bending", (*_endoscope(train), *_moving(folder, test))),
-        Section(
-            "The loop, and the Coleman-Hodgdon model", (_equation(model), _loops(folder, train, test, fit))
+    """Return the page of a run folder; a missing part is named with the command that makes it."""
+    train, test = (
+        functools.cache(functools.partial(read_dataset, folder / "data" / of)) for of in ("train", "test")
+    )
+    model = functools.cache(functools.partial(_coleman_hodgdon, folder / "coleman_hodgdon.json"))
+    shown = functools.partial(_shown, folder)
+    page = Page(
+        "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
+        "Hysteresis, and how well it is estimated",
+    )
+    page.add(
+        "The bending",
+        *_endoscope(_known(train)),
+        *([player(episodes[0], "First test record")] if (episodes := _known(test)) else []),
+        *shown("bend.png", lambda path: [figure(path, _POSES)]),
+        *shown("bend.mp4", _film),
+    )
+    page.add(
+        "The loop, and the Coleman-Hodgdon model",
+        *shown("coleman_hodgdon.json", lambda _: _equation(model())),
+        side_by_side(
+            *shown("data/train", lambda path: _loop(path, train(), _known(model))),
+            *shown("data/test", lambda path: _loop(path, test(), _known(model))),
         ),
-        Section("How RAM works", _schemes(fit)),
-        Section("Results, beside the paper's", results),
-        Section("Tracking", _whole(folder, "results/tracks.npz", tracking_parts)),
-        Section("Training", (_part(folder, "runs", _training),)),
-        Section("What was run", (_facts(facts),)),
-        repeat_section(_commands_run(folder), "`make demo` runs all of it. Step by step:"),
     )
-    return Page(
-        verb="report",
-        kicker="EndoTwin: a digital twin of a tendon-driven flexible endoscope",
-        title="Hysteresis, and how well it is estimated",
-        headline=headline,
-        sections=sections,
-    )
+    page.add("How RAM works", *_schemes(_known(model)))
+    page.add("Results and the paper's", *shown("results/evaluation.json", _results))
+    page.add("Tracking", *shown("results/tracks.npz", tracking_parts))
+    page.add("Training", *shown("runs", _curves))
+    stated = _run_facts(folder)
+    page.add("What was run", facts(stated) if stated else gap("No file of this run states how it was made."))
+    page.add_commands(_commands_run(folder), "`make demo` runs all of it. Step by step:")
+    return page
 
 
-def _facts(facts: list[tuple[str, list[tuple[str, str]]]]) -> Part:
-    if not facts:
-        return Gap("No file of this run says how it was made.")
-    return Facts(tuple((title, tuple(entries)) for title, entries in facts))
+def _known(read: Callable[[], Value]) -> Value | None:
+    """Return what a function reads; None where it is missing or damaged."""
+    with contextlib.suppress(*_FAULTS):
+        return read()
+    return None
 
 
-def _commands_run(folder: Path) -> list[str]:
-    """The commands that made this run, where it says them; else those that make such a run."""
-    with contextlib.suppress(OSError, ValueError):
-        return DemoFile.model_validate(read_json(folder / "demo.json", MOST_TEXT)).commands
-    made = list(dict.fromkeys(f"endotwin {command}" for command in run_commands().values()))
-    return [*made, "endotwin report . --out report.html"]
-
-
-def _part(folder: Path, name: str, read: Callable[[Path], Value]) -> Value | Gap:
-    """Part of the page that `read` makes of a file or folder of the run, or why it is not there."""
+def _shown(folder: Path, name: str, show: Callable[[Path], Sequence[Markup]]) -> Sequence[Markup]:
+    """Return what shows a part of the run, or what is wrong with it and the command that makes it."""
     command = f"endotwin {run_commands()[name]}"
     if not (folder / name).exists():
-        return Gap(f"This run has no {name}.", command)
+        return [gap(f"This run has no {name}.", command)]
     try:
-        return read(folder / name)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
-        reason = cut(str(error).replace(f"{folder}/", ""), 300)
-        return Gap(f"{name} cannot be shown: {reason or type(error).__name__}.", command)
+        return show(folder / name)
+    except _FAULTS as error:
+        reason = cut(str(error).replace(f"{folder}/", ""), 300) or type(error).__name__
+        return [gap(f"{name} cannot be shown: {reason}.", command)]
 
 
-def _whole(folder: Path, name: str, read: Callable[[Path], tuple[Part, ...]]) -> tuple[Part, ...]:
-    """Parts that `read` makes, or the one that says why they are not there."""
-    parts = _part(folder, name, read)
-    return (parts,) if isinstance(parts, Gap) else parts
-
-
-def _endoscope(train: list[Episode] | Gap) -> tuple[Part, ...]:
-    """The endoscope and its platform, as the paper's Figs. 1 and 3, where a record says what it is of."""
-    if isinstance(train, Gap) or not train[0].joint_angle.size:
-        return ()
-    parameters = train[0].metadata.get("preset")
-    if not isinstance(parameters, dict):
-        return ()
+def _endoscope(train: list[Episode] | None) -> list[Markup]:
+    """The endoscope and its platform, as the paper's Figs. 1 and 3, where an episode states its preset."""
+    parameters = train[0].metadata.get("preset") if train and train[0].joint_angle.size else None
+    if train is None or not isinstance(parameters, dict):
+        return []
     preset = preset_of(str(parameters.get("name", "")), {k: v for k, v in parameters.items() if k != "name"})
-    return (
-        drawn(
+    return [
+        figure(
             bending_schematic(preset, train[0]),
             "As the paper's Fig. 1: the endoscope straight, and at the largest bend of the first training "
             "record. Drawn to scale from the twin's own hinges.",
         ),
-        drawn(
+        figure(
             platform_schematic(preset, train[0].sample_time),
-            "As the paper's Fig. 3: the platform, here simulated. Between the command and the angle lie the "
-            "backlash of the gear and the friction of the sheath: both make hysteresis.",
+            "As the paper's Fig. 3: the platform, here simulated. The backlash of the gear and the friction "
+            "of the sheath, between command and angle, make the hysteresis.",
         ),
-    )
+    ]
 
 
-def _moving(folder: Path, test: list[Episode] | Gap) -> tuple[Part, ...]:
-    parts: list[Part] = [_part(folder, "bend.png", _poses), _part(folder, "bend.mp4", _film)]
-    if not isinstance(test, Gap):
-        parts.insert(0, record_player(test[0], "First test record"))
-    return tuple(parts)
+def _film(path: Path) -> Sequence[Markup]:
+    content = read_limited(path, LARGEST_FILM)
+    if content[4:8] != b"ftyp":
+        raise InputError("it is no MP4 film")
+    if len(content) < LARGEST_VIDEO:
+        return [film(content, "The record replayed, and its loop as it is drawn.")]
+    frames = read_frames(path, 6)
+    small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
+    strip = io.BytesIO()
+    Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
+    return [figure(strip.getvalue(), f"Six moments of {path.name}, left to right.")]
 
 
 def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
@@ -197,109 +192,151 @@ def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
     return model
 
 
-def _equation(model: ColemanHodgdon | Gap) -> Part:
-    """The identified model, as a sentence with its equation."""
-    if isinstance(model, Gap):
-        return model
-    a, b, c = (
-        f"{float(np.asarray(of)):.4g}" for of in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm)
+def _equation(model: ColemanHodgdon) -> Sequence[Markup]:
+    """The identified model: its equation and parameters."""
+    a, b, c = (float(np.asarray(of)) for of in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm))
+    equation = (
+        '<span class="formula">dθ/dt = <i>a</i> |<i>v</i>| (<i>b</i> δ<i>l</i> &minus; θ) + <i>c v</i></span>'
     )
-    if model.monotone():
-        shape = Markup("It has <i>c</i> ≥ <i>b</i> / 2, so its loops of every size rise with the pull.")
-    else:
-        ratio = float(np.divide(model.c_deg_per_mm, model.b_deg_per_mm))
-        shape = Markup(
-            f'It has <span class="formula"><i>c</i> / <i>b</i> = {ratio:.2f}</span>, below 1/2, so its large '
-            "loops do not rise with the pull everywhere."
-        )
-    equation = f"dθ/dt = <i>a</i> |<i>v</i>| (<i>b</i> δ<i>l</i> {MINUS} θ) + <i>c v</i>"
-    spans = "".join(
-        f'<span class="formula"><i>{name}</i> = {value}</span>{then}'
-        for name, value, then in (
-            ("a", f"{a} / mm", ", "),
-            ("b", f"{b} deg / mm", " and "),
-            ("c", f"{c} deg / mm", ". "),
-        )
+    ratio = (
+        "c / b, at least 1/2: loops of every size rise with the pull"
+        if model.monotone()
+        else "c / b, below 1/2: large loops do not rise with the pull everywhere"
     )
-    return Text(
-        Markup(
-            f'The identified model is <span class="formula">{equation}</span>, with δ<i>l</i> the pull and '
-            f"<i>v</i> its speed; {spans}"
-        )
-        + shape
+    values = (
+        ("a [1 / mm]", f"{a:.4g}"),
+        ("b [deg / mm]", f"{b:.4g}"),
+        ("c [deg / mm]", f"{c:.4g}"),
+        (ratio, f"{c / b:.2f}"),
     )
+    return [
+        text(Markup("{}, with δ<i>l</i> the pull and <i>v</i> its speed.").format(Markup(equation))),
+        facts({"Identified model": values}),
+    ]
 
 
-def _schemes(model: ColemanHodgdon | None) -> tuple[Part, ...]:
-    """The structures of RAM and of direct RL, as the paper's Figs. 2 and 4."""
-    filter_ = {"Q": "diag(" + ", ".join(f"{q:g}" for q in ActiveModel.process_variance) + ")"}
-    direct = drawn(
-        direct_schematic(),
-        "As the paper's Fig. 4: direct RL. The policy takes the place of model and filter, and has no "
-        "physics to hold on to.",
-    )
-    if model is None:
-        return (Gap("Without the identified model, the structure of RAM is not drawn."), direct)
-    ram = drawn(
-        ram_schematic(model, filter_),
-        "As the paper's Fig. 2: RAM. A Kalman filter predicts by the identified model and corrects itself by "
-        "the measurement; the policy says how much of the residual that is left is believed as well.",
-    )
-    return (ram, direct)
-
-
-def _poses(path: Path) -> Picture:
-    return png_picture(
-        path,
-        "Poses along one record, and where they lie on its hysteresis loop. Poses 2 and 3 have the same pull "
-        "on the wires: how far the tip bends depends on where it came from.",
-    )
-
-
-def _film(path: Path) -> Picture:
-    caption = "The record replayed, and its loop as it is drawn."
-    content = read_limited(path, LARGEST_FILM)
-    if content[4:8] != MP4:
-        raise InputError("it is no MP4 film")
-    if len(content) < LARGEST_VIDEO:
-        return Picture(data_address("video/mp4", content), caption, is_film=True)
-    frames = read_frames(path, 6)
-    small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
-    strip = io.BytesIO()
-    Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
-    return Picture(data_address("image/png", strip.getvalue()), f"Six moments of {path.name}, left to right.")
-
-
-def _loops(
-    folder: Path, train: list[Episode] | Gap, test: list[Episode] | Gap, fit: HysteresisModel | None
-) -> Part:
-    shown = []
-    for name, episodes in (("data/train", train), ("data/test", test)):
-        shown.append(
-            episodes
-            if isinstance(episodes, Gap)
-            else _part(folder, name, lambda path, these=episodes: _loop(path, these, fit))  # type: ignore[misc]
-        )
-    return SideBySide(tuple(shown))
-
-
-def _loop(path: Path, episodes: list[Episode], model: HysteresisModel | None) -> Picture:
+def _loop(path: Path, episodes: list[Episode], model: HysteresisModel | None) -> Sequence[Markup]:
     loops = [(episode.pull_mm, episode.truth_deg) for episode in episodes]
     fits = [] if model is None else [model.response(pull, bend[0]) for pull, bend in loops]
-    caption = f"The first {min(_DRAWN, len(loops))} of {len(loops)} records of {path.parent.name}/{path.name}"
+    caption = f"The first {min(_DRAWN, len(loops))} of {len(loops)} records of data/{path.name}"
     if model is not None:
         error = np.concatenate([fit - bend for (_, bend), fit in zip(loops, fits, strict=True)])
         caption += f", and the identified model. Over all: RMSE {np.sqrt(np.mean(error**2)):.2f} deg"
-    return drawn(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")
+    return [figure(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")]
 
 
-def _training(path: Path) -> Picture:
-    curves = {}
-    for folder, agent in agent_names().items():
-        progress = path / folder / "progress.csv"
-        if progress.is_file():
-            curves[agent] = read_progress(progress)
+def _schemes(model: ColemanHodgdon | None) -> list[Markup]:
+    """The structures of RAM and of direct RL, as the paper's Figs. 2 and 4."""
+    direct = figure(
+        direct_schematic(),
+        "As the paper's Fig. 4: direct RL. The policy takes the place of model and filter.",
+    )
+    if model is None:
+        return [gap("Without the identified model, the structure of RAM is not drawn."), direct]
+    process = "diag(" + ", ".join(f"{q:g}" for q in ActiveModel.process_variance) + ")"
+    ram = figure(
+        ram_schematic(model, {"Q": process}),
+        "As the paper's Fig. 2: RAM. A Kalman filter predicts by the identified model and corrects itself by "
+        "the measurement; the policy sets the gain on the remaining residual.",
+    )
+    return [ram, direct]
+
+
+def _results(path: Path) -> Sequence[Markup]:
+    scores, contents = read_evaluation(path)
+    return result_parts(scores, rankings_of(contents))
+
+
+def agent_names() -> dict[str, str]:
+    """Return the names of the methods that can be trained, by the folder of their run."""
+    return {spec.training.agent: spec.name for spec in method_specs() if spec.training}
+
+
+def _curves(path: Path) -> Sequence[Markup]:
+    files = {agent: path / folder / CURVE_FILE for folder, agent in agent_names().items()}
+    curves = {agent: read_progress(file) for agent, file in files.items() if file.is_file()}
     if not curves:
-        raise InputError("no agent in it has a progress.csv")
-    caption = "What each agent pays per step while it learns, thin as recorded, thick the running median."
-    return drawn(training_figure(curves), caption)
+        raise InputError(f"no agent in it has a {CURVE_FILE}")
+    return [figure(training_figure(curves), _LEARNING)]
+
+
+def _commands_run(folder: Path) -> list[str]:
+    """The commands that made this run, where it states them; else those that make such a run."""
+    with contextlib.suppress(OSError, ValueError):
+        return DemoFile.model_validate(read_json(folder / "demo.json", MOST_TEXT)).commands
+    made = list(dict.fromkeys(f"endotwin {command}" for command in run_commands().values()))
+    return [*made, "endotwin report . --out report.html"]
+
+
+def _run_facts(folder: Path) -> dict[str, Facts]:
+    """Return what the files of a run state, by title."""
+    sources: dict[str, tuple[str, Callable[[Path], Any]]] = {
+        "Run": ("demo.json", _without_commands),
+        "Training records": ("data/train/dataset.json", _recipe),
+        "Test records": ("data/test/dataset.json", _recipe),
+        "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", lambda path: read_json(path, MOST_TEXT)),
+        "Evaluation protocol": ("results/evaluation.json", lambda path: read_evaluation(path)[1]["protocol"]),
+    }
+    for name, agent in agent_names().items():
+        sources[agent] = f"runs/{name}/config.yaml", lambda path: read_yaml(path, MOST_TEXT)
+    stated = {}
+    for title, (name, read) in sources.items():
+        with contextlib.suppress(*_FAULTS):  # a damaged file is reported by the part that needs it
+            stated[title] = flat_facts(read(folder / name))
+    return {title: entries for title, entries in stated.items() if entries}
+
+
+def _without_commands(path: Path) -> dict[str, Any]:
+    return {name: value for name, value in read_json(path, MOST_TEXT).items() if name != "commands"}
+
+
+def _recipe(path: Path) -> dict[str, Any]:
+    """Return what a dataset was made from; of a measured one, what it holds; or what is wrong with it."""
+    if not path.is_file():
+        return {}
+    try:
+        contents = read_contents(path.parent)
+    except ValueError as error:
+        reason = str(error).rpartition("is damaged or of an older version: ")[2]
+        return {NAME: f"cannot be shown: {reason}"}
+    stated: dict[str, Any] = {f"SHA-256 of {NAME}": sha256_of(path), "endotwin": contents.endotwin}
+    if isinstance(contents, MeasuredDataset):
+        return stated | {"source": contents.source, "files": len(contents.files), "seconds": contents.seconds}
+    return stated | {"mujoco": contents.mujoco} | to_json_values(contents.recipe)
+
+
+def training_page(path: Path) -> Page:
+    """Return the page of a run folder of `endotwin train`, from its `config.yaml`.
+
+    Raises:
+        ValueError: it is no such folder.
+    """
+    folder, values = path.parent, read_yaml(path, MOST_TEXT)
+    known, inner = trainings(), [part for part in values.values() if isinstance(part, dict)]
+    named = [str(part["agent"]) for part in (values, *inner) if "agent" in part]
+    agent = next((name for name in named if name in known), None)
+    if agent is None:
+        raise InputError(f"{path} names no agent of `endotwin train`; valid: {', '.join(known)}")
+    trained = folder / known[agent].file
+    page = Page("EndoTwin training: how an estimator learned", f"{agent}: {known[agent].purpose}")
+    try:
+        curve = read_progress(folder / CURVE_FILE)
+        cost, ends = -curve["return"], ("at the start", "at the end")
+        rows = [(ends[k], f"{curve['samples'][k] / 1e3:.4g}", f"{cost[k]:.3g}") for k in (0, -1)]
+        head = ("", "samples [thousands]", "cost per step [deg²]")
+        learned = [table(head, rows, numbers=True), figure(training_figure({agent: curve}), _LEARNING)]
+    except (OSError, ValueError) as error:
+        learned = [gap(f"The learning curve cannot be shown: {error}.")]
+    if not trained.is_file():
+        learned.insert(0, gap(f"This training run is not finished: it has left no {trained.name} yet."))
+    page.add("Learning curve", *learned)
+    hashes = {"Trained file, by SHA-256": ((trained.name, sha256_of(trained)),)} if trained.is_file() else {}
+    page.add("What was run", facts({**hashes, "Configuration": flat_facts(values)}))
+    page.add_commands(
+        (
+            f"endotwin train --agent {agent} --help",
+            f"endotwin evaluate data/test --policy {trained} --out results",
+            f"endotwin report {folder}",
+        )
+    )
+    return page
