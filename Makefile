@@ -59,7 +59,7 @@ protobuf: install
 
 # The lines of `endotwin run`, for programs in other languages.
 schema: install
-	$(BIN)/python -m twin.stream.protocol > assets/run_protocol.schema.json
+	$(BIN)/python -m twin.live.lines > assets/run_protocol.schema.json
 
 # Sample logs and a tiny dataset, which `endotwin samples` copies.
 samples: install

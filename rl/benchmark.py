@@ -30,6 +30,8 @@ from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.benchmark.speed import in_turn
 from twin.benchmark.stream import stream
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import KEY as DEPLOYMENT
+from twin.estimation.deployment import prepare_deployment
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned import ram_twins
@@ -39,8 +41,6 @@ from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 from twin.reduced.member_set import members_to_dict
-from twin.runtime.deployment import KEY as DEPLOYMENT
-from twin.runtime.deployment import prepare_deployment
 
 SAMPLES = 16 * TrainingOptions.horizon  # of PPO in one measurement
 WHOLE_TRAINING = 1.2e6  # samples of the paper's 2000 episodes

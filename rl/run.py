@@ -11,11 +11,11 @@ import numpy as np
 
 from rl.trainers import Records
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import KEY as DEPLOYMENT
+from twin.estimation.deployment import prepare_deployment
 from twin.files.atomic import write_whole
 from twin.files.run_folder import CURVE_FILE
 from twin.hysteresis import ColemanHodgdon
-from twin.runtime.deployment import KEY as DEPLOYMENT
-from twin.runtime.deployment import prepare_deployment
 
 
 def run_configuration(records: Records, active_model: ActiveModel, settings: Any) -> dict[str, Any]:

@@ -179,8 +179,8 @@ def _warn_of_training(settings: "ControlSettings") -> None:
     """Say if commands may go beyond what RAM (twins) was trained for: its monitor falls back there."""
     if settings.policy is None:
         return
+    from twin.estimation.deployment import deployment_of
     from twin.estimation.learned.trained_file import read_trained_file
-    from twin.runtime.load import deployment_of
 
     low, high = deployment_of(read_trained_file(settings.policy)).pull_mm
     limits = [settings.limits(stroke) for stroke in settings.strokes_mm]

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,13 +23,10 @@ from scripts.command import (
 )
 from scripts.outputs import output_file, output_folder
 from scripts.progress import Progress
-from scripts.run_sinks import Pace, Sinks, live_recording, live_viewer
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from twin.control.live import LiveCommands
-    from twin.runtime import AssuredEstimator
-    from twin.stream import Sink
+    from twin.live import AssuredEstimator, Sink, StreamSample
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Run:
     """Run a trained estimator sample by sample: on a log, or live on JSON lines from stdin to stdout.
 
     Live, each line in is a sample, {"time_s": 0.1, "pull_mm": 0.2, "measurement_deg": 1.3}. It is answered by
-    one line with the estimate, its 95 % interval, who made it, and health; docs/deployment.md has all of it.
+    one line with the estimate, its 95 % interval, its source, and health; see docs/deployment.md.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]] = ()
@@ -69,6 +67,60 @@ class Run:
     """Print the summary as one JSON object; live, on stderr, as stdout is the stream."""
 
 
+class Sinks:
+    """Several sinks as one; one that fails is left out from then on, and the stream goes on.
+
+    Attributes:
+        failed: number of those that failed.
+    """
+
+    def __init__(self, *sinks: "Sink | None"):
+        self._sinks = [sink for sink in sinks if sink is not None]
+        self.failed = 0
+
+    def add(self, sample: "StreamSample") -> None:
+        """Pass a sample to each."""
+        for sink in [*self._sinks]:
+            try:
+                sink.add(sample)
+            except OSError as error:
+                self._sinks.remove(sink)
+                self._fail(error)
+                with contextlib.suppress(OSError, ValueError):
+                    sink.close()
+
+    def close(self) -> None:
+        """Close each."""
+        while self._sinks:
+            try:
+                self._sinks[-1].close()  # a signal may come first: it is closed again
+                self._sinks.pop()
+            except (OSError, ValueError) as error:
+                self._sinks.pop()
+                self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        self.failed += 1
+        complain(f"endotwin run: {describe_error(error)}; the stream goes on without it")
+
+
+class Pace:
+    """Sink that waits, so that a log takes as long as it took when it was recorded."""
+
+    def __init__(self) -> None:
+        self._offset_s: float | None = None
+
+    def add(self, sample: "StreamSample") -> None:
+        """Wait until the time of a sample."""
+        now = time.monotonic()
+        if self._offset_s is None:
+            self._offset_s = now - sample.time_s
+        time.sleep(max(sample.time_s + self._offset_s - now, 0.0))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 def run(args: Run) -> Summary:
     """Stream samples through the runtime."""
     from twin.files.bounds import LARGEST_VARIANCE_DEG2, SAMPLE_TIMES, check_between
@@ -84,21 +136,29 @@ def run(args: Run) -> Summary:
 
 def _stream(args: Run) -> Summary:
     """Answer each line of stdin, until they end, the reader of the answers goes or a signal comes."""
-    from twin.stream.answers import answers
-    from twin.stream.counts import RunCounts
+    from twin.live.lines import answers
+    from twin.live.reading import RunCounts
 
     if args.out is not None:
         output_file(args.out, (".mcap",), "endotwin live", inputs=[args.policy])
     if sys.stdin is None:
         raise InputError("stdin is closed: samples come from there, or name a log")
-    runtime, counts = _prepared(args)(), RunCounts()
-    commands = _commands(args, runtime)
+    runtime, counts, commands = _prepared(args)(), RunCounts(), None
+    if args.stroke is not None:
+        from twin.control.live import prepare_commands
+
+        commands = prepare_commands(args.policy, runtime, args.stroke, args.speed, args.rate)
     facts, not_samples, ended, code = _facts(args, runtime), 0, "the stream has ended", 0
     if sys.stdin.isatty():
         complain("endotwin run: reads samples from the terminal, a JSON line each; Ctrl-D ends it")
-    viewer = _viewer(args, runtime)
-    recording = live_recording(args.out, runtime.method, facts, controlled=commands is not None)
-    with contextlib.closing(Sinks(counts, viewer, recording, on_failure=_say_of_failure)) as sinks:
+    viewer, recording = _viewer(args, runtime), None
+    if args.out is not None:
+        from twin.recording.live import LiveRecording
+
+        recording = LiveRecording(
+            args.out, runtime.method, {"run": facts}, controlled=commands is not None
+        ).__enter__()
+    with contextlib.closing(Sinks(counts, viewer, recording)) as sinks:
         try:
             for answer in answers(runtime, sys.stdin.buffer, commands):
                 not_samples += answer.sample is None
@@ -118,11 +178,10 @@ def _stream(args: Run) -> Summary:
 
 
 def _log(args: Run) -> Summary:
-    """Stream each record of a log through a runtime of its own."""
+    """Stream each episode of a log through a runtime of its own."""
     from twin.export.names import named_files
-    from twin.stream.counts import RunCounts
-    from twin.stream.log_recording import SIGN
-    from twin.stream.log_run import LogRun, log_targets, read_logs, run_log
+    from twin.live.log_run import SIGN, log_targets, read_logs, run_log
+    from twin.live.reading import RunCounts
 
     files = named_files(args.data)
     targets = log_targets(args.out, list(files))
@@ -134,16 +193,9 @@ def _log(args: Run) -> Summary:
     if args.out is not None and targets != [args.out]:
         output_folder(args.out, {target.name: SIGN for target in targets})
     facts, viewer = _facts(args, runtime), _viewer(args, runtime)
-    pace = viewer and Pace()
-    with contextlib.closing(Sinks(counts, viewer, pace, on_failure=_say_of_failure)) as sinks:
-        scores = run_log(
-            LogRun(files, logs, targets),
-            runtime.method,
-            new_runtime,
-            sinks,
-            facts,
-            Progress("run", "sample"),
-        )
+    with contextlib.closing(Sinks(counts, viewer, viewer and Pace())) as sinks:
+        progress = Progress("run", "sample")
+        scores = run_log(files, logs, targets, runtime.method, new_runtime, sinks, facts, progress)
     line = f"{f'{args.out}: ' if args.out else ''}{runtime.method}, {len(logs)} records: {counts}"
     if scores.rmse_deg is not None:
         line += f"; RMSE {scores.rmse_deg:.3f} deg against the {scores.against}"
@@ -154,29 +206,25 @@ def _log(args: Run) -> Summary:
 
 
 def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
-    """Return what makes a runtime before its first sample."""
-    from twin.runtime import prepare_runtime
+    """Return the function that returns a runtime before its first sample."""
+    from twin.live import prepare_runtime
 
     prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
     return functools.partial(prepared, args.initial_bend_deg)
 
 
-def _commands(args: Run, runtime: "AssuredEstimator") -> "LiveCommands | None":
-    if args.stroke is None:
-        return None
-    from twin.control.live import prepare_commands
-
-    return prepare_commands(args.policy, runtime, args.stroke, args.speed, args.rate)
-
-
 def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
     if not args.live:
         return None
-    return live_viewer(args.live_host, args.live_port, runtime.method, controlled=args.stroke is not None)
+    from scripts.live import LiveViewer
+
+    viewer = LiveViewer(args.live_host, args.live_port, runtime.method, controlled=args.stroke is not None)
+    complain(f"endotwin run: open {viewer.url} in Foxglove or Lichtblick")
+    return viewer
 
 
 def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
-    """Return what made the estimates, for recording and summary."""
+    """Return what identifies the run, for recording and summary."""
     from twin.files.hashes import sha256_of
 
     return {
@@ -191,10 +239,6 @@ def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
 
 def _with_out(args: Run, values: dict[str, Any]) -> dict[str, Any]:
     return {"out": str(args.out), **values} if args.out else values
-
-
-def _say_of_failure(error: Exception) -> None:
-    complain(f"endotwin run: {describe_error(error)}; the stream goes on without it")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

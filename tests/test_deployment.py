@@ -18,9 +18,8 @@ from typed import done, typed
 
 from scripts.__main__ import VERBS
 from scripts.command import MODULES, _parse
-from twin.estimation.health import Health
-from twin.runtime.reading import Alarm
-from twin.stream.protocol import HealthPart, ReadingLine, SampleLine, read_sample
+from twin.live.lines import HealthPart, ReadingLine, SampleLine, read_sample
+from twin.live.reading import Alarm, Health
 
 TEXT = (REPOSITORY / "docs/deployment.md").read_text()
 TRAINED = "runs/ram_twins/policy.onnx"
@@ -134,9 +133,15 @@ def test_the_protocol_names_every_key():
 
 def test_the_lines_that_it_shows_are_of_the_protocol():
     shown, wanted = (block for block in blocks("") if block.startswith("{"))
-    assert read_sample(wanted.encode()) == (0.02, 0.0, 0.4, 0.5, [])
+    assert read_sample(wanted.encode()).model_dump() == {
+        "time_s": 0.02,
+        "pull_mm": 0.0,
+        "measurement_deg": 0.4,
+        "reference_deg": 0.5,
+        "coming_deg": None,
+    }
     line, answer = shown.splitlines()
-    assert read_sample(line.encode())[:3] == (0.1, 0.2, 1.3)
+    assert read_sample(line.encode()).measurement_deg == 1.3
     assert ReadingLine.model_validate(json.loads(answer)).source == "advanced"
 
 
@@ -144,7 +149,7 @@ def test_help_of_the_verb_shows_a_line_of_the_protocol(tmp_path):
     from scripts.run import Run
 
     (line,) = re.findall(r"\{.*\}", inspect.getdoc(Run) or "")
-    assert read_sample(line.encode())[:3] == (0.1, 0.2, 1.3)
+    assert read_sample(line.encode()).measurement_deg == 1.3
     with pytest.raises(SystemExit) as end:
         done("run --help", tmp_path)
     assert not end.value.code

@@ -29,8 +29,8 @@ from scripts.__main__ import VERBS
 from scripts.command import MODULES
 from twin.dataset.recipe_file import load_recipe
 from twin.files.json_text import parse_json_object
+from twin.live.lines import SampleLine
 from twin.samples.copy import copy_samples
-from twin.stream.protocol import SampleLine
 
 HOURS = ("endotwin control", "--suite full", "--suite untrained", "train_tracking")
 """Parts of commands that take hours as printed: they are run at a small size alone."""

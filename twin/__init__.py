@@ -25,7 +25,7 @@ _HOME = {
     "EndoTwinError": "twin.errors",
     "Endoscope": "twin.physics",
     "Episode": "twin.episode",
-    "OnlineEstimator": "twin.estimation.online",
+    "OnlineEstimator": "twin.live.online",
     "Preset": "twin.preset",
     "Recipe": "twin.dataset.recipe",
     "ReducedTwins": "twin.reduced",
@@ -60,13 +60,13 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.estimation.active_model import ActiveModel as ActiveModel
     from twin.estimation.estimator import Sensor as Sensor
     from twin.estimation.load import load_estimator as load_estimator
-    from twin.estimation.online import OnlineEstimator as OnlineEstimator
     from twin.estimation.registry import method_specs as method_specs
     from twin.evaluation.evaluate import evaluate as evaluate
     from twin.evaluation.metrics import error_indices as error_indices
     from twin.hysteresis import ColemanHodgdon as ColemanHodgdon
     from twin.hysteresis import load_model as load_model
     from twin.identification import identify as identify
+    from twin.live.online import OnlineEstimator as OnlineEstimator
     from twin.physics import Endoscope as Endoscope
     from twin.preset import Preset as Preset
     from twin.preset import at_fidelity as at_fidelity

@@ -22,7 +22,7 @@
 import subprocess
 
 import twin
-from twin.runtime import load_runtime
+from twin.live import load_runtime
 
 
 def endotwin(words: str) -> None:

@@ -21,6 +21,8 @@ from rl.twins.sequences import STRIDES, Prediction, SequenceSource, split_record
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
+from twin.estimation.deployment import KEY as DEPLOYMENT
+from twin.estimation.deployment import prepare_deployment
 from twin.estimation.registry import Training
 from twin.files.run_cost import counted_cost
 from twin.files.run_folder import CHECKPOINT_FILE, open_run
@@ -30,8 +32,6 @@ from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced.member_set import NO_MEMBERS, MemberSet, check_members, members_to_dict
-from twin.runtime.deployment import KEY as DEPLOYMENT
-from twin.runtime.deployment import prepare_deployment
 
 VALIDATIONS = 12  # over each lesson of the gain
 _COSTS = {"members": 3, "simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}

@@ -10,9 +10,9 @@ from twin.benchmark.stream import answer_delays, processor_seconds, sample_lines
 
 
 def test_its_samples_are_what_the_protocol_reads():
-    from twin.stream.protocol import read_sample
+    from twin.live.lines import read_sample
 
-    times = [read_sample(line)[0] for line in sample_lines(50)]
+    times = [read_sample(line).time_s for line in sample_lines(50)]
     assert times == pytest.approx([0.1 * k for k in range(50)])
     assert all(json.loads(line)["measurement_deg"] for line in sample_lines(50))
 

@@ -14,10 +14,10 @@ from typed import typed
 from twin.control.live import prepare_commands
 from twin.control.plant import Plant
 from twin.errors import InputError
+from twin.live import load_runtime
+from twin.live.lines import answers
 from twin.recording import read_estimates
 from twin.recording.estimate import REFERENCE_TOPIC
-from twin.runtime import load_runtime
-from twin.stream.answers import answers
 
 T = 0.02
 

@@ -13,7 +13,7 @@ from twin.control.feedback import PI_SETTINGS
 from twin.control.limits import CommandLimits
 from twin.control.plant import Plant
 from twin.estimation.learned.member_weights import MemberWeights
-from twin.runtime.reading import Alarm, Source
+from twin.live.reading import Alarm, Source
 
 RATE = 2.0
 BEYOND_TRAINING = CommandLimits(-6.0, 6.0, 8.0)

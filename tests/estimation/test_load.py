@@ -14,14 +14,14 @@ from small_twins import TINY
 from rl.options import TrainingOptions
 from rl.trainers import Material, Simulated, find_trainer
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator, model_of
-from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import trainings
+from twin.live import load_runtime, prepare_runtime
+from twin.live.online import OnlineEstimator
 from twin.preset import load_preset, load_ranges
-from twin.runtime import load_runtime, prepare_runtime
-from twin.runtime.deployment import Deployment
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}

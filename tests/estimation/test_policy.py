@@ -9,9 +9,9 @@ from twin.estimation.knowledge import Case
 from twin.estimation.learned.direct import DirectEstimator
 from twin.estimation.learned.policy import OracleRun, PolicyEstimator
 from twin.estimation.learned.ram import ReinforcementActiveModel
-from twin.estimation.online import OnlineEstimator
 from twin.estimation.tuning import ConstantGain
 from twin.evaluation.method import as_method
+from twin.live.online import OnlineEstimator
 
 SEEDS = 8
 

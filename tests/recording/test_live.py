@@ -15,7 +15,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from recorded import messages, of_kind, records_of
 
-from twin.estimation.health import Health
+from twin.live.reading import Alarm, Health, Reading, Source
 from twin.recording import (
     live,
     read_episode,
@@ -29,7 +29,6 @@ from twin.recording.live import FLUSH_S, SIGN, LiveRecording
 from twin.recording.live_messages import LiveMessages
 from twin.recording.mcap_file.chunks import GrowingChunk
 from twin.recording.mcap_file.container import Container
-from twin.runtime.reading import Alarm, Reading, Source
 
 SAMPLES = good_samples(3000)
 

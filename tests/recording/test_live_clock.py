@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from live_streams import ESTIMATE, METHOD, good_samples, record, sample
 from recorded import messages
 
-from twin.estimation.health import Health, StreamLimits
-from twin.estimation.stream_clock import StreamClock
+from twin.live.checks import StreamClock, StreamLimits
+from twin.live.reading import Health
 from twin.recording import read_episode
 from twin.recording.live_messages import LiveMessages, RecordClock
 from twin.recording.messages import LARGEST_TIME

@@ -7,10 +7,9 @@ import pytest
 from live_streams import ESTIMATE, Sample, good_samples, record
 from recorded import messages
 
-from twin.estimation.health import Health
 from twin.files.assets import assets_folder
+from twin.live.reading import Alarm, Health, Reading, Source
 from twin.recording.estimate import estimate_topic
-from twin.runtime.reading import Alarm, Reading, Source
 
 LAYOUT = json.loads((assets_folder() / "foxglove_live_layout.json").read_text(encoding="utf-8"))
 PANELS = LAYOUT["configById"]

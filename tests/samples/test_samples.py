@@ -8,10 +8,10 @@ import pytest
 from twin.dataset.verify import verify
 from twin.errors import InputError
 from twin.files.assets import assets_folder
+from twin.live.lines import SampleLine
 from twin.measured.log import read_measured_log
 from twin.samples.copy import SAMPLES, copy_samples, sample_files
 from twin.samples.make import NOISE_DEG2, make_samples
-from twin.stream.protocol import SampleLine
 
 
 def test_every_sample_is_there_and_small():

@@ -19,9 +19,8 @@ from live_streams import ESTIMATE, METHOD, Sample, good_samples, reading, sample
 from repository import ENVIRONMENT
 
 from twin.errors import MissingExtraError
-from twin.estimation.health import Health
+from twin.live.reading import Alarm, Health, Reading, Source
 from twin.recording.live_messages import LiveMessages
-from twin.runtime.reading import Alarm, Reading, Source
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")

@@ -8,7 +8,7 @@ import sys
 import pytest
 from repository import ENVIRONMENT, REPOSITORY, command
 
-from twin.runtime import load_runtime
+from twin.live import load_runtime
 
 EXAMPLES = REPOSITORY / "docs/examples"
 COMPILER = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)

@@ -10,9 +10,9 @@ from twin.control.controller import Controller, Sensed
 from twin.control.knowledge import ControlKnowledge
 from twin.control.limits import CommandLimits
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.file import load_preset
-from twin.runtime.deployment import Deployment
 
 T = 0.1
 R = 0.1

@@ -6,11 +6,11 @@ import numpy as np
 from small_twins import TINY, small_members, small_step, twins
 
 from rl.twins.graph import export_twins
+from twin.estimation.deployment import KEY, prepare_deployment
 from twin.gate.material import Effort, gather
 from twin.hysteresis import ColemanHodgdon
 from twin.reduced import simulate
 from twin.reduced.member_set import members_to_dict
-from twin.runtime.deployment import KEY, prepare_deployment
 from twin.signals.excitation import command
 
 SMALL = Effort(kinds=1, twins=2, draws=1, log_draws=1, seconds=10.0, log_samples=100, hostile=600, pushes=40)

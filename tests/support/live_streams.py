@@ -10,9 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from twin.estimation.health import Health
+from twin.live.reading import Alarm, Health, Reading, Source
 from twin.recording.live import LiveRecording
-from twin.runtime.reading import Alarm, Reading, Source
 
 METHOD = "RAM (twins)"
 ESTIMATE = "/estimate/RAM_twins"

@@ -7,8 +7,8 @@ from controlled import DEPLOYMENT, R
 from small_twins import LAWS, TINY, normal_laws, small_step, still_members
 
 from rl.twins.graph import export_twins
+from twin.estimation.deployment import KEY
 from twin.reduced.member_set import members_to_dict
-from twin.runtime.deployment import KEY
 
 OFF_DEG = (-16.0, 18.0)
 """Means of a sensor that is off, each of which its law takes for what it is."""

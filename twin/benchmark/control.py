@@ -25,7 +25,7 @@ def control_step(policy: Path, preset: Preset) -> dict[str, Result]:
     from twin.control.plant import Plant
     from twin.control.reference import reference
     from twin.control.settings import PREVIEW_S
-    from twin.runtime.load import deployment_of
+    from twin.estimation.deployment import deployment_of
 
     deployment = deployment_of(read_trained_file(policy))
     limits = CommandLimits(*STROKE_MM, speed_mm_s=5.0).wider(MARGIN)

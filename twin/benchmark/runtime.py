@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from twin.benchmark.result import Result
+from twin.estimation.deployment import KEY, Deployment
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.runtime.deployment import KEY, Deployment
 
 SAMPLES = 20_000
 AT_ONCE = 500  # samples of the one, then of the other: both meet the same noise of the machine
@@ -22,7 +22,7 @@ def one_sample(policy: Path) -> dict[str, Result]:
 
     The endoscope is the file's own model, so that the policy is trusted, as in a deployment that goes well.
     """
-    from twin.runtime import load_runtime
+    from twin.live import load_runtime
 
     stream = _own_stream(policy)
     runtime = load_runtime(policy, initial_bend_deg=FIRST_DEG)

@@ -19,8 +19,8 @@ from twin.control.settings import ControlSettings
 from twin.control.trial import ControlTrial, run_trial
 from twin.control.tuning import tune
 from twin.errors import InputError
+from twin.estimation.deployment import Deployment
 from twin.files.state_file import read_state, state_key, write_state
-from twin.runtime.deployment import Deployment
 
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int, str], None]

@@ -30,8 +30,8 @@ from twin.control.registry import Setting
 from twin.errors import InputError
 from twin.estimation.learned.member_weights import MemberWeights
 from twin.estimation.learned.ram_twins import RamTwins, TwinsState
-from twin.runtime.assured import AssuredEstimator
-from twin.runtime.reading import Alarm, Source
+from twin.live.assured import AssuredEstimator
+from twin.live.reading import Alarm, Source
 
 COMPENSATOR_SETTINGS = {"rate_per_s": Setting(20.0, 2.0, 100.0), "turning_share": Setting(1.5, 0.3, 3.0)}
 """Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in

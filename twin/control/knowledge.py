@@ -9,9 +9,9 @@ from twin.control.line import Line, fit_line
 from twin.control.registry import TRAINED
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
-from twin.runtime.deployment import Deployment
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,12 +14,12 @@ from twin.control.limits import CommandLimits
 from twin.control.line import fit_line
 from twin.control.registry import tuned
 from twin.errors import InputError
-from twin.estimation.health import Health
+from twin.estimation.deployment import deployment_of
 from twin.estimation.learned.trained_file import read_trained_file
+from twin.live.assured import AssuredEstimator
+from twin.live.reading import Health
 from twin.preset.file import preset_of
 from twin.preset.preset import Preset
-from twin.runtime.assured import AssuredEstimator
-from twin.runtime.load import deployment_of
 
 _IGNORED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
 

@@ -12,13 +12,13 @@ from twin.control.limits import MARGIN, CommandLimits
 from twin.control.reference import SIGNALS, reference
 from twin.control.trial import ControlCase
 from twin.errors import InputError
+from twin.estimation.deployment import Deployment, prepare_deployment
 from twin.files.bounds import check_between
 from twin.files.hashes import sha256_of
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.runtime.deployment import Deployment, prepare_deployment
 from twin.signals.noise import draw_noise
 from twin.signals.streams import SeedUse, random_stream
 

@@ -41,7 +41,7 @@ Limits = Annotated[tuple[Finite, Finite], Field(strict=False)]
 
 
 class DeploymentFile(BaseModel):
-    """Companions of a trained estimator in its deployment; see `twin.runtime.deployment.Deployment`.
+    """Companions of a trained estimator in its deployment; see `twin.estimation.deployment.Deployment`.
 
     Attributes:
         fallback: parameters of the trusted filter.

@@ -8,7 +8,7 @@ from twin.recording.endotwin_pb2 import Estimate
 from twin.recording.endotwin_pb2 import Health as HealthMessage
 
 if TYPE_CHECKING:
-    from twin.runtime.reading import Reading
+    from twin.live.reading import Reading
 
 HEALTH_TOPIC = "/health"
 """Topic of what a running estimator found wrong with a sample."""

@@ -15,7 +15,7 @@ that are missing or absurd. What is recorded has the form of a measured log, wha
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from twin.estimation.health import Health
+from twin.live.reading import Health
 from twin.recording.endotwin_pb2 import Command, Estimate, Measurement
 from twin.recording.endotwin_pb2 import Health as HealthMessage
 from twin.recording.estimate import (
@@ -29,7 +29,7 @@ from twin.recording.messages import LARGEST_TIME
 from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
 if TYPE_CHECKING:
-    from twin.runtime.reading import Reading
+    from twin.live.reading import Reading
 
 _STAMP_REFUSED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
 _LONGEST_STEP_S = 10.0  # between two samples of one clock; a longer one is no step

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from twin.control.feedback import PI_SETTINGS, EstimateFeedback
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, register_controller
-from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import Style
+from twin.live.online import OnlineEstimator
 
 
 def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> EstimateFeedback:

@@ -9,8 +9,7 @@ from twin.control.feedback import PI_SETTINGS
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, register_controller, tuned
 from twin.estimation.registry import Style
-from twin.runtime.assured import AssuredEstimator
-from twin.runtime.load import prepare_runtime
+from twin.live.assured import AssuredEstimator, prepare_runtime
 
 
 class MembersInverse(Controller):

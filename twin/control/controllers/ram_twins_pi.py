@@ -8,8 +8,8 @@ from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, register_controller
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import load
-from twin.estimation.online import OnlineEstimator
 from twin.estimation.registry import Style
+from twin.live.online import OnlineEstimator
 
 
 def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> EstimateFeedback:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.health import Health
-from twin.estimation.online import OnlineEstimator
 from twin.gate.cases import draw_commands, simulate_runs
 from twin.gate.faults import FAULTS, Fault, Sample
 from twin.gate.material import OTHER_STREAMS, GateMaterial
 from twin.gate.result import Check, none_of
 from twin.gate.rival import RIVAL
-from twin.runtime import Alarm, AssuredEstimator, prepare_runtime
+from twin.live import Alarm, AssuredEstimator, prepare_runtime
+from twin.live.online import OnlineEstimator
+from twin.live.reading import Health
 
 Array = NDArray[np.float64]
 FINITE, FLAGGED, ERRORS = "a number under faults", "planted faults are flagged", "error under faults"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.gate.cases import draw_commands, simulate_runs
 from twin.gate.material import OTHER_STREAMS, GateMaterial
 from twin.gate.result import Check
-from twin.runtime import load_runtime
+from twin.live import load_runtime
 
 Array = NDArray[np.float64]
 LATENCY = "latency of one sample"

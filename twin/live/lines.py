@@ -1,26 +1,29 @@
-"""The lines of a live stream: samples in, readings and errors out, each one JSON object; and their schema.
+"""Lines of a live stream, each one JSON object: samples in, readings and errors out, one answer for each.
 
-`assets/run_protocol.schema.json` is this module's schema for programs in other languages; `make schema`
-writes it anew.
+`assets/run_protocol.schema.json` is the schema for programs in other languages (`make schema` writes it), and
+`docs/deployment.md` describes the lines.
 """
 
-import functools
 import json
 import math
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import models_json_schema
 
 from twin.errors import InputError
-from twin.estimation.health import Health
 from twin.files.json_text import parse_json_object, validated
-from twin.runtime.reading import Alarm, Source
-from twin.stream.lines import LONGEST_LINE
-from twin.stream.sample import StreamSample
+from twin.live.assured import AssuredEstimator
+from twin.live.reading import Alarm, Health, Source, StreamSample, flag_names
 
+if TYPE_CHECKING:
+    from twin.control.live import LiveCommands
+
+LONGEST_LINE = 65_536
+"""Bytes of a line without its end; a sample has about a hundred."""
 MOST_COMING = 256
-"""Wanted angles ahead that a sample may tell."""
+"""Wanted angles ahead that a sample may contain."""
 LONGEST_ERROR = 300
 """Characters of the text of an error."""
 
@@ -60,7 +63,7 @@ class HealthPart(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     sample: Annotated[list[SampleFault], Field(description="faults of this sample; none, if it is good")]
-    alarms: Annotated[list[AlarmName], Field(description="what speaks against the trained estimator")]
+    alarms: Annotated[list[AlarmName], Field(description="reasons not to trust the trained estimator")]
 
 
 class ReadingLine(BaseModel):
@@ -73,7 +76,7 @@ class ReadingLine(BaseModel):
     interval_deg: Annotated[
         tuple[float, float] | None, Field(description="95 % interval, low and high; null if unknown [deg]")
     ]
-    source: Annotated[SourceName, Field(description="who made the estimate")]
+    source: Annotated[SourceName, Field(description="source of the estimate")]
     health: HealthPart
     command_mm: Annotated[
         float | None,
@@ -82,7 +85,7 @@ class ReadingLine(BaseModel):
 
 
 class ErrorLine(BaseModel):
-    """Line out: the answer to a line that is no sample. The estimator has not seen it."""
+    """Line out: the answer to a line that is not a sample. The estimator has not seen it."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -90,32 +93,40 @@ class ErrorLine(BaseModel):
     line: Annotated[int, Field(ge=1, description="number of the line in the stream, empty lines counted")]
 
 
-class StreamLine(NamedTuple):
-    """Content of a line of a stream; NaN, and no angles, where it says nothing.
+class Answer(NamedTuple):
+    """Answer to one line.
 
     Attributes:
-        time_s: time stamp [s].
-        pull_mm: commanded pulling distance [mm].
-        measurement_deg: measured angle [deg].
-        reference_deg: angle that is wanted at the next sample [deg].
-        coming_deg: angles that are wanted at the samples after that [deg].
+        text: line to send, without its end.
+        sample: the sample and its reading; None where the line was not a sample.
     """
 
-    time_s: float
-    pull_mm: float
-    measurement_deg: float
-    reference_deg: float
-    coming_deg: list[float]
+    text: str
+    sample: StreamSample | None
 
 
-def read_sample(line: bytes | None) -> StreamLine:
-    """Return what a line says.
+def numbered_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes | None]]:
+    """Yield number (from 1 on) and bytes of each line of a buffered stream that is not white space alone.
 
-    Args:
-        line: its bytes; None where it was too long to be read.
+    A line longer than `LONGEST_LINE` is yielded as None as soon as that is known; the rest of it is skipped
+    piece by piece. The last line needs no end.
+    """
+    number = 0
+    while content := stream.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(content) > LONGEST_LINE and not content.endswith(b"\n"):
+            yield number, None
+            while content and not content.endswith(b"\n"):
+                content = stream.readline(LONGEST_LINE + 1)
+        elif not content.isspace():
+            yield number, content
+
+
+def read_sample(line: bytes | None) -> SampleLine:
+    """Return the sample in a line; None is a line that was too long to be read.
 
     Raises:
-        ValueError: it is no sample; the text says why.
+        ValueError: it is not a sample; the text gives the reason.
     """
     if line is None:
         raise InputError(f"the line is longer than {LONGEST_LINE} bytes")
@@ -123,19 +134,46 @@ def read_sample(line: bytes | None) -> StreamLine:
         values = parse_json_object(line, LONGEST_LINE + 1)
     except ValueError as error:
         raise InputError(f"the line {error}".replace(": line 1, column", ", at column")) from None
-    sample = validated(SampleLine, values)
-    given = sample.pull_mm, sample.measurement_deg, sample.reference_deg
-    pull_mm, measurement_deg, reference_deg = (math.nan if value is None else value for value in given)
-    return StreamLine(sample.time_s, pull_mm, measurement_deg, reference_deg, sample.coming_deg or [])
+    return validated(SampleLine, values)
+
+
+def answers(
+    runtime: AssuredEstimator, stream: BinaryIO, commands: "LiveCommands | None" = None
+) -> Iterator[Answer]:
+    """Yield the answer to each line of a stream before the next one is read.
+
+    A line that is not a sample leaves the runtime as it is. `commands` adds the pull to command next.
+    """
+    return (_answer(runtime, number, line, commands) for number, line in numbered_lines(stream))
+
+
+def _answer(
+    runtime: AssuredEstimator, number: int, line: bytes | None, commands: "LiveCommands | None"
+) -> Answer:
+    try:
+        given = read_sample(line)
+        if commands is None and given.reference_deg is not None:
+            raise InputError("reference_deg: no commands are made here, as no stroke is given")
+        if given.coming_deg and given.reference_deg is None:
+            raise InputError("coming_deg: needs reference_deg, the angle that is wanted before these")
+    except ValueError as error:
+        return Answer(_ENCODER.encode({"error": str(error)[:LONGEST_ERROR], "line": number}), None)
+    pull_mm, measurement_deg, reference_deg = (
+        math.nan if value is None else value
+        for value in (given.pull_mm, given.measurement_deg, given.reference_deg)
+    )
+    if commands is not None and math.isnan(pull_mm):
+        pull_mm = commands.command_mm
+    reading = runtime.push(given.time_s, pull_mm, measurement_deg)
+    sample = StreamSample(given.time_s, pull_mm, measurement_deg, reading, reference_deg)
+    if commands is None:
+        return Answer(reading_line(sample), sample)
+    command_mm = commands.after(pull_mm, reference_deg, given.coming_deg or [])
+    return Answer(reading_line(sample, command_mm), sample)
 
 
 def reading_line(sample: StreamSample, command_mm: float | None = None) -> str:
-    """Return the line that answers a sample, without its end.
-
-    Args:
-        sample: with its reading.
-        command_mm: pull to command next, NaN where none can be told yet; None where none is asked for [mm].
-    """
+    """Return the line that answers a sample; `command_mm` is NaN before the first, None without commands."""
     reading = sample.reading
     values: dict[str, Any] = {
         "time_s": sample.time_s,
@@ -147,17 +185,6 @@ def reading_line(sample: StreamSample, command_mm: float | None = None) -> str:
     if command_mm is not None:
         values["command_mm"] = None if math.isnan(command_mm) else command_mm
     return _ENCODER.encode(values)
-
-
-def error_line(error: ValueError, number: int) -> str:
-    """Return the line that answers one that is no sample, without its end."""
-    return _ENCODER.encode({"error": str(error)[:LONGEST_ERROR], "line": number})
-
-
-@functools.lru_cache(maxsize=4096)
-def flag_names(flags: Health | Alarm) -> list[str]:
-    """Return the names of the flags that are set."""
-    return [str(flag.name) for flag in flags]
 
 
 def protocol_schema() -> dict[str, Any]:

@@ -12,11 +12,12 @@ from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel, BiasedActiveModel, RobustActiveModel
-from twin.estimation.health import Health, StreamLimits
 from twin.estimation.koopman import KoopmanFilter
-from twin.estimation.online import OnlineEstimator
 from twin.estimation.soundness import is_sound
 from twin.estimation.tuning import ConstantGain
+from twin.live.checks import StreamLimits
+from twin.live.online import OnlineEstimator
+from twin.live.reading import Health
 
 T = 0.1
 MODEL = COLEMAN_HODGDON
@@ -59,8 +60,7 @@ def test_even_stream_equals_whole_records_bit_for_bit(estimator):
     stream = OnlineEstimator(estimator, T, 75.0)
     live = [stream.push(*sample) for sample in zip(TIME, pull, measurement, strict=True)]
     np.testing.assert_array_equal(live, estimator.estimate(pull, measurement, 75.0)[0])
-    assert (stream.steps, stream.held_pulls, stream.missing_measurements) == (299, 5, 31)
-    assert (stream.ignored, stream.filled, stream.refused) == (0, 0, 0)
+    assert (stream.steps, stream.ignored, stream.filled, stream.restarts) == (299, 0, 0, 0)
 
 
 @each_estimator
@@ -107,7 +107,7 @@ def test_broken_measurement_is_missing_and_broken_pull_is_held(broken):
     stream, other = begun(), begun()
     assert stream.push(T, 3.2, broken) == other.push(T, 3.2, math.nan)
     assert stream.push(2 * T, broken, 63.0) == other.push(2 * T, 3.2, 63.0)
-    assert (stream.missing_measurements, stream.held_pulls) == (1, 1)
+    assert stream.health == Health.NO_PULL
 
 
 def test_stream_begins_with_the_first_pull():
@@ -115,23 +115,22 @@ def test_stream_begins_with_the_first_pull():
     assert stream.push(0.0, math.nan, 62.0) == 60.0
     assert stream.push(1.0, 3.0, 62.0) == 60.0
     assert stream.push(1.0 + T, 3.1, 62.0) == begun().push(T, 3.1, 62.0)
-    assert stream.held_pulls == 1
 
 
 @pytest.mark.parametrize("far", [1.7e308, -200.1, 150.0, -3.0])
 def test_implausible_pull_is_held_and_flagged(far):
     stream, other = begun(), begun()
     assert stream.push(T, far, 61.0) == other.push(T, 3.0, 61.0)
-    assert (stream.health, stream.implausible_pulls, stream.held_pulls) == (Health.IMPLAUSIBLE_PULL, 1, 0)
+    assert stream.health == Health.IMPLAUSIBLE_PULL
 
 
 @pytest.mark.parametrize("far", [1e300, -1e20, 720.1])
 def test_implausible_measurement_is_missing_and_flagged(far):
     stream, other = begun(), begun()
     assert stream.push(T, 3.0, far) == other.push(T, 3.0, math.nan)
-    assert (stream.health, stream.implausible_measurements) == (Health.IMPLAUSIBLE_MEASUREMENT, 1)
+    assert stream.health == Health.IMPLAUSIBLE_MEASUREMENT
     assert stream.push(2 * T, 3.0, 719.0) == other.push(2 * T, 3.0, math.nan)
-    assert (stream.health, stream.outliers) == (Health.OUTLIER, 1)
+    assert stream.health == Health.OUTLIER
     stream.push(3 * T, 3.0, 60.0)
     assert stream.health == Health.GOOD
 
@@ -141,7 +140,7 @@ def test_measurements_that_agree_are_believed_after_half_a_second():
     live = [stream.push(k * T, 3.0, 400.0 + k % 2) for k in range(1, 6)]
     np.testing.assert_allclose(live, [60.0, 60.0, 60.0, 60.0, 400.5], atol=0.6)
     assert stream.health == Health.OUTLIER | Health.RESTARTED
-    assert (stream.outliers, stream.restarts) == (5, 1)
+    assert stream.restarts == 1
 
 
 def test_command_that_has_jumped_is_believed_after_half_a_second():
@@ -218,7 +217,8 @@ def test_estimate_is_finite_whatever_comes(estimator, stream):
     live = OnlineEstimator(estimator, T, 60.0)
     for sample in stream:
         assert math.isfinite(live.push(*sample))
-    assert live.pushed == len(stream) == live.ignored + live.waiting + live.first + live.steps
+    begun = live.state is not None
+    assert live.pushed == len(stream) == live.ignored + live.waiting + begun + live.steps
     assert is_sound(live.state)
 
 
@@ -258,7 +258,7 @@ def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
         assert stream.push(k * T, 3.0, 61.0) == (61.0 if k == 3 else 60.0)
         assert Health.REFUSED in stream.health
         assert is_sound(stream.state)
-    assert (stream.refused, stream.restarts) == (3, 1)
+    assert stream.restarts == 1
     assert Health.RESTARTED in stream.health
 
 

@@ -7,12 +7,11 @@ import pytest
 from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment, log_likelihoods, prepare_deployment, tune_fallback
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes, innovation_log_likelihood, tune_active_model
 from twin.hysteresis import BoucWen
 from twin.identification.one_step import identify_steps
-from twin.runtime.deployment import Deployment, prepare_deployment
-from twin.runtime.tuning import log_likelihoods, tune_fallback
 
 
 @pytest.fixture(scope="module")

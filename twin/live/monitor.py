@@ -1,59 +1,47 @@
-"""Monitor of a trained estimator: what speaks against it, sample by sample.
+"""Monitor of a trained estimator: evidence against it, sample by sample.
 
-The fallback foretells each measurement; so does the trained estimator, moved on by what the fallback says of
-the motion. Whoever foretells worse is farther from the truth, whatever constant the sensor may be off by.
+The fallback predicts each measurement; so does the trained estimator, moved on by the motion that the
+fallback predicts. The one that predicts worse is farther from the truth, whatever constant the sensor may be
+off by.
 """
 
 import math
 
-from twin.runtime.deployment import Deployment
-from twin.runtime.reading import Alarm
-from twin.runtime.stuck_sensor import StuckSensor
+from twin.estimation.deployment import Deployment
+from twin.live.reading import Alarm
 
-WINDOW_S = 2.5  # of the averages
+WINDOW_S = 2.5  # time constant of the averages
 LASTING_S = 1.0  # for which estimates must disagree
 TIMEOUT_S, TIMEOUT_SAMPLES = 1.0, 5  # without a measurement
 WORSE = 2.0  # times the mean square innovation of the fallback
 NOISE_SHARE = 0.5  # of R, beyond which it must be worse
-OFFSET = (
-    4.0  # standard deviations of the sensor that its mean innovation may be: more than any noise's mean here
-)
-FAR = 3.0  # standard deviations by which both may disagree beyond what they say
+OFFSET = 4.0  # standard deviations of the sensor allowed for the mean innovation: more than any noise's mean
+FAR = 3.0  # standard deviations by which both may disagree beyond their intervals
 SPIKE = 6.0  # standard deviations that a measurement may be off by
-SPIKE_SQUARE = SPIKE**2
 MOST = 16.0  # variances that one innovation counts in the averages
 FASTER = 2.0  # times the fastest of the training
 BEYOND = 0.5  # share of the angles of the training by which an estimate may leave them
 LARGEST_HALF_WIDTH_DEG = 90.0
-
-DISTRUSTED = (
-    Alarm.INNOVATION
-    | Alarm.DISAGREEMENT
-    | Alarm.RANGE
-    | Alarm.RATE
-    | Alarm.COMMAND
-    | Alarm.INTERVAL
-    | Alarm.LOST
-)
-"""Alarms that speak against the trained estimator, not against the sample."""
+# Plain numbers: an operation on flags takes a microsecond.
+_INNOVATION, _DISAGREEMENT, _RANGE = (of.value for of in (Alarm.INNOVATION, Alarm.DISAGREEMENT, Alarm.RANGE))
+_RATE, _COMMAND, _INTERVAL = Alarm.RATE.value, Alarm.COMMAND.value, Alarm.INTERVAL.value
+_TIMEOUT, _INPUT, _BEGINNING = Alarm.TIMEOUT.value, Alarm.INPUT.value, Alarm.BEGINNING.value
+_JUDGED = _INNOVATION | _DISAGREEMENT | _RANGE | _RATE
 
 
 class Monitor:
-    """Averages of one stream, and the limits that it is held to."""
+    """Averages over one stream, and the limits for it.
+
+    Attributes:
+        nis: mean square of the fallback's innovations, relative to their expected variance.
+    """
 
     def __init__(self, deployment: Deployment, sample_time: float, noise_variance: float):
-        """Begin with nothing known.
-
-        Args:
-            deployment: what the estimator was trained on.
-            sample_time: T [s].
-            noise_variance: R [deg^2].
-        """
-        self.stuck = StuckSensor()
+        """Begin with nothing known, for a sample time T [s] and a sensor of variance R [deg^2]."""
         self._sample_time, self._variance = sample_time, noise_variance
-        self._noise_deg = math.sqrt(noise_variance)
-        self._far_deg = FAR * self._noise_deg
-        self._offset_deg = OFFSET * self._noise_deg + 1.0
+        noise_deg = math.sqrt(noise_variance)
+        self._far_deg = FAR * noise_deg
+        self._offset_deg = OFFSET * noise_deg + 1.0
         self._noise_share = NOISE_SHARE * noise_variance
         self._learn = 1 - math.exp(-sample_time / WINDOW_S)
         self._lasting = max(round(LASTING_S / sample_time), 2)
@@ -63,22 +51,22 @@ class Monitor:
         self._longest_s = max(LASTING_S, self._usual_s)
         self._low_mm, self._high_mm = deployment.pull_mm
         low, high = deployment.bend_deg
-        beyond = BEYOND * (high - low) + FAR * self._noise_deg
+        beyond = BEYOND * (high - low) + FAR * noise_deg
         self._low_deg, self._high_deg = low - beyond, high + beyond
         self._speed_mm_s = FASTER * deployment.pull_speed_mm_s
-        self._step_deg = FASTER * deployment.bend_speed_deg_s * sample_time + SPIKE * self._noise_deg + 1.0
+        self._step_deg = FASTER * deployment.bend_speed_deg_s * sample_time + SPIKE * noise_deg + 1.0
         self._unmeasured = 0
         self.clear()
 
     def clear(self) -> None:
-        """Begin new averages: an estimator has begun anew."""
+        """Reset the averages, after an estimator has restarted."""
         self._apart = 0
-        self._seen_s = 0.0  # time that measurements have told of
+        self._seen_s = 0.0  # time covered by measurements
         self._since_s = 0.0  # time since the last one
         self._mean = self._square = self._mean_fallback = 0.0
         self._square_fallback = self._variance
         self._before_deg = self._fallback_before_deg = math.nan
-        self.nis = 1.0  # mean square of the fallback's innovations, as a share of what it expects
+        self.nis = 1.0
 
     def judge(
         self,
@@ -93,19 +81,19 @@ class Monitor:
         elapsed_s: float,
         measured: bool,
     ) -> int:
-        """Take in one sample and return the `Alarm` that it raises, as a number.
+        """Take in one sample and return its `Alarm`, as a number.
 
         Args:
-            bend_deg: its estimate [deg].
+            bend_deg: estimate [deg].
             half_width_deg: half of its 95 % interval [deg].
             fallback_deg: estimate of the fallback [deg].
             fallback_half_width_deg: half of its interval [deg].
-            innovation_deg: of the fallback: measurement minus what it foretold [deg].
-            expected: variance of that which the fallback expected [deg^2].
-            moved_mm: way of the command since the sample before [mm].
+            innovation_deg: of the fallback: measurement minus its prediction [deg].
+            expected: variance of that by the fallback [deg^2].
+            moved_mm: travel of the command since the previous sample [mm].
             pull_mm: command [mm].
             elapsed_s: time since then [s].
-            measured: whether the sample had a measurement that was believed.
+            measured: whether the sample had a measurement that was accepted.
         """
         alarms = 0
         if not self._low_mm <= pull_mm <= self._high_mm or moved_mm > self._speed_mm_s * elapsed_s + 1e-6:
@@ -138,15 +126,15 @@ class Monitor:
         return alarms
 
     def _compare(self, apart_deg: float, innovation_deg: float, expected: float, since_s: float) -> int:
-        """Take in an innovation of the fallback and return what it says of both estimators and the sample."""
+        """Take in an innovation of the fallback and return the alarms that follow from it."""
         if since_s > self._longest_s:
-            since_s = self._longest_s  # one sample behind a pause is no window of them
+            since_s = self._longest_s  # one sample after a pause is not a window of them
         self._seen_s += since_s
         own = innovation_deg - apart_deg  # of the trained one, moved on as the fallback has moved on
         # Conditions in the place of min and max, which take longer than all sums of a sample.
         square = innovation_deg * innovation_deg
         usual = expected if expected > self._square_fallback else self._square_fallback
-        if square > SPIKE_SQUARE * usual < own * own:
+        if square > SPIKE * SPIKE * usual < own * own:
             return _INPUT
         learn = self._learn if since_s <= self._usual_s else 1 - math.exp(-since_s / WINDOW_S)
         most = MOST * usual
@@ -161,10 +149,3 @@ class Monitor:
         self.nis += learn * ((share if share < MOST else MOST) - self.nis)
         worse = self._square > WORSE * self._square_fallback + self._noise_share
         return _INNOVATION if worse or abs(self._mean) > self._offset_deg else 0
-
-
-# Plain numbers: an operation on flags takes a microsecond.
-_INNOVATION, _DISAGREEMENT, _RANGE = (of.value for of in (Alarm.INNOVATION, Alarm.DISAGREEMENT, Alarm.RANGE))
-_RATE, _COMMAND, _INTERVAL = Alarm.RATE.value, Alarm.COMMAND.value, Alarm.INTERVAL.value
-_TIMEOUT, _INPUT, _BEGINNING = Alarm.TIMEOUT.value, Alarm.INPUT.value, Alarm.BEGINNING.value
-_JUDGED = _INNOVATION | _DISAGREEMENT | _RATE  # what needs averages

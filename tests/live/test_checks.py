@@ -1,0 +1,60 @@
+"""A residual that lasts is found; noise and a usual error of the model are not."""
+
+import numpy as np
+import pytest
+
+from twin.live.checks import BiasDetector
+
+T = 0.1
+QUIET = 0.3 * np.random.default_rng(2).standard_normal(1000)
+
+
+def detected(residuals) -> tuple[BiasDetector, list[bool]]:
+    detector = BiasDetector(T)
+    return detector, [detector.is_biased(float(residual)) for residual in residuals]
+
+
+@pytest.mark.parametrize(
+    "residuals",
+    [
+        *(noise_deg * np.random.default_rng(1).standard_normal(20_000) for noise_deg in (0.1, 1.0, 5.0)),
+        4 * np.sin(2 * np.pi * np.arange(10_000) * T / 10),  # a usual error of the model
+        20 * np.exp(-np.arange(600) * T / 3),  # a first estimate that is 20 deg off
+    ],
+    ids=("quiet", "noisy", "loud", "model", "first"),
+)
+def test_usual_residual_is_no_bias(residuals):
+    assert not any(detected(residuals)[1])
+
+
+def test_error_that_begins_and_stays_is_found_with_its_size():
+    detector, before = detected(QUIET)
+    after = [detector.is_biased(3.0) for _ in range(40)]
+    assert not any(before)
+    assert after.index(True) * T < 3.0
+    assert detector.offset_deg == 3.0
+    detector.clear()
+    assert not detector.is_biased(0.1)
+
+
+@pytest.mark.parametrize("flagged", [True, False])
+def test_what_follows_a_fault_does_not_become_usual(flagged):
+    """Otherwise a filter that the fault has biased would take its recovery for a usual error."""
+    detector, _ = detected(QUIET)
+    if flagged:
+        detector.doubt()
+    for _ in range(30):
+        detector.is_biased(-17.0)
+    detector.clear()
+    assert any(detector.is_biased(-2.0) for _ in range(30))
+
+
+def test_model_that_is_wrong_from_now_on_is_usual_within_a_minute():
+    detector, _ = detected(np.zeros(1000))
+    far = [detector.is_biased(8 * np.sin(2 * np.pi * k * T / 10)) for k in range(1200)]
+    assert any(far[:200])
+    assert not any(far[600:])
+
+
+def test_offset_is_the_present_one_where_the_residual_shrinks():
+    assert detected(20 - 2 * np.arange(9.0))[0].offset_deg == pytest.approx(4.0)

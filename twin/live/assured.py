@@ -1,0 +1,284 @@
+"""A trained estimator with a trusted fallback and a monitor between them (Simplex architecture; Sha 2001)."""
+
+import functools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment, deployment_of
+from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.gaussian import DEVIATIONS_OF_95
+from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.load import load_estimator_at
+from twin.estimation.registry import method_specs
+from twin.estimation.two_states import TwoStates
+from twin.live.checks import StreamLimits, StuckSensor, real_number
+from twin.live.monitor import Monitor
+from twin.live.online import OnlineEstimator
+from twin.live.reading import UNKNOWN_DEG, Alarm, Health, Reading, Source
+
+DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is used
+TRUST_S = 5.0  # without an alarm, after which the trained estimator is used again
+BLEND_S = 0.5  # from one to the other
+DISTRUSTED = (
+    Alarm.INNOVATION
+    | Alarm.DISAGREEMENT
+    | Alarm.RANGE
+    | Alarm.RATE
+    | Alarm.COMMAND
+    | Alarm.INTERVAL
+    | Alarm.LOST
+)
+"""Alarms about the trained estimator, not about the sample."""
+_MISSING = Health.NO_MEASUREMENT | Health.IMPLAUSIBLE_MEASUREMENT | Health.OUTLIER
+# Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
+_UNMEASURED = (_MISSING | Health.RESTARTED | Health.REFUSED).value  # the measurement was not used as it is
+_BLIND = (_MISSING | Health.GAP).value  # something at or before the sample was predicted without measurement
+_UNCOMMANDED = (Health.NO_PULL | Health.IMPLAUSIBLE_PULL).value
+_ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
+_INPUT, _LOST, _DISTRUSTED = Alarm.INPUT.value, Alarm.LOST.value, DISTRUSTED.value
+_RESTARTED, _REFUSED = Health.RESTARTED.value, Health.REFUSED.value
+
+
+class AssuredEstimator:
+    """A running pair of estimators on one live stream; no sample can break it.
+
+    The trained estimator is trusted until the monitor raises alarms about it in three samples in a row, and
+    again after five seconds without one; between the two the estimate moves within half a second. A stuck
+    sensor counts as missing.
+
+    Attributes:
+        method: name of the trained method.
+        sample_time: T [s].
+        advanced: the trained estimator on the stream.
+        fallback: the trusted filter on it.
+        reading: the latest.
+        samples: that came.
+        fallback_samples: of them, those at which the fallback had any part in the estimate.
+        switches: how often trust was lost.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        advanced: Estimator[Any],
+        fallback: ActiveModel,
+        deployment: Deployment,
+        initial_bend_deg: float,
+        limits: StreamLimits | None = None,
+    ):
+        """Prepare a stream.
+
+        Args:
+            method: name of the trained method.
+            advanced: the trained estimator, with the noise of the sensor.
+            fallback: filter on a model of Coleman and Hodgdon, with sample time and noise of the stream.
+            deployment: ranges of the training.
+            initial_bend_deg: estimate at the first sample [deg].
+            limits: beyond which a sample is refused.
+
+        Raises:
+            ValueError: the sample time or the initial estimate is not a proper number.
+        """
+        self.method, self.sample_time = method, fallback.sample_time
+        self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
+        self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
+        noise_variance = float(np.asarray(fallback.measurement_variance))
+        self._monitor = Monitor(deployment, self.sample_time, noise_variance)
+        self._stuck = StuckSensor()
+        self.samples = self.fallback_samples = self.switches = 0
+        unknown = initial_bend_deg - UNKNOWN_DEG, initial_bend_deg + UNKNOWN_DEG
+        self.reading = Reading(initial_bend_deg, *unknown, Source.ADVANCED, Health.WAITING, Alarm.BEGINNING)
+        self._states_interval = self.advanced.form.states_interval
+        self._weight = 1.0  # of the trained estimator
+        self._own_physics = advanced.has_physics
+        self._patience = max(round(TRUST_S / self.sample_time), 1)
+        self._trusted = True
+        self._bad = self._good = 0  # samples in a row
+        self._time_s, self._pull_mm = math.nan, math.nan
+        self._restarts = (0, 0)
+
+    def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> Reading:
+        """Take in one sample and return the reading at it.
+
+        Args:
+            time_s: its time stamp [s].
+            pull_mm: commanded pulling distance, NaN where there is none [mm].
+            measurement_deg: measured angle, NaN where there is none [deg].
+
+        Raises:
+            ValueError: one of them is not a real number; the stream is then as it was before.
+        """
+        if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
+            time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
+            measurement_deg = real_number("measurement_deg", measurement_deg)
+        # A repeated packet is no evidence of a stuck sensor.
+        stuck = not time_s <= self._time_s and self._stuck.is_stuck(measurement_deg)
+        accepted = math.nan if stuck else measurement_deg
+        advanced, fallback = self.advanced, self.fallback
+        ignored = fallback.ignored
+        bend = advanced.push(time_s, pull_mm, accepted)
+        fallback_deg = fallback.push(time_s, pull_mm, accepted)
+        self.samples += 1
+        state = fallback.state
+        if not isinstance(state, TwoStates):  # the stream has not begun
+            faulty = _INPUT if advanced.faults & ~Health.WAITING.value else 0
+            return self._read(bend, UNKNOWN_DEG, _ADVANCED, Alarm.BEGINNING.value | faulty)
+        if fallback.ignored != ignored:
+            last = self.reading
+            half_width = (last.high_deg - last.low_deg) / 2
+            return self._read(last.bend_deg, half_width, last.source, last.alarms.value | _INPUT)
+        before_s, self._time_s = self._time_s, time_s
+        elapsed = self._time_s - before_s
+        if not elapsed > 0:  # the first, or another clock
+            elapsed = self.sample_time
+        faults = advanced.faults | fallback.faults
+        alarms, half_width, fallback_half_width = self._judge(state, elapsed, bend, fallback_deg, faults)
+        if stuck:
+            alarms |= Alarm.STUCK.value
+        if alarms == 0 and self._trusted and self._weight == 1.0:  # as it should be
+            self._bad = 0
+            return self._read(bend, half_width, _ADVANCED, alarms)
+        self._decide(alarms)
+        weight = self._weight = self._moved(elapsed, faults)
+        if weight == 1.0:
+            return self._read(bend, half_width, _ADVANCED, alarms)
+        self.fallback_samples += 1
+        if weight == 0.0:
+            return self._read(fallback_deg, fallback_half_width, Source.FALLBACK, alarms)
+        blend = weight * bend + (1 - weight) * fallback_deg
+        widest = weight * half_width + (1 - weight) * fallback_half_width
+        return self._read(blend, widest, Source.BLEND, alarms)
+
+    def _judge(
+        self, state: TwoStates, elapsed_s: float, bend: float, fallback_deg: float, faults: int
+    ) -> tuple[int, float, float]:
+        """Return the alarms, and half of both intervals [deg]."""
+        advanced, fallback, monitor = self.advanced, self.fallback, self._monitor
+        lost = self._lost(faults) if faults else 0
+        fallback_half_width = DEVIATIONS_OF_95 * math.sqrt(
+            state.p * (monitor.nis if monitor.nis > 1.0 else 1.0)
+        )
+        if self._states_interval:
+            half_width = advanced.half_width_deg
+        else:  # the smallest that contains the fallback's
+            half_width = abs(bend - fallback_deg) + fallback_half_width
+        pull, before = fallback.pull_mm, self._pull_mm
+        self._pull_mm = pull
+        alarms = monitor.judge(
+            bend,
+            half_width if self._states_interval else fallback_half_width,
+            fallback_deg,
+            fallback_half_width,
+            state.innovation_deg,
+            state.expected,
+            0.0 if before != before else abs(pull - before),
+            pull,
+            elapsed_s,
+            measured=not faults & _UNMEASURED and state.innovation_deg != 0.0,
+        )
+        return alarms | _INPUT | lost if faults else alarms, half_width, fallback_half_width
+
+    def _lost(self, faults: int) -> int:
+        """Reset the averages where either restarted; return LOST where the trained one alone failed."""
+        before, self._restarts = self._restarts, (self.advanced.restarts, self.fallback.restarts)
+        if faults & _RESTARTED:
+            self._monitor.clear()
+            if self._restarts[0] > before[0] and self._restarts[1] == before[1]:
+                self._bad = DISTRUST_SAMPLES
+                return _LOST
+        return _LOST if self.advanced.faults & ~self.fallback.faults & _REFUSED else 0
+
+    def _decide(self, alarms: int) -> None:
+        """Update trust in the trained estimator, with hysteresis."""
+        if not alarms & _DISTRUSTED:
+            self._bad = 0
+            self._good += 1
+            if not self._trusted and self._good >= self._patience:
+                self._trusted = True
+        else:
+            self._good = 0
+            self._bad += 1
+            if self._trusted and self._bad >= DISTRUST_SAMPLES:
+                self._trusted = False
+                self.switches += 1
+
+    def _moved(self, elapsed_s: float, faults: int) -> float:
+        """Return the weight of the trained estimator, on its way to one or to zero.
+
+        Without a measurement, one that predicts by the fallback's own model adds nothing to it, as it was not
+        trained to predict; without a pull, one that weights the command more is more wrong.
+        """
+        blind = not self._own_physics and bool(faults & _BLIND)
+        step = elapsed_s / BLEND_S
+        if self._trusted and not blind and not faults & _UNCOMMANDED:
+            return min(self._weight + step, 1.0)
+        return max(self._weight - step, 0.0)
+
+    def _read(self, bend: float, half_width: float, source: Source, alarms: int) -> Reading:
+        if not half_width < UNKNOWN_DEG:
+            half_width = UNKNOWN_DEG
+        raised = Alarm(alarms) if alarms else _NO_ALARM
+        health = self.advanced.health
+        self.reading = Reading(bend, bend - half_width, bend + half_width, source, health, raised)
+        return self.reading
+
+
+def load_runtime(
+    path: str | Path,
+    *,
+    sample_time: float | None = None,
+    noise_variance: float | None = None,
+    initial_bend_deg: float = 0.0,
+    limits: StreamLimits | None = None,
+) -> AssuredEstimator:
+    """Return the runtime of a trained file, ready for the first sample.
+
+    Args:
+        path: the file that training wrote.
+        sample_time: T [s]; that of the training, if not given. What was trained on twins runs at any.
+        noise_variance: R of the sensor [deg^2]; that of the training, if not given.
+        initial_bend_deg: estimate at the first sample [deg].
+        limits: beyond which a sample is refused.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, not a file that training wrote, or cannot run at this sample time.
+    """
+    prepared = prepare_runtime(path, sample_time=sample_time, noise_variance=noise_variance, limits=limits)
+    return prepared(initial_bend_deg)
+
+
+def prepare_runtime(
+    path: str | Path,
+    *,
+    sample_time: float | None = None,
+    noise_variance: float | None = None,
+    limits: StreamLimits | None = None,
+) -> Callable[[float], AssuredEstimator]:
+    """Read a trained file once for many streams: the function from an initial estimate to a runtime."""
+    path = Path(path)
+    file = read_trained_file(path)
+    deployment = deployment_of(file)
+    if sample_time is not None:
+        sample_time = _positive("sample_time", sample_time)
+    if noise_variance is None:
+        noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
+    noise_variance = _positive("noise_variance", noise_variance)
+    estimator, T = load_estimator_at(path, file.agent, sample_time)
+    advanced = estimator.with_sensor(Sensor(noise_variance))
+    method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
+    fallback = deployment.fallback_at(T, noise_variance)
+    return functools.partial(AssuredEstimator, method, advanced, fallback, deployment, limits=limits)
+
+
+def _positive(name: str, value: Any) -> float:
+    number = real_number(name, value)
+    if not 0 < number < math.inf:
+        raise InputError(f"{name} = {number:g}: must be positive and finite")
+    return number

@@ -1,0 +1,295 @@
+"""An estimator on one live stream, sample by sample, whatever comes late, twice, broken or not at all.
+
+It drives the same `start` and `step` as complete records do: an even stream gives the same bits.
+"""
+
+import math
+import sys
+from typing import Generic
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.estimation.estimator import Estimator, State
+from twin.live.checks import (
+    AgreeingRun,
+    BiasDetector,
+    OutlierGate,
+    StreamClock,
+    StreamLimits,
+    real_number,
+    samples_within,
+)
+from twin.live.reading import Health
+
+GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
+FILL_LIMIT_S = 10.0  # a gap is filled with no more predictions than fit into this time
+FILL_LIMIT_SAMPLES = 2000  # and with no more than these: the next sample waits for them
+WALK_MM = 0.25  # length of the steps in which a longer move of the tendon is predicted: one may be unstable
+HOLD_LIMIT_S = 1.0  # longest time in which a pull may have moved on while it was held
+FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two refused ones agree
+REFUSED_STEPS = 3  # in a row, after which the estimator restarts
+GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
+WILD = 10.0  # times the limit of a measurement, beyond which no estimate is possible
+# Plain numbers: an operation on flags takes as long as a step.
+_GOOD, _GAP, _WAITING = Health.GOOD, Health.GAP.value, Health.WAITING.value
+_NO_PULL, _IMPLAUSIBLE_PULL = Health.NO_PULL.value, Health.IMPLAUSIBLE_PULL.value
+_NO_MEASUREMENT, _IMPLAUSIBLE = Health.NO_MEASUREMENT.value, Health.IMPLAUSIBLE_MEASUREMENT.value
+_OUTLIER, _REFUSED, _RESTARTED = Health.OUTLIER.value, Health.REFUSED.value, Health.RESTARTED.value
+_FAULTY = _OUTLIER | _IMPLAUSIBLE | _IMPLAUSIBLE_PULL | _NO_PULL
+
+
+class OnlineEstimator(Generic[State]):
+    """A running estimator that no sample can break; `health` has the faults of the last one.
+
+    The estimate is never NaN: before the stream begins it is the initial one, and a step to a state that
+    contains an impossible number is not taken. What is far from all that is known is refused; where refused
+    samples agree for a while, the estimator restarts at them, so that it is never locked out. Each sample is
+    counted: `pushed == ignored + waiting + steps`, and one for the first.
+
+    Attributes:
+        faults: of the last sample, as the number of `health`.
+        state: of the estimator; None until the stream begins.
+        bend_deg: latest estimate [deg].
+        pull_mm: pulling distance that the estimator has stepped to; NaN until the stream begins [mm].
+        pushed: samples that came.
+        ignored: samples whose time stamp does not count.
+        waiting: samples before the first pull.
+        steps: samples after the first that the estimator has stepped to.
+        filled: samples predicted in gaps.
+        restarts: of the estimator.
+    """
+
+    def __init__(
+        self,
+        estimator: Estimator[State],
+        sample_time: float,
+        initial_bend_deg: float,
+        limits: StreamLimits | None = None,
+    ):
+        """Prepare a stream of samples every T [s].
+
+        Args:
+            estimator: with the noise of the sensor, where it has a use for it.
+            sample_time: T that the estimator was made for [s].
+            initial_bend_deg: estimate at the first sample, whose measurement is not used [deg].
+            limits: beyond which a sample is refused.
+        """
+        self.limits = limits or StreamLimits()
+        sample_time = real_number("sample_time", sample_time)
+        initial_bend_deg = real_number("initial_bend_deg", initial_bend_deg)
+        if not 0 < sample_time < math.inf:
+            raise InputError(f"sample time {sample_time} s: must be positive and finite")
+        if not abs(initial_bend_deg) <= self.limits.bend_deg or math.isinf(initial_bend_deg):
+            raise InputError(
+                f"initial_bend_deg = {initial_bend_deg}: must be a finite number "
+                f"from {-self.limits.bend_deg:g} to {self.limits.bend_deg:g}"
+            )
+        self.estimator = estimator
+        self.sample_time = sample_time
+        self.bend_deg = initial_bend_deg
+        self.form = estimator.single()
+        self.faults = 0
+        self.pushed = self.ignored = self.waiting = self.steps = self.filled = self.restarts = 0
+        self.state: State | None = None
+        self.pull_mm = math.nan
+        self._held_s = 0.0  # since the last pull
+        self._gap_s = GAP_SAMPLES * sample_time
+        self._wild_deg = WILD * self.limits.bend_deg
+        self._most_deg = min(self.limits.bend_deg, sys.float_info.max)
+        self._most_mm = min(self.limits.pull_mm, sys.float_info.max)
+        self._jump_mm, self._speed_mm_s = self.limits.pull_jump_mm, self.limits.pull_speed_mm_s
+        self._refused_in_a_row = 0
+        self._trusted: State | None = None  # before the latest stretch of good samples
+        self._latest_good: State | None = None  # after it
+        self._good_in_a_row = 0
+        self._stretch = math.ceil(min(max(GOOD_STRETCH_S / sample_time, 1.0), 1e9))
+        self._clock = StreamClock(sample_time, self.limits)
+        self._gate = OutlierGate(sample_time, self.limits)
+        self._enough = samples_within(self.limits.agreement_s, sample_time)
+        self._far_pulls, self._outliers = AgreeingRun(self._enough), AgreeingRun(self._enough)
+        self._bias = BiasDetector(sample_time)
+        self._faulty = self._since_faulty = 0  # samples of a stretch of faulty ones, and after it
+
+    @property
+    def health(self) -> Health:
+        """Faults of the last sample."""
+        return Health(self.faults) if self.faults else _GOOD
+
+    @property
+    def half_width_deg(self) -> float:
+        """Half of the 95 % interval of the estimate [deg]; NaN where none is stated."""
+        if self.state is None or not self.form.states_interval:
+            return math.nan
+        return self.form.half_width_deg(self.state)
+
+    def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
+        """Take in one sample and return the estimate at it [deg].
+
+        A sample that is not later than the last is ignored, as is one more than a day ahead; where such
+        stamps go on from each other for a second, the stream goes on by this new clock. A sample
+        more than 1.5 sample times after the last ends a gap: the samples between are predicted without a
+        measurement along the straight line between the two pulls, as many as fit; after more than 10 s, as
+        many as fit into 10 s, in larger steps. One that comes early is a sample like any other.
+
+        Args:
+            time_s: its time stamp [s].
+            pull_mm: commanded pulling distance; the last one is held if it is not finite, beyond its limit or
+                too far from the last [mm].
+            measurement_deg: measured angle, missing if it is not finite, beyond its limit or too far from the
+                last estimate [deg].
+
+        Raises:
+            ValueError: one of them is not a real number; the stream is then as it was before.
+        """
+        if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
+            time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
+            measurement_deg = real_number("measurement_deg", measurement_deg)
+        self.pushed += 1
+        self.faults = 0
+        elapsed_s = self._clock.elapsed(time_s)
+        if self._clock.fault is not _GOOD:
+            self.faults |= self._clock.fault.value
+            if math.isnan(elapsed_s):
+                self.ignored += 1
+                return self.bend_deg
+        if not abs(measurement_deg) <= self._most_deg:
+            self.faults |= _IMPLAUSIBLE if math.isfinite(measurement_deg) else _NO_MEASUREMENT
+            measurement_deg = math.nan
+        if not abs(pull_mm) <= self._most_mm:
+            self.faults |= _IMPLAUSIBLE_PULL if math.isfinite(pull_mm) else _NO_PULL
+            pull_mm = math.nan
+        if self.state is None:
+            self._begin(pull_mm)
+        else:
+            self.steps += 1
+            self._advance(elapsed_s, pull_mm, measurement_deg)
+        if self.faults or self._faulty:
+            self._restart_after_faults()
+        self._good_in_a_row = 0 if self.faults else self._good_in_a_row + 1
+        if self._good_in_a_row == self._stretch:
+            self._trusted, self._latest_good, self._good_in_a_row = self._latest_good, self.state, 0
+        return self.bend_deg
+
+    def _begin(self, pull_mm: float) -> None:
+        if math.isnan(pull_mm):  # nothing can be held: the stream has not begun
+            self.waiting += 1
+            self.faults |= _WAITING
+            return
+        self.pull_mm = pull_mm
+        self.state = self.form.start(pull_mm, self.bend_deg)
+
+    def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
+        """Step to a sample whose pull and measurement are each within their limits, or NaN."""
+        self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
+        if pull_mm != pull_mm:  # NaN
+            pull_mm = self.pull_mm
+        else:
+            reach = self._jump_mm + self._speed_mm_s * self._held_s
+            if abs(pull_mm - self.pull_mm) > reach:
+                self.faults |= _IMPLAUSIBLE_PULL
+                self._held_s -= min(elapsed_s, self._held_s)  # a wrong pull makes no other one likelier
+                refused = pull_mm, measurement_deg
+                if self._far_pulls.is_accepted(pull_mm, FAR_PULLS_AGREE * reach, refused):
+                    if self._restart_at(self._far_pulls):
+                        return
+                else:
+                    pull_mm = self.pull_mm
+            else:
+                self._held_s = 0.0
+                if self._far_pulls.begun:
+                    self._far_pulls.clear()
+
+        travel_mm = abs(pull_mm - self.pull_mm)
+        if elapsed_s > self._gap_s or travel_mm > self._jump_mm:
+            self._fill(elapsed_s, pull_mm, travel_mm)
+        if measurement_deg != measurement_deg:  # NaN
+            self._gate.widen(elapsed_s)
+        elif self._gate.passes(abs(measurement_deg - self.bend_deg)):
+            if self._outliers.begun:
+                self._outliers.clear()
+        else:
+            self.faults |= _OUTLIER
+            agreeing_deg, refused = self._gate.width_deg(1.0), (pull_mm, measurement_deg)
+            accepted = self._outliers.is_accepted(measurement_deg, agreeing_deg, refused)
+            if accepted and self._restart_at(self._outliers):
+                return
+            measurement_deg = math.nan
+        self._step(pull_mm, measurement_deg)
+        if measurement_deg == measurement_deg and self._bias.is_biased(measurement_deg - self.bend_deg):
+            self._restart(pull_mm, self.bend_deg + self._bias.offset_deg)
+
+    def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> None:
+        """Predict the samples of a gap, and all of a move that is too long for one step."""
+        between = 0
+        if elapsed_s > self._gap_s:
+            samples = elapsed_s / self.sample_time
+            between = round(min(samples, FILL_LIMIT_S / self.sample_time + 1, FILL_LIMIT_SAMPLES + 1)) - 1
+            self.filled += between
+            self.faults |= _GAP
+        longest = self._jump_mm
+        if not between:
+            longest += self._speed_mm_s * self.sample_time
+        if travel_mm > longest * (between + 1):
+            between = min(math.ceil(travel_mm / WALK_MM), FILL_LIMIT_SAMPLES)
+        for pull in np.linspace(self.pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
+            self._step(pull, math.nan)
+
+    def _step(self, pull_mm: float, measurement_deg: float) -> None:
+        assert self.state is not None
+        if self._accept(self.form.step(self.state, pull_mm, self.pull_mm, measurement_deg), pull_mm):
+            self._refused_in_a_row = 0
+            return
+        self.faults |= _REFUSED
+        self._refused_in_a_row += 1
+        if self._refused_in_a_row >= REFUSED_STEPS:
+            self._restart(pull_mm, self.bend_deg if math.isnan(measurement_deg) else measurement_deg)
+
+    def _accept(self, state: State, pull_mm: float) -> bool:
+        """Go on from a state, if it is possible."""
+        bend_deg = self.form.bend_deg(state)
+        sound = abs(bend_deg) <= self._wild_deg and self.form.is_sound(state)
+        if sound:
+            self.state, self.bend_deg, self.pull_mm = state, bend_deg, pull_mm
+        return sound
+
+    def _restart_at(self, run: AgreeingRun) -> bool:
+        """Restart in the middle of a run of samples that agree; not where nothing was measured."""
+        found = run.restart()
+        self._far_pulls.clear()
+        self._outliers.clear()
+        if found is None:
+            return False
+        first, rest = found
+        self._restart(*first)
+        for sample in rest:
+            self._step(*sample)
+        return True
+
+    def _restart_after_faults(self) -> None:
+        """Restart from the last trusted state after a stretch of faulty samples.
+
+        The estimator may have learned from those of them that passed the gate.
+        """
+        if self.faults & _FAULTY:
+            self._faulty, self._since_faulty = self._faulty + 1, 0
+            self._bias.doubt()
+        elif self._faulty:
+            self._since_faulty += 1
+            if self._since_faulty >= self._enough:
+                if self._faulty >= self._enough and self._trusted is not None:
+                    self._restart(self.pull_mm, self.bend_deg + self._bias.offset_deg)
+                self._faulty = 0
+
+    def _restart(self, pull_mm: float, bend_deg: float) -> None:
+        most = self.limits.bend_deg
+        angle = min(max(bend_deg, -most), most)
+        if self._trusted is None:
+            self._accept(self.form.start(pull_mm, angle), pull_mm)
+        else:
+            self._accept(self.form.resume(self._trusted, pull_mm, angle), pull_mm)
+        self._refused_in_a_row = 0
+        self._held_s = 0.0
+        self._bias.clear()
+        self.restarts += 1
+        self.faults |= _RESTARTED

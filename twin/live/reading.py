@@ -1,0 +1,210 @@
+"""A sample of a live stream and its reading: estimate, interval, source, faults and alarms."""
+
+import collections
+import enum
+import functools
+import math
+from typing import Any, NamedTuple, Protocol
+
+UNKNOWN_DEG = 180.0  # half width of an interval of an estimate about which nothing is known
+_ROUNDING_DEG = 1e-6
+
+
+class Health(enum.Flag):
+    """Faults of one sample of a live stream, any number of them together; `Health.GOOD` is none.
+
+    Attributes:
+        GOOD: no fault.
+        NO_TIME: the time stamp is not finite or beyond all dates: the sample is ignored.
+        LATE: it is not later than the one before: the sample is ignored.
+        CLOCK_JUMP: it is farther ahead than the longest pause: the sample is ignored.
+        CLOCK_RESET: after samples on another clock that agree, the stream goes on by that clock from here.
+        GAP: samples are missing before this one; predictions took their place.
+        NO_PULL: the pull is not finite: the last one is held.
+        IMPLAUSIBLE_PULL: the pull is beyond its limit, or too far from the last one: the last one is held.
+        NO_MEASUREMENT: the measurement is not finite: it is missing.
+        IMPLAUSIBLE_MEASUREMENT: it is beyond its limit: it counts as missing.
+        OUTLIER: it is too far from the last estimate: it counts as missing.
+        REFUSED: a step led to an impossible state, and was not taken.
+        RESTARTED: the estimator restarted at this sample.
+        WAITING: no pull has come yet: the stream has not begun.
+    """
+
+    GOOD = 0
+    NO_TIME = enum.auto()
+    LATE = enum.auto()
+    CLOCK_JUMP = enum.auto()
+    CLOCK_RESET = enum.auto()
+    GAP = enum.auto()
+    NO_PULL = enum.auto()
+    IMPLAUSIBLE_PULL = enum.auto()
+    NO_MEASUREMENT = enum.auto()
+    IMPLAUSIBLE_MEASUREMENT = enum.auto()
+    OUTLIER = enum.auto()
+    REFUSED = enum.auto()
+    RESTARTED = enum.auto()
+    WAITING = enum.auto()
+
+
+class Alarm(enum.Flag):
+    """Alarms of one sample, any number of them together; `Alarm.NONE` is none.
+
+    Those from INNOVATION to LOST are about the trained estimator: three samples in a row with any of them
+    switch to the fallback, one where it restarted. The others are about the sample.
+
+    Attributes:
+        NONE: no alarm.
+        INNOVATION: over 2.5 s it predicts measurements worse than the fallback, or is off by a constant.
+        DISAGREEMENT: it is farther from the fallback than both intervals allow.
+        RANGE: its estimate is far beyond the angles that it was trained on.
+        RATE: its estimate moves faster than the endoscope and the noise can.
+        COMMAND: the command is beyond the distances or the speed that it was trained on.
+        INTERVAL: its interval is not a number, or wider than 90 deg to each side.
+        LOST: it restarted where the fallback had no need to, or a step of it led to an impossible state.
+        STUCK: the sensor has repeated one number for too long, and counts as missing.
+        TIMEOUT: no measurement has come for too long.
+        INPUT: this sample was faulty (`Reading.health`), or its measurement is far from both predictions.
+        BEGINNING: too few samples have come to judge.
+    """
+
+    NONE = 0
+    INNOVATION = enum.auto()
+    DISAGREEMENT = enum.auto()
+    RANGE = enum.auto()
+    RATE = enum.auto()
+    COMMAND = enum.auto()
+    INTERVAL = enum.auto()
+    LOST = enum.auto()
+    STUCK = enum.auto()
+    TIMEOUT = enum.auto()
+    INPUT = enum.auto()
+    BEGINNING = enum.auto()
+
+
+class Source(enum.Enum):
+    """Source of an estimate: the trained estimator, the trusted filter, or a mean of both between them."""
+
+    ADVANCED = "advanced"
+    FALLBACK = "fallback"
+    BLEND = "blend"
+
+
+class Reading(NamedTuple):
+    """Estimate at one sample.
+
+    Attributes:
+        bend_deg: estimate; never NaN [deg].
+        low_deg: lower end of its 95 % interval; 180 deg below the estimate where it is unknown [deg].
+        high_deg: upper end of it; 180 deg above where it is unknown [deg].
+        source: of the estimate.
+        health: faults of the sample.
+        alarms: reasons not to trust the trained estimator, or the sample.
+    """
+
+    bend_deg: float
+    low_deg: float
+    high_deg: float
+    source: Source
+    health: Health
+    alarms: Alarm
+
+    @property
+    def interval_deg(self) -> tuple[float, float] | None:
+        """95 % interval, low and high [deg]; None where it is unknown."""
+        known = abs(self.high_deg - self.low_deg) < 2 * UNKNOWN_DEG - _ROUNDING_DEG
+        return (self.low_deg, self.high_deg) if known else None
+
+
+class StreamSample(NamedTuple):
+    """One sample and its reading.
+
+    Attributes:
+        time_s: time stamp as it came [s].
+        pull_mm: commanded pulling distance, NaN where there was none [mm].
+        measurement_deg: measured angle, NaN where there was none [deg].
+        reading: at this sample.
+        reference_deg: angle that is wanted at the next sample, NaN where none is given [deg].
+    """
+
+    time_s: float
+    pull_mm: float
+    measurement_deg: float
+    reading: Reading
+    reference_deg: float = math.nan
+
+
+class Sink(Protocol):
+    """Consumer of samples, such as a recording or a viewer."""
+
+    def add(self, sample: StreamSample, /) -> None:
+        """Take in one sample without waiting.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+
+    def close(self) -> None:
+        """Complete the output."""
+
+
+@functools.lru_cache(maxsize=4096)
+def flag_names(flags: Health | Alarm) -> list[str]:
+    """Return the names of the flags that are set."""
+    return [str(flag.name) for flag in flags]
+
+
+class RunCounts:
+    """Counts of the samples of a run; a sink.
+
+    Attributes:
+        samples: number of samples.
+        faulty: samples with any fault.
+        sources: samples by the source of the estimate.
+        faults: samples by fault.
+        alarms: samples by alarm.
+    """
+
+    def __init__(self) -> None:
+        self.samples = self.faulty = 0
+        self.sources: collections.Counter[Source] = collections.Counter()
+        self.faults: collections.Counter[str] = collections.Counter()
+        self.alarms: collections.Counter[str] = collections.Counter()
+
+    def add(self, sample: StreamSample) -> None:
+        """Count one sample."""
+        reading = sample.reading
+        self.samples += 1
+        self.sources[reading.source] += 1
+        if reading.health:
+            self.faulty += 1
+            self.faults.update(flag_names(reading.health))
+        if reading.alarms:
+            self.alarms.update(flag_names(reading.alarms))
+
+    def close(self) -> None:
+        """Do nothing: the counts stay."""
+
+    def share(self, source: Source) -> float:
+        """Return the share of the samples whose estimate has this source; 0 without samples."""
+        return self.sources[source] / max(self.samples, 1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the counts as plain values."""
+        return {
+            "samples": self.samples,
+            "fallback_share": self.share(Source.FALLBACK),
+            "blend_share": self.share(Source.BLEND),
+            "faulty": self.faulty,
+            "faults": dict(self.faults),
+            "alarms": dict(self.alarms),
+        }
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        text = f"{self.samples} samples, {self.share(Source.FALLBACK):.1%} by the fallback"
+        if self.sources[Source.BLEND]:
+            text += f", {self.share(Source.BLEND):.1%} blended"
+        text += f", {self.faulty} with faults"
+        if self.faults:
+            text += f" ({', '.join(f'{name} {count}' for name, count in self.faults.most_common())})"
+        return text
