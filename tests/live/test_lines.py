@@ -7,7 +7,7 @@ import math
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from repository import REPOSITORY
 
@@ -52,7 +52,8 @@ def split(data: bytes) -> list[tuple[int, bytes | None]]:
     ]
 
 
-@given(st.lists(PIECES, max_size=12))
+@settings(max_examples=25)
+@given(st.lists(PIECES, max_size=6))
 def test_numbered_lines_are_those_of_the_stream(pieces):
     data = b"".join(pieces)
     found = [(number, line and line.removesuffix(b"\n")) for number, line in numbered_lines(io.BytesIO(data))]
