@@ -5,7 +5,7 @@ import logging
 import threading
 
 from twin.errors import InputError, require_extra
-from twin.recording.descriptors import schema_data
+from twin.recording.container import schema_data
 from twin.recording.live_messages import LiveMessages, LiveSample
 
 HOST, PORT = "127.0.0.1", 8765

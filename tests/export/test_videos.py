@@ -13,9 +13,8 @@ from recorded import make_episode
 
 from twin.export.statistics import exact_statistics
 from twin.export.videos import video_key
-from twin.recording.camera import CAMERA_TOPIC, picture_message, stereo_topics
+from twin.recording.camera import CAMERA_TOPIC, decoded, picture_message, read_pictures, stereo_topics
 from twin.recording.messages import to_nanoseconds
-from twin.recording.pictures import decoded, read_pictures
 from twin.recording.writer import EpisodeWriter
 
 VIDEO_KEY = video_key("camera")

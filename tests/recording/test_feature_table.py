@@ -11,9 +11,8 @@ from recorded import make_episode
 
 from twin.recording import messages, write_csv
 from twin.recording.endotwin_pb2 import DESCRIPTOR
-from twin.recording.features import FEATURES, UNITS, Feature, recorded
+from twin.recording.features import COMMAND_ANGLE, FEATURES, TABLE, UNITS, Feature, column_names, recorded
 from twin.recording.messages import SCHEMAS
-from twin.recording.table import COMMAND_ANGLE, TABLE, column_names
 
 PROTO = Path(messages.__file__).with_name("endotwin.proto").read_text()
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "dataset.md").read_text()

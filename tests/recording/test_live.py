@@ -24,11 +24,11 @@ from twin.recording import (
     recover_episode,
     write_episode,
 )
+from twin.recording.chunks import GrowingChunk
+from twin.recording.container import Container
 from twin.recording.estimate import REFERENCE_TOPIC
 from twin.recording.live import FLUSH_S, SIGN, LiveRecording
 from twin.recording.live_messages import LiveMessages
-from twin.recording.mcap_file.chunks import GrowingChunk
-from twin.recording.mcap_file.container import Container
 
 SAMPLES = good_samples(3000)
 

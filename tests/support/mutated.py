@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import zstandard
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.records import Channel
 from mcap.writer import CompressionType, Writer
 from recorded import make_episode
 
@@ -174,6 +176,13 @@ def chunk(raw: bytes, kind: bytes = b"zstd", times: bytes = bytes(16), claimed: 
 def record(opcode: int, body: bytes) -> bytes:
     """Any record."""
     return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def described(channel: int, topic: str) -> bytes:
+    """The record of a channel without a schema."""
+    builder = RecordBuilder()
+    Channel(channel, topic, "protobuf", {}, 0).write(builder)
+    return builder.end()
 
 
 def message(channel: int, time: int, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""A file in small chunks, which of its samples are whole if some are lost, and what should be recovered."""
+"""A file in small chunks, which of its samples precede a fault, and what should be recovered."""
 
 import dataclasses
 import io
@@ -35,10 +35,6 @@ def offsets(data: bytes, opcode: int) -> list[int]:
     return found
 
 
-def lengths(data: bytes, opcode: int) -> list[int]:
-    return [len(part) for part in mutated.records(data) if part[0] == opcode]
-
-
 def messages_of_chunks(data: bytes) -> list[set[tuple[str, int]]]:
     """Topic and sample of the messages in each chunk, as the mcap library reads them."""
     topics, chunks = {}, []
@@ -51,12 +47,11 @@ def messages_of_chunks(data: bytes) -> list[set[tuple[str, int]]]:
     return chunks
 
 
-def samples_of(chunk: set[tuple[str, int]], topic: str) -> list[int]:
-    return sorted(sample for at, sample in chunk if at == topic)
-
-
-def whole_samples(chunks: list[set[tuple[str, int]]], lost: set[int]) -> list[int]:
-    """Samples of which every message is in a chunk that is not lost."""
+def samples_before(end: int) -> list[int]:
+    """Samples of `SPLIT` of which every message is in a chunk that ends before a byte of the file."""
+    chunks, starts = messages_of_chunks(SPLIT), offsets(SPLIT, mutated.CHUNK)
+    parts = [part for part in mutated.records(SPLIT) if part[0] == mutated.CHUNK]
+    lost = {index for index, part in enumerate(parts) if starts[index] + len(part) > end}
     gone = {sample for index in lost for _, sample in chunks[index]}
     return sorted({sample for chunk in chunks for _, sample in chunk} - gone)
 

@@ -16,11 +16,10 @@ from twin.files.dataset_json import SimulatedFile
 from twin.files.hashes import has_sha256, sha256_of
 from twin.recording import EpisodeWriter, read_episode, read_metadata
 from twin.recording.camera import CAMERA_TOPIC, picture_message
-from twin.recording.features import wrong_statistics
+from twin.recording.features import csv_text, wrong_statistics
 from twin.recording.listing import describe_file
 from twin.recording.messages import to_nanoseconds
 from twin.recording.reader import HINT
-from twin.recording.table import csv_text
 from twin.rendering.camera import pictures
 from twin.vision.rig import StereoRig
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 from twin.episode import Episode
 from twin.errors import InputError, require_extra
-from twin.export.even import whole_pieces_in_time
 from twin.export.tally import Tally
 from twin.files.atomic import write_whole
 from twin.recording import read_episode, recover_episode, write_csv, write_episode
-from twin.recording.pictures import Pictures, has_pictures, read_pictures
+from twin.recording.camera import Pictures, has_pictures, read_pictures
 
 FORMATS = ("parquet", "csv", "mcap")
 """Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
@@ -131,13 +130,12 @@ def _pieces(
     """Yield one record at a time, and count it."""
     for done, (name, file) in enumerate(files.items()):
         on_progress(done, len(files))
-        records, whole = _read(file, plan, tally, on_damage)
-        for number, record in enumerate(records, start=1):
+        record, whole = _read(file, plan, tally, on_damage)
+        if record is not None:
             episode = _at(record, plan.sample_time, file)
             tally.count(episode)
             same = file if whole and plan.sample_time is None else None
-            piece = name if len(records) == 1 else f"{name}_part_{number}"
-            yield Piece(piece, episode, same, file if whole else None)
+            yield Piece(name, episode, same, file if whole else None)
     on_progress(len(files), len(files))
     if tally.episodes == 0:
         raise InputError("nothing is left of any file")
@@ -145,25 +143,21 @@ def _pieces(
 
 def _read(
     file: Path, plan: Plan, tally: Tally, on_damage: Callable[[str], None]
-) -> tuple[list[Episode], bool]:
-    """Return the record of a file, or what is left of it in pieces, and whether the file is whole."""
+) -> tuple[Episode | None, bool]:
+    """Return the record of a file, or what is left of it, and whether the file is whole."""
     if not plan.recover:
-        return [read_episode(file)], True
+        return read_episode(file), True
     try:
         recovered = recover_episode(file)
     except ValueError as error:
         tally.lost.append({"file": str(file), "fault": str(error)})
         on_damage(str(error))
-        return [], False
+        return None, False
     if not recovered.faults:
-        return [recovered.episode], True
+        return recovered.episode, True
     tally.count_recovered(file, recovered)
     on_damage(f"{file}: {recovered.summary}")
-    # A table may have a hole in time, frames may not. On the grid of a measured log, a hole is NaN.
-    on_grid = plan.sample_time is not None and recovered.episode.is_measured
-    if plan.form == "parquet" and not on_grid:
-        return whole_pieces_in_time(recovered.episode, plan.sample_time or 0.0), False
-    return [recovered.episode], False
+    return recovered.episode, False
 
 
 def _at(episode: Episode, sample_time: float | None, file: Path) -> Episode:

@@ -8,8 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.recording.features import FEATURES, recorded
-from twin.recording.table import column_names
+from twin.recording.features import FEATURES, column_names, recorded
 
 OBSERVED = ("/measurement", "/tension")
 """Topics of the columns of `observation.state`."""

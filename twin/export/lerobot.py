@@ -41,7 +41,7 @@ from twin.export.videos import VIDEO_PATH, nested, video_feature, video_key, wri
 from twin.files.atomic import write_whole
 from twin.files.names import in_code
 from twin.files.templates import card_environment
-from twin.recording.pictures import Pictures
+from twin.recording.camera import Pictures
 
 VERSION = "v3.0"
 FILE_MEGABYTES = 100

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.export.parts import CHUNK_FILES
-from twin.recording.pictures import Pictures
+from twin.recording.camera import Pictures
 from twin.rendering.video import write_video
 
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from twin import __version__
 from twin.files.atomic import PartialFile
+from twin.recording.chunks import CHUNK_SIZE, GrowingChunk
+from twin.recording.container import Container
 from twin.recording.live_messages import LiveMessages, LiveSample
-from twin.recording.mcap_file.chunks import CHUNK_SIZE, GrowingChunk
-from twin.recording.mcap_file.container import Container
 from twin.recording.reader import HINT
 from twin.recording.writer import METADATA_RECORD, metadata_texts
 

@@ -13,10 +13,9 @@ import numpy as np
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import WholeFile
-from twin.recording.mcap_file.chunks import message_chunks, sample_chunks
-from twin.recording.mcap_file.container import Container
-from twin.recording.messages import LARGEST_TIME, SCHEMAS, to_nanoseconds
-from twin.recording.streams import streams_of
+from twin.recording.chunks import message_chunks, sample_chunks
+from twin.recording.container import Container
+from twin.recording.messages import LARGEST_TIME, SCHEMAS, streams_of, to_nanoseconds
 
 METADATA_RECORD = "endotwin"
 """Name of the metadata record that holds `Episode.metadata`, each item as JSON."""

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import zstandard
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -30,9 +31,10 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
-from twin.recording.descriptors import schema_data
-from twin.recording.mcap_file.chunks import ChunkContent
-from twin.recording.mcap_file.records import MAGIC
+from twin.recording.chunks import ChunkContent
+
+MAGIC = b"\x89MCAP0\r\n"
+"""Magic bytes at the start and the end of every MCAP file."""
 
 LEVEL = 1
 """Level of compression: on episodes, zstd's own choice, 3, is slower and makes larger files."""
@@ -209,3 +211,24 @@ def _bytes_of(record: McapRecord) -> bytes:
     record.write(builder)
     data: bytes = builder.end()
     return data
+
+
+def schema_data(descriptor: Any) -> bytes:
+    """Return the schema of a message as a serialised FileDescriptorSet; it needs no other file.
+
+    Args:
+        descriptor: of the message.
+    """
+    files = FileDescriptorSet()
+    _add_file(files, descriptor.file, set())
+    return files.SerializeToString(deterministic=True)
+
+
+def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:
+    """Add the descriptor of a .proto file after those of its imports: the schema is self-contained."""
+    if file.name in known:
+        return
+    known.add(file.name)
+    for dependency in file.dependencies:
+        _add_file(files, dependency, known)
+    file.CopyToProto(files.file.add())

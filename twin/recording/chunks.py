@@ -13,7 +13,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from twin.recording.mcap_file.layout import SECOND, MessageLayout, Stream, find_layout, varint_sizes, varints
+from twin.recording.layout import SECOND, MessageLayout, Stream, find_layout, varint_sizes, varints
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]

@@ -1,1 +1,0 @@
-"""MCAP file format: records, chunks, and the container."""
