@@ -108,9 +108,7 @@ def generate(args: Generate) -> Summary:
 
 
 def _write(args: Generate, out: Path) -> Summary:
-    from twin.dataset.changes import change_recipe
-    from twin.dataset.coverage import unmet_conditions
-    from twin.dataset.recipe_file import read_recipe_file, resolve
+    from twin.dataset.recipe_file import change_recipe, read_recipe_file, resolve
     from twin.dataset.write import write_dataset
     from twin.workers.choice import choose_workers
 
@@ -131,7 +129,7 @@ def _write(args: Generate, out: Path) -> Summary:
             written = write_dataset(recipe, out, executor, workers=workers, csv=csv, on_progress=progress)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(": whole episodes stay, the same command goes on from there") from None
-    if warning := unmet_conditions(recipe):
+    if warning := recipe.unmet:
         complain(f"endotwin generate: {warning}")
     return _summary(out, recipe.preset.name, written)
 
@@ -214,8 +212,7 @@ def _summary(folder: Path, preset: str, written: "Written") -> Summary:
 
 
 def _verify(folder: Path) -> Summary:
-    from twin.dataset.rules import RULES
-    from twin.dataset.verify import verify
+    from twin.dataset.verify import RULES, verify
 
     faults, episodes = verify(folder, on_progress=Progress("verify", "ep"))
     for fault in faults:

@@ -65,7 +65,7 @@ def import_log(args: Import) -> Summary:
     """Write the log as an episode."""
     import numpy as np
 
-    from twin.files.names import check_file_name
+    from twin.files.bounds import check_file_name
     from twin.measured.folder import write_measured, write_windows
     from twin.measured.log import read_measured_log
     from twin.measured.log_format import LogFormat

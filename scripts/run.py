@@ -225,7 +225,7 @@ def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
 
 def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
     """Return what identifies the run, for recording and summary."""
-    from twin.files.hashes import sha256_of
+    from twin.files.bounded import sha256_of
 
     return {
         "method": runtime.method,

@@ -19,7 +19,7 @@ from twin.control.settings import ControlSettings
 from twin.control.trial import ControlCase, run_trial
 from twin.errors import InputError
 from twin.estimation.learned.trained_file import METADATA_KEY
-from twin.files.hashes import sha256_of
+from twin.files.bounded import sha256_of
 from twin.preset import load_preset, load_ranges
 
 T = 0.02

@@ -26,7 +26,7 @@ def test_run_that_is_interrupted_keeps_the_hashes_of_the_former_one(dataset_copy
     table = dataset_copy / "episode_0001.csv"
     table.write_text(table.read_text().replace("0.02,", "0.03,"))
     written = make(dataset_copy, csv=True)
-    assert written.damage == (f"{table} is not what dataset.json says",)
+    assert written.damage == (f"{table} is not as dataset.json states",)
     assert contents(dataset_copy) == contents(whole_dataset)
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 from small_dataset import RECIPE, SMALL, TWO_PLANES, changed, contents, make
 
 from twin.dataset import card as dataset_card
-from twin.dataset.card import loops_figure, write_figure, write_text
+from twin.dataset.card import card_text, loops_figure, write_figure
 from twin.dataset.recipe import Recipe
 from twin.dataset.recipe_file import resolve
 from twin.episode import Episode
@@ -119,7 +119,7 @@ def test_card_says_how_the_endoscope_and_the_sensor_differ_from_the_preset_of_th
     card = card_for(dataclasses.replace(recipe, signals=("sine",)), tmp_path).splitlines()
     assert "- other than the preset `ureteroscope` (SI units): `backlash` = 5e-05" in card
     assert (
-        f"- sensor: white noise of {recipe.sensor_variance_deg2:g} deg² besides its own, "
+        f"- sensor: white noise of {recipe.sensor_variance_deg2:g} deg² in addition to its own, "
         "steps of 0.573 deg, a reading every 0.04 s"
     ) in card
     assert "- bend of the sheath: 45, 30 to 170 deg" in card
@@ -144,12 +144,10 @@ def test_card_of_a_given_command_names_no_signal_and_no_stroke(tmp_path):
     assert "The loop of the episode." in card
 
 
-def test_card_names_the_camera(tmp_path, folder):
+def test_card_names_the_camera(folder):
     recipe = changed(camera=Camera(5.0, 160, 120))
-    for name in [path.name for path in folder.glob("*.mcap")]:
-        shutil.copy(folder / name, tmp_path / name)
-    write_text(tmp_path, recipe, read_contents(folder))
-    assert "- camera: 160 x 120, 5 per second" in card_of(tmp_path).splitlines()
+    card = card_text(recipe, read_contents(folder))
+    assert "- camera: 160 x 120, 5 per second" in card.splitlines()
 
 
 def panels(episodes: list[Episode]) -> list[Axes]:
@@ -227,7 +225,7 @@ def test_card_and_figure_are_the_same_bytes_again_and_in_a_folder_of_another_nam
         (copy / name).unlink()
     for _ in range(2):
         write_figure(copy, RECIPE)
-        write_text(copy, RECIPE, read_contents(copy))
+        (copy / "README.md").write_text(card_text(RECIPE, read_contents(copy)))
         assert contents(copy) == before
     assert str(folder) not in card_of(folder)
     assert folder.name not in card_of(folder)

@@ -3,8 +3,7 @@
 import pytest
 from small_dataset import changed
 
-from twin.dataset.changes import change_recipe
-from twin.dataset.coverage import unmet_conditions
+from twin.dataset.recipe_file import change_recipe
 
 
 def test_a_change_goes_before_the_file_and_leaves_the_rest():
@@ -40,7 +39,7 @@ def test_episodes_that_do_not_meet_every_stroke_and_bend_are_told(episodes, met)
     recipe = changed(
         signals=("sine",), strokes_mm=((-1.0, 1.0), (0.0, 1.0)), sheath_bends_deg=bends, episodes=episodes
     )
-    warning = unmet_conditions(recipe)
+    warning = recipe.unmet
     if met is None:
         assert warning is None
     else:

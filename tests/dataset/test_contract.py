@@ -188,7 +188,7 @@ def test_record_of_another_preset_or_outside_the_ranges_is_found(tmp_path):
         return [line.removeprefix(f"{tmp_path}/") for line in faults_with(tmp_path, contents)]
 
     stiffer = lines(lambda recipe: recipe["preset"].update(wire_stiffness=9e3))
-    assert f"{nominal}: wire_stiffness is 8000.0, dataset.json says 9000.0" in stiffer
+    assert f"{nominal}: wire_stiffness is 8000.0, dataset.json states 9000.0" in stiffer
     (outside,) = lines(lambda recipe: recipe["ranges"].update(pretension=[6.5, 7.0]))
     assert outside.startswith(f"{randomized}: pretension is ")
     assert outside.endswith("drawn from [6.5, 7] by dataset.json")

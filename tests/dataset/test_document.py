@@ -9,8 +9,7 @@ from repository import REPOSITORY
 from small_dataset import SMALL, make
 
 from twin.dataset.recipe import Recipe
-from twin.dataset.recipe_file import load_recipe
-from twin.dataset.recipe_keys import RESOLVED_KEYS, CommandFile, RecipeFile, SensorFile
+from twin.dataset.recipe_file import RESOLVED_KEYS, CommandFile, RecipeFile, SensorFile, load_recipe
 from twin.files.assets import assets_folder
 from twin.recording import endotwin_pb2, read_episode
 from twin.recording.camera import CAMERA_TOPIC

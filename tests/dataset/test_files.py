@@ -25,7 +25,7 @@ def test_file_whose_numbers_are_not_those_of_its_metadata_is_made_anew(folder):
     third = read_episode(folder / NAMES[2])
     write_episode(folder / NAMES[2], dataclasses.replace(third, bend=third.bend + 0.01))
     written = make(folder, csv=True)
-    assert written.damage[0] == f"{folder / SECOND} has 25 samples, its metadata says 50"
+    assert written.damage[0] == f"{folder / SECOND} has 25 samples, its metadata states 50"
     assert written.damage[1].startswith(f"{folder / NAMES[2]}: max of truth_deg is")
     assert contents(folder) == whole
 

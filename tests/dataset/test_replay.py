@@ -13,11 +13,11 @@ from small_dataset import RECIPE, SECOND, SMALL, flip, make, measured_log
 
 from twin import __version__
 from twin.dataset.episodes import make_episode
-from twin.dataset.files import sha256_of
 from twin.dataset.recipe import EpisodeKey
 from twin.dataset.recipe_file import resolve
 from twin.dataset.verify import replay
 from twin.episode import Episode
+from twin.files.bounded import sha256_of
 from twin.measured.folder import write_measured
 from twin.recording import write_episode
 
@@ -127,7 +127,7 @@ def test_file_that_carries_no_recipe_is_refused(tmp_path):
         (b"preset: [", "the recipe that it carries cannot be read: not a YAML file"),
         (b"\xff", "the recipe that it carries cannot be read"),
         (b"command_csv: /dev/zero", "the recipe that it carries cannot be read: it names files"),
-        (b"colour: red", "the recipe that it carries cannot be read: unknown key 'colour'"),
+        (b"colour: red", "the recipe that it carries cannot be read: unknown key colour"),
         (b"preset: nothing.yaml", "the recipe that it carries cannot be read: it names files"),
         (b"preset: {name: a}\nseconds: 1", "the recipe that it carries is of another version of EndoTwin"),
     ],

@@ -101,7 +101,7 @@ def test_whole_file_of_other_numbers_is_made_anew_where_dataset_json_tells(datas
     written = assert_only_made_anew(
         dataset_copy, whole_dataset, {SECOND}, lambda: make(dataset_copy, csv=True)
     )
-    assert written.damage == (f"{dataset_copy / SECOND} is not what dataset.json says",)
+    assert written.damage == (f"{dataset_copy / SECOND} is not as dataset.json states",)
 
 
 @pytest.mark.parametrize(("name", "version"), [("mujoco", "2.0.1"), ("endotwin", "0.0.1")])
@@ -127,7 +127,7 @@ def test_missing_or_changed_table_is_made_anew(dataset_copy, whole_dataset):
     written = assert_only_made_anew(dataset_copy, whole_dataset, set(), lambda: make(dataset_copy, csv=True))
     assert written.damage == (
         f"{dataset_copy / 'episode_0000.csv'} is missing",
-        f"{table} is not what dataset.json says",
+        f"{table} is not as dataset.json states",
     )
 
 

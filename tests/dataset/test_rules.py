@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from small_dataset import SECOND
 
-from twin.dataset.rules import RULES, RuleFault
-from twin.dataset.verify import verify
-from twin.files.hashes import sha256_of
+from twin.dataset.verify import RULES, RuleFault, verify
+from twin.files.bounded import sha256_of
 
 
 def stated(change: Callable[[dict], object]) -> Callable[[Path], None]:

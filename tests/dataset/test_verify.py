@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from small_dataset import SECOND, TWO_PLANES, changed, flip, make, measured_log
 
-from twin.dataset.files import sha256_of
 from twin.dataset.verify import verify
+from twin.files.bounded import sha256_of
 from twin.measured.folder import write_measured
 from twin.preset.randomization import Ranges
 from twin.recording import read_episode, write_episode
 
-OTHER_HASH = f"{SECOND} has another SHA-256 than dataset.json says"
+OTHER_HASH = f"{SECOND} has another SHA-256 than dataset.json states"
 
 
 def edit(folder: Path, change: Callable[[dict[str, Any]], Any]) -> None:
@@ -109,7 +109,7 @@ def test_cut_file_is_found(dataset_copy):
 def test_changed_or_missing_table_is_found(dataset_copy):
     table = dataset_copy / "episode_0002.csv"
     flip(table, 0.5)
-    assert faults_of(dataset_copy) == [f"{table} has another SHA-256 than dataset.json says"]
+    assert faults_of(dataset_copy) == [f"{table} has another SHA-256 than dataset.json states"]
     table.unlink()
     assert faults_of(dataset_copy) == [f"{table} is missing"]
 
@@ -134,9 +134,7 @@ def test_wrong_total_is_found(dataset_copy, name):
 
     edit(dataset_copy, change)
     (fault,) = faults_of(dataset_copy)
-    assert (
-        fault == f"{dataset_copy / 'dataset.json'}: {name} of the whole dataset do not follow from its files"
-    )
+    assert fault == f"{dataset_copy / 'dataset.json'}: {name} of the dataset do not follow from its files"
 
 
 def test_other_numbers_in_a_whole_file_are_found(dataset_copy):
@@ -163,32 +161,32 @@ def test_measurements_that_have_gone_missing_are_found(dataset_copy):
 def test_wrong_number_of_samples_is_found(dataset_copy):
     edit(dataset_copy, lambda contents: contents["files"][1].update(samples=51))
     faults = faults_of(dataset_copy, 2)
-    assert faults[0] == f"{dataset_copy / SECOND} has 50 samples, dataset.json says 51"
-    assert faults[1] == f"{dataset_copy / SECOND}: samples is 50, dataset.json says 51"
+    assert faults[0] == f"{dataset_copy / SECOND} has 50 samples, dataset.json states 51"
+    assert faults[1] == f"{dataset_copy / SECOND}: samples is 50, dataset.json states 51"
 
 
 def test_wrong_length_of_a_file_is_found(dataset_copy):
     edit(dataset_copy, lambda contents: contents["files"][1].update(seconds=1.02))
     faults = faults_of(dataset_copy, 2)
-    assert faults[0] == f"{dataset_copy / SECOND} lasts 1 s, dataset.json says 1.02 s"
-    assert "seconds of the whole dataset" in faults[1]
+    assert faults[0] == f"{dataset_copy / SECOND} lasts 1 s, dataset.json states 1.02 s"
+    assert "seconds of the dataset" in faults[1]
 
 
 def test_wrong_size_of_a_file_is_found(dataset_copy):
     size = (dataset_copy / SECOND).stat().st_size
     edit(dataset_copy, lambda contents: contents["files"][1].update(bytes=size + 1))
     faults = faults_of(dataset_copy, 2)
-    assert faults[0] == f"{dataset_copy / SECOND} has {size} bytes, dataset.json says {size + 1}"
-    assert "bytes of the whole dataset" in faults[1]
+    assert faults[0] == f"{dataset_copy / SECOND} has {size} bytes, dataset.json states {size + 1}"
+    assert "bytes of the dataset" in faults[1]
 
 
 def test_other_quantities_are_found(dataset_copy):
     edit(dataset_copy, lambda contents: contents["features"].pop("wire_tension_n"))
     *of_files, of_all = faults_of(dataset_copy, 4)
     assert {fault.rpartition("mcap ")[2] for fault in of_files} == {
-        "holds other quantities than dataset.json says"
+        "holds other quantities than dataset.json states"
     }
-    assert "features of the whole dataset do not follow from its files" in of_all
+    assert "features of the dataset do not follow from its files" in of_all
 
 
 @pytest.mark.parametrize(
@@ -233,9 +231,9 @@ def test_entry_that_does_not_fit_the_schema_is_refused(dataset_copy, change, fau
         ),
         (
             lambda entry: entry.update(signal="sawtooth"),
-            ": signal is decaying-sine, dataset.json says sawtooth",
+            ": signal is decaying-sine, dataset.json states sawtooth",
         ),
-        (lambda entry: entry.update(seed=12), ": seed is 11, dataset.json says 12"),
+        (lambda entry: entry.update(seed=12), ": seed is 11, dataset.json states 12"),
     ],
 )
 def test_wrong_entry_is_a_fault(dataset_copy, change, fault):
@@ -248,11 +246,11 @@ def test_wrong_entry_is_a_fault(dataset_copy, change, fault):
     ("change", "fault"),
     [
         (lambda contents: contents["recipe"]["preset"].update(pretension=4.0), "is another recipe than"),
-        (lambda contents: contents.update(mujoco="2.0.1"), "dataset.json says 2.0.1"),
+        (lambda contents: contents.update(mujoco="2.0.1"), "dataset.json states 2.0.1"),
         (lambda contents: contents["files"].reverse(), "its files are not the episodes of the recipe"),
         (
             lambda contents: contents["files"][0]["statistics"]["truth_deg"].update(count=1),
-            "of the whole dataset",
+            "of the dataset",
         ),
     ],
 )
@@ -265,7 +263,7 @@ def test_what_dataset_json_says_of_the_whole_is_compared(dataset_copy, change, f
 def test_recipe_of_another_dataset_is_a_fault(dataset_copy):
     path = dataset_copy / "recipe.yaml"
     path.write_text(path.read_text().replace("seconds: 1.0", "seconds: 2.0"))
-    assert f"{path} is another recipe than dataset.json says" in verify(dataset_copy)[0]
+    assert f"{path} is another recipe than dataset.json states" in verify(dataset_copy)[0]
 
 
 def test_file_outside_the_folder_is_not_followed(dataset_copy):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from twin.files.names import check_file_name
+from twin.files.bounds import check_file_name
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from small_tracking import write_tiny
 from typed import typed
 
 from twin.control.registry import controller_specs
-from twin.files.hashes import sha256_of
+from twin.files.bounded import sha256_of
 from twin.recording import read_episode, read_estimates
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"

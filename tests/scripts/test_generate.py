@@ -12,7 +12,7 @@ import yaml
 from distributed import LocalCluster
 
 from scripts.generate import main
-from twin.dataset.rules import RULES
+from twin.dataset.verify import RULES
 from twin.recording import read_episode
 
 RECIPE = """

@@ -13,8 +13,8 @@ from twin.control.reference import SIGNALS, reference
 from twin.control.trial import ControlCase
 from twin.errors import InputError
 from twin.estimation.deployment import Deployment, prepare_deployment
+from twin.files.bounded import sha256_of
 from twin.files.bounds import check_between
-from twin.files.hashes import sha256_of
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tabulate import tabulate
 
-from twin.dataset.files import file_name
 from twin.dataset.recipe import EpisodeKey, Recipe
 from twin.episode import Episode
+from twin.files.assets import card_environment
 from twin.files.atomic import write_whole
 from twin.files.dataset_json import SimulatedDataset, SimulatedFile
-from twin.files.names import in_code
-from twin.files.templates import card_environment
+from twin.files.shown import in_code
 from twin.preset.file import load_preset, preset_names
 from twin.recording import read_episode
 from twin.report.figures import INK, MEASUREMENT, MUTED, clean_axes, to_png_bytes
@@ -33,35 +32,14 @@ POINTS = 400
 
 
 def write_figure(folder: Path, recipe: Recipe) -> None:
-    """Draw the figure of the README.md into the folder of a dataset; `shown_keys` need to be there.
-
-    Args:
-        folder: where the episodes are.
-        recipe: what they were made from.
-    """
-    paths = [folder / file_name(recipe, key) for key in shown_keys(recipe)]
+    """Draw the figure of the README.md into the folder of a dataset that has the episodes of `shown_keys`."""
+    paths = [folder / recipe.file_name(key) for key in shown_keys(recipe)]
     episodes = (read_episode(path, hidden=False) for path in paths)  # one in memory at a time
     write_whole(folder / FIGURE, to_png_bytes(loops_figure(episodes), DPI))
 
 
-def write_text(folder: Path, recipe: Recipe, contents: SimulatedDataset) -> None:
-    """Write the README.md into the folder of a dataset.
-
-    Args:
-        folder: where its figure is.
-        recipe: what the episodes were made from.
-        contents: of `dataset.json`.
-    """
-    write_whole(folder / CARD, card_text(recipe, contents))
-
-
 def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
-    """Return the text of the README.md of a dataset.
-
-    Args:
-        recipe: what its episodes were made from.
-        contents: of `dataset.json`.
-    """
+    """Return the text of the README.md of a dataset, from its recipe and its `dataset.json`."""
     return (
         card_environment()
         .get_template("dataset_card.md.j2")
@@ -85,29 +63,6 @@ def card_text(recipe: Recipe, contents: SimulatedDataset) -> str:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Loop:
-    """One panel of the figure.
-
-    Attributes:
-        title: signal and bend of the sheath.
-        pull_mm: (N,) commanded pulling distance [mm].
-        bend_deg: (N,) true bending angle [deg].
-        seen: (2, some) pull [mm] and measured angle [deg], thinned.
-    """
-
-    title: str
-    pull_mm: Array
-    bend_deg: Array
-    seen: Array
-
-
-def _loop(episode: Episode) -> _Loop:
-    thinned = slice(None, None, max(len(episode.time) // POINTS, 1))
-    seen = np.stack([episode.pull_mm[thinned], episode.measured_deg[thinned]])
-    return _Loop(_title(episode), episode.pull_mm, episode.truth_deg, seen)
-
-
 def loops_figure(episodes: Iterable[Episode]) -> Figure:
     """Draw the loop of each episode, bending angle over pull, in a panel of its own; the axes are shared."""
     loops = [_loop(episode) for episode in episodes]
@@ -117,23 +72,24 @@ def loops_figure(episodes: Iterable[Episode]) -> Figure:
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axes in grid.flat[len(loops) :]:
         axes.set_visible(False)
-    for axes, loop in zip(grid.flat, loops, strict=False):
-        axes.plot(*loop.seen, linestyle="", zorder=1, **MEASUREMENT)
-        axes.plot(loop.pull_mm, loop.bend_deg, color=INK, linewidth=0.9, zorder=2)
-        axes.set_title(loop.title, fontsize=8, color=MUTED)
+    for axes, (title, loop, seen) in zip(grid.flat, loops, strict=False):
+        axes.plot(*seen, linestyle="", zorder=1, **MEASUREMENT)
+        axes.plot(*loop, color=INK, linewidth=0.9, zorder=2)
+        axes.set_title(title, fontsize=8, color=MUTED)
         clean_axes(axes).tick_params(labelsize=7, color=MUTED, labelcolor=MUTED)
     figure.supxlabel("pull of wire a [mm]", fontsize=9, color=INK)
     figure.supylabel("bending angle [deg]", fontsize=9, color=INK)
     return figure
 
 
-def _title(episode: Episode) -> str:
-    facts = episode.metadata
-    title = str(facts.get("signal", "")).replace("-", " ")
-    bend = facts.get("sheath_bend_deg")
-    if bend:
+def _loop(episode: Episode) -> tuple[str, Array, Array]:
+    """Return title, (2, N) pull [mm] and true angle [deg], and (2, some) pull and measured angle, thinned."""
+    title = str(episode.metadata.get("signal", "")).replace("-", " ")
+    if bend := episode.metadata.get("sheath_bend_deg"):
         title += f", sheath {_bend(bend, '°')}"
-    return title
+    thinned = slice(None, None, max(len(episode.time) // POINTS, 1))
+    seen = np.stack([episode.pull_mm[thinned], episode.measured_deg[thinned]])
+    return title, np.stack([episode.pull_mm, episode.truth_deg]), seen
 
 
 def shown_keys(recipe: Recipe) -> list[EpisodeKey]:
@@ -206,21 +162,16 @@ def _changed(recipe: Recipe) -> str:
     )
 
 
-def _stereo(rig: StereoRig) -> str:
-    usual = StereoRig()
-    changed = [
-        f"{name} {value}" for name, value in dataclasses.asdict(rig).items() if value != getattr(usual, name)
-    ]
-    what = "a marker on the tip" if rig.method == "markers" else "the silhouette"
-    line = f"two calibrated cameras, {rig.frames_per_second:g} pairs of pictures per second, angle by {what}"
-    return f"{line}; {', '.join(changed)}" if changed else line
-
-
 def _sensor(recipe: Recipe) -> str:
     if recipe.stereo is not None:
-        return _stereo(recipe.stereo)
+        usual, rig = dataclasses.asdict(StereoRig()), dataclasses.asdict(recipe.stereo)
+        what = "a marker on the tip" if rig["method"] == "markers" else "the silhouette"
+        pairs = f"{rig['frames_per_second']:g} pairs of pictures per second"
+        line = f"two calibrated cameras, {pairs}, angle by {what}"
+        changed = [f"{name} {value}" for name, value in rig.items() if value != usual[name]]
+        return f"{line}; {', '.join(changed)}" if changed else line
     preset = recipe.preset
-    parts = [f"white noise of {recipe.sensor_variance_deg2:g} deg² besides its own"]
+    parts = [f"white noise of {recipe.sensor_variance_deg2:g} deg² in addition to its own"]
     if preset.sensor_noise:
         parts.append(f"noise of {np.degrees(preset.sensor_noise):.3g} deg")
     if preset.sensor_resolution:

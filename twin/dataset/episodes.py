@@ -2,12 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
+from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import __version__
 from twin.dataset.recipe import Conditions, EpisodeKey, Recipe, in_metres, of_each_episode
-from twin.dataset.versions import VERSIONS
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.preset.preset import Preset
@@ -19,6 +20,9 @@ from twin.simulation import simulate_batch
 from twin.vision.rig import StereoRig
 
 Array = NDArray[np.float64]
+
+VERSIONS = {"endotwin": __version__, "mujoco": version("mujoco")}
+"""Versions that the bytes of a dataset depend on, as stated in its metadata and `dataset.json`."""
 
 _STREAMS = 4  # of random numbers: signal, sensor, lateral signal, preset
 
@@ -47,12 +51,7 @@ class _Drawn:
 
 
 def make_episode(recipe: Recipe, key: EpisodeKey) -> Episode:
-    """Simulate one episode of a recipe.
-
-    Raises:
-        ValueError: the recipe asks for a signal that cannot be made.
-        FloatingPointError: the simulation diverged.
-    """
+    """Simulate one episode of a recipe; `DivergedError` if the simulation diverged."""
     episode = make_episodes(recipe, [key])[0]
     if episode is None:
         raise DivergedError(diverged(recipe, key))
@@ -62,11 +61,7 @@ def make_episode(recipe: Recipe, key: EpisodeKey) -> Episode:
 def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | None]:
     """Simulate episodes of a recipe together, on one thread; each is the same as if it were made alone.
 
-    Returns:
-        The episodes in the order of the keys; None in the place of one that diverged.
-
-    Raises:
-        ValueError: the recipe asks for a signal that cannot be made.
+    Returns the episodes in the order of the keys, None for one that diverged.
     """
     drawn = [_draw(recipe, key) for key in keys]
     records = simulate_batch(
@@ -78,10 +73,7 @@ def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | 
         lateral_pulls=[one.lateral_pull for one in drawn],
         threads=1,
     )
-    return [
-        None if record is None else _with_sensor(recipe, one, record)
-        for one, record in zip(drawn, records, strict=True)
-    ]
+    return [record and _with_sensor(recipe, one, record) for one, record in zip(drawn, records, strict=True)]
 
 
 def diverged(recipe: Recipe, key: EpisodeKey) -> str:
@@ -90,6 +82,11 @@ def diverged(recipe: Recipe, key: EpisodeKey) -> str:
     return (
         f"episode {key.number} of seed {key.seed}: the simulation of {recipe.preset.name!r} diverged: {what}"
     )
+
+
+def stereo_seed(key: EpisodeKey) -> np.random.SeedSequence:
+    """Return the seed of what two cameras measure of an episode, independent of its other streams."""
+    return np.random.SeedSequence([key.seed, key.number], spawn_key=(_STREAMS,))
 
 
 def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
@@ -119,36 +116,15 @@ def _draw(recipe: Recipe, key: EpisodeKey) -> _Drawn:
     return _Drawn(key, conditions, preset, pull, lateral_pull, sheath_bend, sensor_rng)
 
 
-def _seen_by_cameras(rig: StereoRig, key: EpisodeKey, record: Episode) -> Episode:
-    """Return the record with what two cameras measure of it.
-
-    Raises:
-        ValueError: they see it at no time.
-    """
-    from twin.vision.sensor import sensor_before  # OpenCV and MuJoCo, for those who ask for them
-
-    measured = sensor_before(record, rig).measure(record, stereo_seed(key))
-    if np.isnan(measured).all():
-        raise InputError(
-            f"episode {key.number} of seed {key.seed}: the stereo sensor measures it in no picture: less "
-            "blur or noise, more light, larger markers, or a larger half_height"
-        )
-    return dataclasses.replace(record, measured_bend=measured)
-
-
-def stereo_seed(key: EpisodeKey) -> np.random.SeedSequence:
-    """Return the seed of what two cameras see of an episode; it meets none of its other streams."""
-    return np.random.SeedSequence([key.seed, key.number], spawn_key=(_STREAMS,))
-
-
 def _with_sensor(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
     """Return the record with the sensor's measurements, and with its origin in the metadata."""
     if recipe.stereo is None:
-        measured = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
+        seen = measure(drawn.preset, record.time, record.bend, drawn.sensor_rng)
         noise = draw_noise("gaussian", recipe.sensor_variance_deg2, drawn.pull.shape, drawn.sensor_rng)
-        episode = dataclasses.replace(record, measured_bend=measured + np.radians(noise))
+        seen = seen + np.radians(noise)
     else:
-        episode = _seen_by_cameras(recipe.stereo, drawn.key, record)
+        seen = _measured_by_cameras(recipe.stereo, drawn.key, record)
+    episode = dataclasses.replace(record, measured_bend=seen)
     text, sha256 = of_each_episode(recipe)
     origin = {
         "seed": drawn.key.seed,
@@ -166,3 +142,15 @@ def _with_sensor(recipe: Recipe, drawn: _Drawn, record: Episode) -> Episode:
         metadata=episode.metadata | VERSIONS | origin,
         attachments=episode.attachments | {"recipe.yaml": text.encode()},
     )
+
+
+def _measured_by_cameras(rig: StereoRig, key: EpisodeKey, record: Episode) -> Array:
+    from twin.vision.sensor import sensor_before  # OpenCV, an extra
+
+    measured = sensor_before(record, rig).measure(record, stereo_seed(key))
+    if np.isnan(measured).all():
+        raise InputError(
+            f"episode {key.number} of seed {key.seed}: the stereo sensor measures it in no picture: less "
+            "blur or noise, more light, larger markers, or a larger half_height"
+        )
+    return measured

@@ -12,7 +12,7 @@ import yaml
 
 from twin.dataset.farthest import check_reached
 from twin.errors import InputError
-from twin.files.bounds import LONGEST_SECONDS
+from twin.files.bounds import LONGEST_SECONDS, check_between
 from twin.files.shown import shown
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges
@@ -26,16 +26,15 @@ Interval = tuple[float, float]
 MOST_EPISODES = 10_000
 """Largest number of episodes of one seed: their files are numbered with four digits."""
 MOST_SAMPLES = 1_000_000
-"""Largest number of samples of one episode, which a worker holds whole: about 750 MB."""
+"""Largest number of samples of one episode, which a worker holds in memory: about 750 MB."""
 MOST_SAMPLES_IN_ALL = 1_000_000_000
 """Largest number of samples of a dataset."""
-
 MOST_IN_ALL = 20_000
-"""Largest number of episodes of all seeds: what `dataset.json` says of more is not read."""
+"""Largest number of episodes of all seeds: a `dataset.json` of more is not read."""
 MOST_GIVEN = 100_000
 """Largest number of samples of a given command: a recipe's file of more is not read."""
 LARGEST_SEED = 2**128 - 1
-"""Largest seed: the entropy that NumPy's random numbers begin with has 128 bits."""
+"""Largest seed: NumPy's generators take 128 bits of entropy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,16 +74,16 @@ class Recipe:
         strokes_mm: lowest and highest pulling distances of wire a [mm].
         lateral_stroke_mm: lowest and highest pulling distance of wire c, for an endoscope with two bending
             planes [mm]; None: wire c is not pulled.
-        sheath_bends_deg: angles that the sheath is bent by at the start, when the wires are wound up, and at
-            the end of an episode, changing evenly [deg]; none for the preset's own.
+        sheath_bends_deg: bends of the sheath at the start, when the wires are wound up, and at the end of an
+            episode, changing evenly [deg]; empty for the preset's own.
         ranges: ranges around the preset that the parameters of each episode's endoscope are drawn from.
         seconds: length of each episode [s].
         sample_time_s: time between two samples [s].
         signals: kinds of signal.
-        sensor_variance_deg2: variance of the Gaussian noise in `/measurement`, besides that of the preset's
-            sensor [deg^2].
-        stereo: two cameras that measure the bending angle instead of the preset's sensor; None: none.
-        camera: rate and size of pictures to take; None: none.
+        sensor_variance_deg2: variance of the Gaussian noise in `/measurement`, in addition to that of the
+            preset's sensor [deg^2].
+        stereo: two cameras that measure the bending angle instead of the preset's sensor.
+        camera: rate and size of pictures to take.
         episodes: number of episodes of each seed.
         seeds: seeds.
         given_pull_m: (N,) command of wire a to follow instead of a drawn one [m].
@@ -129,70 +128,47 @@ class Recipe:
         bend = bends[turn % len(bends)] if bends else None
         return Conditions(signals[place], self.strokes_mm[stroke], bend)
 
-    def check(self) -> None:
-        """Refuse, before any work, what would fail in an episode.
+    def file_name(self, key: EpisodeKey) -> str:
+        """Return the name of the file of an episode; it includes the seed where there are several."""
+        seed = f"seed_{key.seed}_" if len(self.seeds) > 1 else ""
+        return f"{seed}episode_{key.number:04d}.mcap"
 
-        Raises:
-            ValueError: a signal, a stroke, the times, the noise, a bend, a seed or the count cannot be.
-        """
-        if not 1 <= self.episodes <= MOST_EPISODES:
-            raise InputError(
-                f"episodes = {shown(self.episodes)}: must be from 1 to {MOST_EPISODES}, of each seed"
-            )
+    @property
+    def unmet(self) -> str | None:
+        """Warning where the episodes are too few to meet every stroke and bend that the recipe names."""
+        conditions = [self.conditions(number) for number in range(self.episodes)]
+        met = len({(one.stroke_mm, one.sheath_bend_deg) for one in conditions})
+        named = len(self.strokes_mm) * max(len(self.sheath_bends_deg), 1)
+        if met >= named:
+            return None
+        count = "1 episode" if self.episodes == 1 else f"{self.episodes} episodes"
+        return (
+            f"{count} of each seed meet only {met} of {named} pairs of stroke and bend; "
+            f"for all, take {self.combinations}"
+        )
+
+    def check(self) -> None:
+        """Refuse, before any work, what would fail in an episode."""
+        for name in ("seeds", "signals", "strokes_mm"):
+            if not getattr(self, name):
+                raise InputError(f"{name}: none is given, at least one is needed")
+        check_between("episodes", self.episodes, 1, MOST_EPISODES, "of each seed")
+        for seed in self.seeds:
+            check_between("seed", seed, 0, LARGEST_SEED)
+        if len(set(self.seeds)) < len(self.seeds):
+            raise InputError(f"seeds = {shown(list(self.seeds))}: one is given twice")
         check_physics(self.physics)
         if self.physics == "reduced":
             from twin.reduced.parameters import refuse_gravity
 
             refuse_gravity(self.preset)
-        for name in ("seeds", "signals", "strokes_mm"):
-            if not getattr(self, name):
-                raise InputError(f"{name}: none is given, at least one is needed")
-        for seed in self.seeds:
-            if seed < 0:
-                raise InputError(f"seed = {shown(seed)}: must not be negative")
-            if seed > LARGEST_SEED:
-                raise InputError(f"seed = {shown(seed)}: must be at most {LARGEST_SEED}")
-        if self.episodes * len(self.seeds) > MOST_IN_ALL:
-            in_all = f"{self.episodes} episodes of {len(self.seeds)} seeds"
-            raise InputError(f"{in_all}: a dataset has at most {MOST_IN_ALL}, make several")
-        if len(set(self.seeds)) < len(self.seeds):
-            raise InputError(f"seeds = {shown(list(self.seeds))}: one is given twice")
-        rng = np.random.default_rng(0)
         if not 0 <= self.sensor_variance_deg2 < np.inf:
-            raise InputError(
-                f"variance of the sensor {self.sensor_variance_deg2:g} deg^2: must be finite and not negative"
-            )
-        check_sample_time(self.preset, self.sample_time_s)
-        if not self.seconds <= LONGEST_SECONDS:
-            raise InputError(f"{self.seconds:g} s: an episode lasts at most {LONGEST_SECONDS:g} s")
-        samples = self.seconds / self.sample_time_s
-        if samples > MOST_SAMPLES:
-            raise InputError(f"{self.seconds:g} s: an episode has at most {MOST_SAMPLES} samples")
-        if samples * self.episodes * len(self.seeds) > MOST_SAMPLES_IN_ALL:
-            raise InputError(
-                f"{self.seconds:g} s of {self.episodes} episodes of {len(self.seeds)} seeds: a dataset has "
-                f"at most {MOST_SAMPLES_IN_ALL} samples"
-            )
-        if self.given_pull_m is not None:
-            if len(self.given_pull_m) > MOST_GIVEN:
-                raise InputError(
-                    f"a given command of {len(self.given_pull_m)} samples: at most {MOST_GIVEN}, "
-                    "raise the sample time or cut it"
-                )
-            given = len(self.given_pull_m) * self.sample_time_s
-            if abs(given - self.seconds) > 1e-9 * given:
-                raise InputError(f"{self.seconds:g} s: the given command lasts {given:g} s")
-        if self.given_lateral_pull_m is not None:
-            if self.lateral_stroke_mm is not None:
-                raise InputError("lateral_stroke_mm and a recorded lateral command: choose one")
-            if len(self.given_lateral_pull_m) != len(self.given_pull_m or ()):
-                raise InputError(
-                    f"given_lateral_pull_m has {len(self.given_lateral_pull_m)} samples, given_pull_m "
-                    f"{len(self.given_pull_m or ())}"
-                )
+            variance = f"variance of the sensor {self.sensor_variance_deg2:g} deg^2"
+            raise InputError(f"{variance}: must be finite and not negative")
+        self._check_size()
+        self._check_commands()
         if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():
             raise InputError("sheath_bends_deg and a range of sheath_bend: choose one")
-        self._check_strokes(rng)
         low, high = parameter_limits("sheath_bend")
         for bend in itertools.chain(*self.sheath_bends_deg):
             if not low <= np.radians(bend) <= high:
@@ -201,43 +177,64 @@ class Recipe:
         if self.camera is not None:
             self.camera.check()
 
-    def _check_strokes(self, rng: np.random.Generator) -> None:
-        given = self.given_lateral_pull_m
-        if self.preset.bending_planes == 1 and not (self.lateral_stroke_mm is given is None):
-            what = "stroke" if given is None else "command"
+    def _check_size(self) -> None:
+        check_sample_time(self.preset, self.sample_time_s)
+        samples, files = self.seconds / self.sample_time_s, self.episodes * len(self.seeds)
+        for count, most, what in (
+            (self.seconds, LONGEST_SECONDS, "s of an episode"),
+            (samples, MOST_SAMPLES, "samples of an episode"),
+            (files, MOST_IN_ALL, "episodes of a dataset"),
+            (samples * files, MOST_SAMPLES_IN_ALL, "samples of a dataset"),
+        ):
+            if not count <= most:
+                raise InputError(f"{count:.10g} {what}: at most {most:.10g}")
+
+    def _check_commands(self) -> None:
+        given, lateral = self.given_pull_m, self.given_lateral_pull_m
+        if given is not None:
+            if len(given) > MOST_GIVEN:
+                rest = f"at most {MOST_GIVEN}, raise the sample time or cut it"
+                raise InputError(f"a given command of {len(given)} samples: {rest}")
+            lasts = len(given) * self.sample_time_s
+            if abs(lasts - self.seconds) > 1e-9 * lasts:
+                raise InputError(f"{self.seconds:g} s: the given command lasts {lasts:g} s")
+        if lateral is not None:
+            if self.lateral_stroke_mm is not None:
+                raise InputError("lateral_stroke_mm and a recorded lateral command: choose one")
+            if len(lateral) != len(given or ()):
+                raise InputError(
+                    f"given_lateral_pull_m has {len(lateral)} samples, given_pull_m {len(given or ())}"
+                )
+        if self.preset.bending_planes == 1 and not (self.lateral_stroke_mm is lateral is None):
+            what = "stroke" if lateral is None else "command"
             raise InputError(f"a lateral {what}: {self.preset.name!r} has one bending plane, it needs two")
-        lateral = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
-        followed = [] if given is None else [(min(given) * 1e3, max(given) * 1e3)]
-        for stroke in [*self.strokes_mm, *lateral, *followed]:
+        sideways = [] if self.lateral_stroke_mm is None else [self.lateral_stroke_mm]
+        followed = [] if lateral is None else [(min(lateral) * 1e3, max(lateral) * 1e3)]
+        for stroke in [*self.strokes_mm, *sideways, *followed]:
             check_reached(self.preset, stroke)
-        for stroke in [*(self.strokes_mm if self.given_pull_m is None else []), *lateral]:
+        rng = np.random.default_rng(0)
+        for stroke in [*(self.strokes_mm if given is None else []), *sideways]:
             for kind in self.signals:
                 command(kind, in_metres(stroke), self.seconds, self.sample_time_s, rng)
 
-    def _sensor(self) -> dict[str, Any]:
-        if self.stereo is not None:
-            return {"stereo": dataclasses.asdict(self.stereo)}
-        return {"variance_deg2": float(self.sensor_variance_deg2)}
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as a recipe's file holds them (see `twin.dataset.recipe_file`)."""
+        sensor: dict[str, Any] = {"variance_deg2": float(self.sensor_variance_deg2)}
         values = {
-            "ranges": None if self.ranges is None else self.ranges.to_dict(),
+            "ranges": self.ranges and self.ranges.to_dict(),
             "episodes": self.episodes,
             "seeds": list(self.seeds),
             "seconds": float(self.seconds),
             "sample_time_s": float(self.sample_time_s),
             "signals": list(self.signals),
             "strokes_mm": [_floats(stroke) for stroke in self.strokes_mm],
-            "lateral_stroke_mm": None if self.lateral_stroke_mm is None else _floats(self.lateral_stroke_mm),
+            "lateral_stroke_mm": self.lateral_stroke_mm and _floats(self.lateral_stroke_mm),
             "sheath_bends_deg": [_floats(bend) for bend in self.sheath_bends_deg],
-            "sensor": self._sensor(),
-            "camera": None if self.camera is None else dataclasses.asdict(self.camera),
+            "sensor": {"stereo": dataclasses.asdict(self.stereo)} if self.stereo else sensor,
+            "camera": self.camera and dataclasses.asdict(self.camera),
             "preset": self.preset.to_dict(),
-            "given_pull_m": None if self.given_pull_m is None else _floats(self.given_pull_m),
-            "given_lateral_pull_m": None
-            if self.given_lateral_pull_m is None
-            else _floats(self.given_lateral_pull_m),
+            "given_pull_m": self.given_pull_m and _floats(self.given_pull_m),
+            "given_lateral_pull_m": self.given_lateral_pull_m and _floats(self.given_lateral_pull_m),
             # Left out where it is the default: recipes of earlier versions keep their hash.
             "physics": None if self.physics == PHYSICS[0] else self.physics,
         }
@@ -257,16 +254,16 @@ def in_metres(stroke_mm: Interval) -> Interval:
 @functools.lru_cache(maxsize=8)
 def to_yaml(recipe: Recipe) -> str:
     """Return a recipe as the text of its file."""
-    # A number of its own for each sample of a given command, without a line for each.
+    # In flow style: not a line for each sample of a given command.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(recipe.to_dict(), Dumper=dumper, sort_keys=False, default_flow_style=None, width=110)
 
 
 @functools.lru_cache(maxsize=8)
 def of_each_episode(recipe: Recipe) -> tuple[str, str]:
-    """Return what one episode depends on besides its key, as the text of a file, and its SHA-256.
+    """Return what one episode depends on except its key, as the text of a file, and its SHA-256.
 
-    It does not tell how many episodes there are of how many seeds: an episode does not depend on that.
+    The numbers of episodes and seeds are left out.
     """
     text = to_yaml(dataclasses.replace(recipe, episodes=1, seeds=(0,)))
     return text, hashlib.sha256(text.encode()).hexdigest()

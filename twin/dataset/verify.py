@@ -2,37 +2,225 @@
 
 import dataclasses
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from twin.dataset.card import CARD, FIGURE
-from twin.dataset.files import file_name, make_files, most_table_bytes
-from twin.dataset.origin import wrong_origin
+from twin.dataset.episodes import VERSIONS
+from twin.dataset.files import is_table, make_files
 from twin.dataset.recipe import EpisodeKey, of_each_episode
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
-from twin.dataset.rules import RuleFault, faults_of
-from twin.dataset.versions import VERSIONS
 from twin.dataset.write import describe
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.files.bounded import sha256_of
 from twin.files.dataset_json import (
     NAME,
+    BenchmarkDataset,
+    BenchmarkFile,
+    BenchmarkRecipe,
     Dataset,
     Entry,
+    MeasuredFile,
     SimulatedDataset,
     SimulatedFile,
     read_contents,
     to_json_values,
 )
-from twin.files.hashes import has_sha256, sha256_of
 from twin.recording import read_episode
 from twin.recording.features import describe_features, recorded, wrong_statistics
 from twin.recording.listing import length, totals
 
+RULES = {
+    "files": "every file that dataset.json lists is there, and no other MCAP file",
+    "bytes": "every file has the size and the SHA-256 that dataset.json states",
+    "readable": "every file is a whole MCAP file: each CRC, count and message",
+    "length": "every file has the samples and seconds that dataset.json states",
+    "quantities": "every file holds the quantities that dataset.json describes, with unit and shape",
+    "statistics": "the statistics of every quantity, recomputed, are those of dataset.json",
+    "origin": "the metadata of every file agrees with dataset.json: seed, signal, versions",
+    "recipe": "the recipe of the folder is that of dataset.json, and every file was made from it",
+    "totals": "counts and statistics of the dataset follow from those of its files",
+    "tables": "every CSV table has the SHA-256 that dataset.json states",
+    "card": "the card and its figure are there",
+}
+"""Rules by name, and the demand of each. Not every kind of dataset has a recipe, tables or a card."""
+
 LENGTH_TOLERANCE = 1e-6
-"""Largest difference of two lengths of a record that are one [s]."""
+"""Largest difference of two lengths of a record that count as equal [s]."""
+
+_STATED = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg", "samples", "twin")
+"""Keys of a simulated file's entry that its metadata has too, where that kind of file has them."""
+
+
+class RuleFault(str):
+    """A fault of a dataset, in one line.
+
+    Attributes:
+        rule: name of the rule that it breaks, of `RULES`.
+    """
+
+    rule: str
+
+    def __new__(cls, rule: str, text: str) -> "RuleFault":
+        """Return the fault of a rule."""
+        fault = super().__new__(cls, text)
+        fault.rule = rule
+        return fault
+
+
+def verify(
+    folder: Path, on_progress: Callable[[int, int], None] | None = None
+) -> tuple[list[RuleFault], int]:
+    """Check every file of a dataset against its `dataset.json`, by each of `RULES`.
+
+    Args:
+        folder: of the dataset: simulated, measured, or the full suite's records.
+        on_progress: called with how many episodes are checked, and how many there are.
+
+    Returns:
+        One line for each fault, and how many episodes there should be.
+    """
+    contents = read_contents(folder)
+    files: tuple[Entry, ...] = contents.files
+    faults: list[RuleFault] = []
+    made_from = _recipe_sha256(folder) if isinstance(contents, SimulatedDataset) else None
+    for done, file in enumerate(files, start=1):
+        faults += _wrong_file(folder, file, contents, made_from)
+        if on_progress:
+            on_progress(done, len(files))
+    faults += _faults("totals", _wrong_totals(folder / NAME, contents))
+    if isinstance(contents, SimulatedDataset):
+        faults += _faults("recipe", _wrong_recipe(folder, contents))
+        absent = [name for name in (CARD, FIGURE) if not (folder / name).is_file()]
+        faults += _faults("card", (f"{folder / name} is missing" for name in absent))
+    names = {file.name for file in files}
+    others = [path for path in sorted(folder.glob("*.mcap")) if path.name not in names]
+    return [*faults, *_faults("files", (f"{path} is not in dataset.json" for path in others))], len(files)
+
+
+def _faults(rule: str, lines: Iterable[str]) -> list[RuleFault]:
+    return [RuleFault(rule, line) for line in lines]
+
+
+def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> Iterator[RuleFault]:
+    """Yield the differences of a file to its entry in `dataset.json`."""
+    path = folder / file.name
+    if not path.is_file():
+        yield RuleFault("files", f"{path} is missing")
+        return
+    size = path.stat().st_size
+    same = size == file.bytes and sha256_of(path) == file.sha256
+    table = path.with_suffix(".csv")
+    if same and isinstance(file, SimulatedFile) and file.table_sha256 and not is_table(table, file):
+        what = "has another SHA-256 than dataset.json states" if table.is_file() else "is missing"
+        yield RuleFault("tables", f"{table} {what}")
+    try:
+        episode = read_episode(path)
+    except (ValueError, OSError) as error:
+        yield RuleFault("readable", str(error))
+        return
+    if not same:
+        what = f"{size} bytes, dataset.json states {file.bytes}"
+        other = "another SHA-256 than dataset.json states"
+        yield RuleFault("bytes", f"{path} has {what if size != file.bytes else other}")
+        return
+    if len(episode.time) != file.samples:
+        counts = f"{len(episode.time)} samples, dataset.json states {file.samples}"
+        yield RuleFault("length", f"{path} has {counts}")
+    if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
+        lengths = f"{length(episode):g} s, dataset.json states {file.seconds:g} s"
+        yield RuleFault("length", f"{path} lasts {lengths}")
+    stated = to_json_values(contents)["features"]
+    if describe_features(episode) != {name: stated.get(name) for name in stated if name in file.statistics}:
+        yield RuleFault("quantities", f"{path} holds other quantities than dataset.json states")
+    for fault in wrong_statistics(episode, to_json_values(file)["statistics"]):
+        yield RuleFault("statistics", f"{path}: {fault}, by dataset.json")
+    if made_from is not None and episode.metadata.get("recipe_sha256") != made_from:
+        yield RuleFault("recipe", f"{path} was made from another recipe than that of the folder")
+    yield from _faults("origin", _wrong_origin(path, episode.metadata, file, contents))
+
+
+def _recipe_sha256(folder: Path) -> str | None:
+    """Return the SHA-256 of the folder's recipe as each episode states it; None if it cannot be read."""
+    try:
+        return of_each_episode(load_recipe(folder / "recipe.yaml"))[1]
+    except (FileNotFoundError, ValueError):
+        return None  # reported with the recipe
+
+
+def _wrong_recipe(folder: Path, contents: SimulatedDataset) -> Iterator[str]:
+    """Compare the recipe in the folder with that of `dataset.json`, and its episodes with the files."""
+    path = folder / "recipe.yaml"
+    try:
+        recipe = load_recipe(path)
+    except (FileNotFoundError, ValueError) as error:
+        yield str(error) if path.is_file() else f"{path} is missing"
+        return
+    if describe(recipe) != to_json_values(contents.recipe):
+        yield f"{path} is another recipe than dataset.json states"
+    elif [recipe.file_name(key) for key in recipe.keys] != [file.name for file in contents.files]:
+        yield f"{folder / NAME}: its files are not the episodes of the recipe"
+
+
+def _wrong_totals(path: Path, contents: Dataset) -> list[str]:
+    """Return which figures of the dataset do not follow from those of its files."""
+    stated = to_json_values(contents)
+    try:
+        wanted = totals(stated["files"])
+    except ArithmeticError:  # a deviation whose square is no number
+        return [f"{path}: the statistics of its files cannot be combined"]
+    wrong = [name for name, value in wanted.items() if stated[name] != value]
+    if stated["features"].keys() != wanted["statistics"].keys():
+        wrong.append("features")
+    return [f"{path}: {name} of the dataset do not follow from its files" for name in wrong]
+
+
+def _wrong_origin(path: Path, metadata: Mapping[str, Any], file: Entry, contents: Dataset) -> Iterator[str]:
+    """Yield the differences of the metadata of a file to `dataset.json`."""
+    entry = to_json_values(file)
+    stated: dict[str, Any] = {name: entry[name] for name in _STATED if name in entry}
+    if isinstance(file, MeasuredFile):
+        stated = {"source": "measured", "file": file.csv, "file_sha256": file.csv_sha256}
+    elif isinstance(contents, SimulatedDataset | BenchmarkDataset):
+        stated |= {"endotwin": contents.endotwin, "mujoco": contents.mujoco}
+    if isinstance(contents, BenchmarkDataset):
+        del stated["samples"]  # its metadata does not count them
+        stated["seed"] = contents.recipe.seed
+    for name, value in stated.items():
+        if metadata.get(name) != value:
+            yield f"{path}: {name} is {metadata.get(name)}, dataset.json states {value}"
+    if isinstance(file, BenchmarkFile) and isinstance(contents, BenchmarkDataset):
+        yield from _wrong_record(path, metadata, file, contents.recipe)
+
+
+def _wrong_record(
+    path: Path, metadata: Mapping[str, Any], file: BenchmarkFile, recipe: BenchmarkRecipe
+) -> Iterator[str]:
+    """Compare a record of the full suite with its recipe: preset, ranges, length."""
+    sample_time = recipe.sample_time_s
+    if abs(file.seconds - recipe.seconds) > sample_time:
+        stated = f"dataset.json states that a record lasts {recipe.seconds:g} s"
+        yield f"{path} lasts {file.seconds:g} s, {stated}"
+    if abs(file.seconds - file.samples * sample_time) > sample_time / 2:
+        step = file.seconds / file.samples
+        yield f"{path} has a sample time of {step:g} s, dataset.json states {sample_time:g} s"
+    preset = metadata.get("preset")
+    if not isinstance(preset, Mapping):
+        yield f"{path} does not state its preset"
+        return
+    drawn = recipe.ranges if file.twin == "randomized" else {}
+    for name in sorted({*preset, *recipe.preset}):
+        value, nominal = preset.get(name), recipe.preset.get(name)
+        if name in drawn:
+            low, high = drawn[name]
+            if not isinstance(value, int | float) or not low <= value <= high:
+                yield f"{path}: {name} is {value}, drawn from [{low:g}, {high:g}] by dataset.json"
+        elif value != nominal:
+            yield f"{path}: {name} is {value}, dataset.json states {nominal}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,141 +240,19 @@ class Replay:
     line: str
 
 
-def verify(
-    folder: Path, on_progress: Callable[[int, int], None] | None = None
-) -> tuple[list[RuleFault], int]:
-    """Check every file of a dataset against its `dataset.json`, by each of `twin.dataset.rules.RULES`.
-
-    Args:
-        folder: of the dataset: simulated, measured, or the full suite's records.
-        on_progress: called with how many episodes are checked, and how many there are.
-
-    Returns:
-        One line for each fault, which knows its rule, and how many episodes there should be.
-
-    Raises:
-        FileNotFoundError: there is no `dataset.json`.
-        ValueError: it is damaged, or of an older version.
-    """
-    contents = read_contents(folder)
-    files: tuple[Entry, ...] = contents.files
-    count = len(files)
-    faults: list[RuleFault] = []
-    made_from = _recipe_sha256(folder) if isinstance(contents, SimulatedDataset) else None
-    for done, file in enumerate(files, start=1):
-        faults += _wrong_file(folder, file, contents, made_from)
-        if on_progress:
-            on_progress(done, count)
-    faults += faults_of("totals", _wrong_totals(folder / NAME, contents))
-    if isinstance(contents, SimulatedDataset):
-        faults += faults_of("recipe", _wrong_recipe(folder, contents))
-        absent = [name for name in (CARD, FIGURE) if not (folder / name).is_file()]
-        faults += faults_of("card", (f"{folder / name} is missing" for name in absent))
-    names = {file.name for file in files}
-    others = [path for path in sorted(folder.glob("*.mcap")) if path.name not in names]
-    return [*faults, *faults_of("files", (f"{path} is not in dataset.json" for path in others))], count
-
-
-def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> list[RuleFault]:
-    """Return in what a file is not as `dataset.json` says."""
-    path = folder / file.name
-    if not path.is_file():
-        return [RuleFault("files", f"{path} is missing")]
-    size = path.stat().st_size
-    same = size == file.bytes and sha256_of(path) == file.sha256
-    faults: list[RuleFault] = []
-    if same and isinstance(file, SimulatedFile):
-        faults += faults_of("tables", _wrong_table(path.with_suffix(".csv"), file))
-    try:
-        episode = read_episode(path)
-    except (ValueError, OSError) as error:
-        return [*faults, RuleFault("readable", str(error))]
-    if size != file.bytes:
-        return [RuleFault("bytes", f"{path} has {size} bytes, dataset.json says {file.bytes}")]
-    if not same:
-        return [RuleFault("bytes", f"{path} has another SHA-256 than dataset.json says")]
-    if len(episode.time) != file.samples:
-        said = f"{path} has {len(episode.time)} samples, dataset.json says {file.samples}"
-        faults.append(RuleFault("length", said))
-    if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
-        said = f"{path} lasts {length(episode):g} s, dataset.json says {file.seconds:g} s"
-        faults.append(RuleFault("length", said))
-    stated = to_json_values(contents)["features"]
-    if describe_features(episode) != {name: stated.get(name) for name in stated if name in file.statistics}:
-        faults.append(RuleFault("quantities", f"{path} holds other quantities than dataset.json says"))
-    wrong = wrong_statistics(episode, to_json_values(file)["statistics"])
-    faults += faults_of("statistics", (f"{path}: {fault}, by dataset.json" for fault in wrong))
-    if made_from is not None and episode.metadata.get("recipe_sha256") != made_from:
-        faults.append(RuleFault("recipe", f"{path} was made from another recipe than that of the folder"))
-    return [*faults, *faults_of("origin", wrong_origin(path, episode.metadata, file, contents))]
-
-
-def _recipe_sha256(folder: Path) -> str | None:
-    """Return the SHA-256 of the folder's recipe as each episode states it; None if it cannot be read."""
-    try:
-        return of_each_episode(load_recipe(folder / "recipe.yaml"))[1]
-    except (FileNotFoundError, ValueError):
-        return None  # reported with the recipe
-
-
-def _wrong_table(table: Path, file: SimulatedFile) -> list[str]:
-    if file.table_sha256 is None:
-        return []
-    if not table.is_file():
-        return [f"{table} is missing"]
-    if not has_sha256(table, file.table_sha256, most_table_bytes(file.samples)):
-        return [f"{table} has another SHA-256 than dataset.json says"]
-    return []
-
-
-def _wrong_recipe(folder: Path, contents: SimulatedDataset) -> list[str]:
-    """Compare the recipe in the folder with that of `dataset.json`, and its episodes with the files."""
-    path = folder / "recipe.yaml"
-    try:
-        recipe = load_recipe(path)
-    except (FileNotFoundError, ValueError) as error:
-        return [f"{path} is missing" if not path.is_file() else str(error)]
-    if describe(recipe) != to_json_values(contents.recipe):
-        return [f"{path} is another recipe than dataset.json says"]
-    if [file_name(recipe, key) for key in recipe.keys] != [file.name for file in contents.files]:
-        return [f"{folder / NAME}: its files are not the episodes of the recipe"]
-    return []
-
-
-def _wrong_totals(path: Path, contents: Dataset) -> list[str]:
-    """Return which figures of the whole dataset do not follow from those of its files."""
-    stated = to_json_values(contents)
-    try:
-        wanted = totals(stated["files"])
-    except ArithmeticError:  # a deviation whose square is no number
-        return [f"{path}: the statistics of its files cannot be combined"]
-    wrong = [name for name, value in wanted.items() if stated[name] != value]
-    if stated["features"].keys() != wanted["statistics"].keys():
-        wrong.append("features")
-    return [f"{path}: {name} of the whole dataset do not follow from its files" for name in wrong]
-
-
 def replay(path: Path) -> Replay:
-    """Make an episode again from the recipe that its file carries, and compare the bytes.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is damaged, or carries no recipe: measured, or made by other means.
-    """
+    """Make an episode again from the recipe that its file contains, and compare the bytes."""
     episode = read_episode(path)
     facts = episode.metadata
     if "recipe.yaml" not in episode.attachments or not {"seed", "episode"} <= set(facts):
         raise InputError(f"{path} carries no recipe: only what `endotwin generate` made can be replayed")
     try:
         recipe = resolve_alone(parse_recipe(episode.attachments["recipe.yaml"]))
+        key = EpisodeKey(facts["seed"], facts["episode"])
+        recipe = dataclasses.replace(recipe, seeds=(key.seed,), episodes=key.number + 1)
+        recipe.check()
     except ValueError as error:
         raise InputError(f"{path}: the recipe that it carries cannot be read: {error}") from error
-    key = EpisodeKey(facts["seed"], facts["episode"])
-    if not all(type(number) is int and number >= 0 for number in (key.seed, key.number)):
-        raise InputError(
-            f"{path}: seed {key.seed!r} and episode {key.number!r} are no whole numbers from 0 on"
-        )
-    recipe = dataclasses.replace(recipe, seeds=(key.seed,), episodes=key.number + 1)
     if of_each_episode(recipe)[0].encode() != episode.attachments["recipe.yaml"]:
         raise InputError(f"{path}: the recipe that it carries is of another version of EndoTwin")
     with tempfile.TemporaryDirectory() as scratch:
@@ -208,14 +274,14 @@ def replay(path: Path) -> Replay:
 
 
 def _differences(one: Episode, other: Episode) -> list[str]:
-    """Quantities that differ, from which sample on, and by how much."""
+    """Return quantities that differ, from which sample on, and by how much."""
     differs = []
     before, after = ({"time_s": episode.time, **recorded(episode)} for episode in (one, other))
     for name in sorted({*before, *after}):
         if name not in before or name not in after or before[name].shape != after[name].shape:
             differs.append(f"{name} (not the same shape)")
             continue
-        unequal = ~((before[name] == after[name]) | (np.isnan(before[name]) & np.isnan(after[name])))
+        unequal = ~np.isclose(before[name], after[name], rtol=0, atol=0, equal_nan=True)
         if unequal.any():
             apart = np.abs(before[name] - after[name])[unequal]
             most = "missing numbers" if np.isnan(apart).all() else f"up to {np.nanmax(apart):.3g}"

@@ -38,9 +38,9 @@ from twin.export.frames import Column, frame_columns
 from twin.export.parts import CHUNK_FILES, PartWriter
 from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
 from twin.export.videos import VIDEO_PATH, nested, video_feature, video_key, write_episode_video
+from twin.files.assets import card_environment
 from twin.files.atomic import write_whole
-from twin.files.names import in_code
-from twin.files.templates import card_environment
+from twin.files.shown import in_code
 from twin.recording.camera import Pictures
 
 VERSION = "v3.0"

@@ -1,6 +1,7 @@
 """Bytes of a regular file, up to a limit: what every reader begins with."""
 
 import errno
+import hashlib
 import os
 import stat
 from pathlib import Path
@@ -67,3 +68,9 @@ def open_regular(path: str | Path, wanted: str = "a file") -> int:
         what = f"a folder, not {wanted}" if stat.S_ISDIR(mode) else "no regular file"
         raise InputError(f"{named(path)} is {what}")
     return descriptor
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin import __version__
+from twin.files.bounded import sha256_of
 from twin.files.dataset_json import NAME
-from twin.files.hashes import sha256_of
 
 PACKAGES = ("mujoco", "numpy", "scipy", "onnxruntime")
 """Packages whose versions a result may depend on, beside EndoTwin's own."""

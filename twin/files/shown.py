@@ -1,5 +1,6 @@
 """Values of files in messages: cut before they are written out, so that a message costs little."""
 
+import re
 import reprlib
 from typing import Any
 
@@ -35,3 +36,11 @@ def named(path: object) -> str:
     """Return a path for a message: its end, in one line of printable characters."""
     text = printable(str(path)[-LONGEST_PATH:])
     return text if len(str(path)) <= LONGEST_PATH else f"...{text[3:]}"
+
+
+def in_code(text: str) -> str:
+    """Return a text as a code span of Markdown: nothing in it is HTML, a link or an end of the span."""
+    runs = re.findall("`+", text)
+    fence = "`" * (max(map(len, runs), default=0) + 1)
+    space = " " if runs else ""
+    return f"{fence}{space}{printable(text)}{space}{fence}"

@@ -8,7 +8,7 @@ from typing import Any
 from twin import __version__
 from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
-from twin.files.hashes import sha256_of
+from twin.files.bounded import sha256_of
 from twin.files.shown import cut
 from twin.gate.material import WHOLE, GateMaterial
 from twin.gate.result import Check, GateVerdict

@@ -9,6 +9,7 @@ from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import claim
+from twin.files.bounds import check_file_name
 from twin.files.dataset_json import (
     NAME,
     MeasuredDataset,
@@ -16,7 +17,6 @@ from twin.files.dataset_json import (
     to_json_values,
     write_contents,
 )
-from twin.files.names import check_file_name
 from twin.recording import read_episode, read_metadata, write_episode
 from twin.recording.features import FEATURES, describe_features
 from twin.recording.listing import describe_episode, totals

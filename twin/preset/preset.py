@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from twin.errors import InputError
-from twin.files.names import LONGEST_NAME, check_name
+from twin.files.bounds import LONGEST_NAME, check_name
 from twin.files.shown import cut, shown
 
 

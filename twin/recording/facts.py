@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
+from twin.files.bounds import check_name, wrong_name
 from twin.files.json_text import validated
-from twin.files.names import check_name, wrong_name
 
 MOST_ITEMS = 1000
 LONGEST_TEXT = 1000

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.episode import Episode
-from twin.files.hashes import sha256_of
+from twin.files.bounded import sha256_of
 from twin.recording.features import combine, describe_features, statistics
 from twin.recording.reader import read_episode
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.files.names import wrong_name
+from twin.files.bounds import wrong_name
 from twin.rendering.theme import Theme
 from twin.rendering.trace_panel import Curve
 

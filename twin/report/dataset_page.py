@@ -7,8 +7,8 @@ from markupsafe import Markup
 
 from twin.dataset.card import FIGURE, varying
 from twin.dataset.recipe_file import load_recipe
+from twin.files.bounded import sha256_of
 from twin.files.dataset_json import Dataset, MeasuredDataset, SimulatedDataset, read_contents
-from twin.files.hashes import sha256_of
 from twin.recording import read_episode
 from twin.report.page import (
     Facts,

@@ -19,9 +19,8 @@ from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.registry import method_specs, proposed_method, trainings
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.score import read_evaluation
-from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.bounded import MEBIBYTE, read_limited, sha256_of
 from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
-from twin.files.hashes import sha256_of
 from twin.files.json_text import read_json
 from twin.files.progress_csv import read_progress
 from twin.files.run_folder import CURVE_FILE

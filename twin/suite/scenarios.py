@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.dataset.versions import VERSIONS
+from twin.dataset.episodes import VERSIONS
 from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
