@@ -196,7 +196,7 @@ def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
     """Draw the recorded poses of the first controller behind those of ours, where there is what can draw."""
     from twin.control.results import RECORDS
     from twin.recording import read_episode
-    from twin.rendering.beside import Beside
+    from twin.rendering.overlay import Overlay
     from twin.rendering.render import render
     from twin.report.control_page import POSES
 
@@ -206,7 +206,7 @@ def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
         return
     wanted = comparison.shown[after.stem].reference_deg
     try:
-        render(read_episode(after), out / POSES, beside=Beside(read_episode(before), wanted))
+        render(Overlay(read_episode(after), read_episode(before), wanted), out / POSES)
     except OSError as error:
         complain(f"endotwin control: no poses are drawn: {error}")
 

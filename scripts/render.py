@@ -14,23 +14,21 @@ from scripts.progress import Progress
 from twin.errors import require_extra
 
 if TYPE_CHECKING:
-    from twin.evaluation.record import Array
-    from twin.rendering.beside import Beside
-    from twin.rendering.composition import Record
+    from twin.rendering.overlay import Overlay
 
 COMMANDED = "commanded"
 
 
 @dataclasses.dataclass(frozen=True)
 class Render:
-    """Draw the endoscope bending, beside its loop or reference; docs/rendering.md shows each option.
+    """Draw the endoscope bending, next to its loop or reference; docs/rendering.md shows each option.
 
     A picture (.png, or .svg and .pdf with vector curves) shows four poses, or one; a film (.mp4, .gif) all of
     them.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of MCAP files, or files; of several, each is drawn, side by side."""
+    """Folders of MCAP files, or files; several are drawn side by side."""
     out: Path
     """File to write; its ending says which kind."""
     camera: str = "side"
@@ -40,7 +38,7 @@ class Render:
     sheet: int | None = None
     """A contact sheet of this many poses at even times."""
     ghost: str | None = None
-    """Drawn pale behind it: another run (.mcap, at the same times), a model (.json), or `commanded`."""
+    """Drawn pale below it: another run (.mcap, at the same times), a model (.json), or `commanded`."""
     background: str = "white"
     """white, dark or transparent."""
     transparent: bool = False
@@ -52,15 +50,15 @@ class Render:
     size: tuple[int, int] | None = None
     """Width and height [pixels]; 1280 720 of a film, as the figure needs of a picture."""
     dpi: int = 200
-    """Pixels per inch of a picture: with --size, it says how large text is."""
+    """Pixels per inch of a picture: with --size, it sets the size of text."""
     episode: int = 0
     """Number of the file in a folder, in the order of names."""
     fps: int = 25
     """Frames per second of a film."""
     speed: float = 1.0
-    """Seconds of the record per second of the film, which says so."""
+    """Seconds of the record per second of the film, which shows it."""
     seed: int = 0
-    """Nothing is drawn by chance; here for uniformity."""
+    """Ignored."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -84,11 +82,11 @@ def render(args: Render) -> Summary:
         size=args.size,
         dpi=args.dpi,
     )
-    records = [_record(path, args, number) for number, path in enumerate(args.data)]
+    overlays = [_overlay(path, args, number) for number, path in enumerate(args.data)]
     progress = Progress("render", "frame")
     film: dict[str, Any] = {"speed": args.speed, "progress": progress}
-    draw(records, out, look=look, time=args.time, sheet=args.sheet, fps=args.fps, **film)
-    seconds = max(record.episode.time[-1] for record in records)
+    draw(overlays, out, look=look, time=args.time, sheet=args.sheet, fps=args.fps, **film)
+    seconds = max(overlay.episode.time[-1] for overlay in overlays)
     return Summary(f"{out}: {seconds:g} s of {', '.join(map(str, args.data))}", {"out": str(out)})
 
 
@@ -98,37 +96,29 @@ def _background(args: Render) -> str:
     return "transparent" if args.transparent else args.background
 
 
-def _record(path: Path, args: Render, number: int) -> "Record":
-    """Return a record with what is drawn beside it; several have their names as titles."""
+def _overlay(path: Path, args: Render, number: int) -> "Overlay":
+    """Return an episode with its ghost and reference; several have their names as titles."""
+    from twin.hysteresis import load_model
     from twin.recording import episode_files, read_episode, read_estimates
     from twin.recording.estimate import REFERENCE_TOPIC
-    from twin.rendering.composition import Record
+    from twin.rendering.overlay import Overlay, with_command, with_model
 
     files = episode_files(path)
     if not 0 <= args.episode < len(files):
         raise ValueError(f"--episode {args.episode}: {path} holds 0 to {len(files) - 1}")
     file = files[args.episode]
-    episode = read_episode(file)
-    beside = _beside(args.ghost, Record(episode), read_estimates(file, REFERENCE_TOPIC))
+    episode, reference_deg = read_episode(file), read_estimates(file, REFERENCE_TOPIC)
+    if args.ghost == COMMANDED:
+        overlay = with_command(episode, reference_deg)
+    elif args.ghost is not None and args.ghost.lower().endswith(".json"):
+        model = load_model(Path(args.ghost))
+        overlay = with_model(episode, model, model.name.title())
+    else:
+        ghost = None if args.ghost is None else read_episode(Path(args.ghost))
+        overlay = Overlay(episode, ghost, reference_deg)
     name = path.resolve().name if path.is_dir() else file.stem
     title = f"{number + 1}   {name}" if len(args.data) > 1 else ""
-    return Record(episode, beside, title)
-
-
-def _beside(ghost: str | None, record: "Record", reference_deg: "Array") -> "Beside":
-    from twin.hysteresis import load_model
-    from twin.recording import read_episode
-    from twin.rendering.beside import Beside
-    from twin.rendering.ghosts import commanded_ghost, model_ghost
-
-    if ghost is None:
-        return Beside(reference_deg=reference_deg)
-    if ghost == COMMANDED:
-        return commanded_ghost(record.episode, reference_deg)
-    if ghost.lower().endswith(".json"):
-        model = load_model(Path(ghost))
-        return model_ghost(record.episode, model, model.name.title())
-    return Beside(ghost=read_episode(Path(ghost)), reference_deg=reference_deg)
+    return dataclasses.replace(overlay, title=title)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

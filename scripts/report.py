@@ -14,18 +14,18 @@ from twin.errors import require_extra
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Make one self-contained HTML page of a run: what it found, figures, tables, parameters, commands.
+    """Make one self-contained HTML page of a result: tables, figures, parameters, commands.
 
-    It knows whole runs (out/demo), datasets, evaluations, trainings, calibrations, gates and comparisons of
-    controllers by the files that they leave.
+    Run folders (out/demo), datasets, evaluations, training runs, calibrations, gates and comparisons of
+    controllers are recognised by their files.
     """
 
     path: tyro.conf.Positional[Path]
     """Folder of the run, such as out/demo, or a calibrated preset."""
     out: Path | None = None
-    """File to write; report.html in the folder, or NAME_report.html beside a preset, if not given."""
+    """File to write; report.html in the folder, or NAME_report.html next to a preset, if not given."""
     seed: int = 0
-    """Nothing is drawn by chance; here for uniformity."""
+    """Ignored."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -35,7 +35,7 @@ def report(args: Report) -> Summary:
     require_extra("viz")
     from twin.report.report import known_file, write_report
 
-    known_file(args.path)  # before its output is looked at
+    known_file(args.path)  # before its output is checked
     name = f"{args.path.stem}_report.html"
     out = args.out or (args.path.parent / name if args.path.is_file() else args.path / "report.html")
     path = write_report(args.path, output_file(out, (".html",), inputs=(args.path,)))

@@ -14,10 +14,11 @@ from small_dataset import SMALL, changed, make
 from twin.dataset.verify import replay, verify
 from twin.episode import Episode
 from twin.physics import headless, simulate
+from twin.preset.file import load_preset
 from twin.recording import read_episode
 from twin.recording.camera import picture_message
 from twin.rendering.camera import Camera, pictures
-from twin.rendering.portrait import EpisodePortrait
+from twin.rendering.portrait import SIZE, EpisodePortrait, Portrait
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 SAMPLE_TIME = 0.02
@@ -162,3 +163,30 @@ def test_message_of_a_picture_holds_its_time_to_the_nanosecond():
     message = picture_message(b"jpeg", 1_234_567_890_123_456_789)
     assert message.timestamp.ToNanoseconds() == 1_234_567_890_123_456_789
     assert message.data == b"jpeg"
+
+
+def inked(picture):
+    return picture.min(axis=2) < 200
+
+
+@pytest.fixture(scope="module")
+def portrait():
+    return Portrait(load_preset("ureteroscope"))
+
+
+@needs_gl
+@pytest.mark.parametrize("bend_deg", [-200.0, -133.0, -60.0, 0.0, 60.0, 133.0, 200.0])
+def test_every_arc_is_whole_in_the_picture(portrait, bend_deg):
+    picture = portrait.picture(np.full(16, np.radians(bend_deg) / 16))
+    assert picture.shape == (SIZE, SIZE, 3)
+    drawn = inked(picture)
+    edge = np.concatenate([drawn[0], drawn[-1], drawn[:, -1]])  # the shaft comes in from the left
+    assert not edge.any()
+    assert drawn[:, SIZE // 3 :].any()  # ahead of the shaft
+
+
+@needs_gl
+def test_opposite_bends_are_mirror_images(portrait):
+    up, down = (inked(portrait.picture(np.full(16, angle))) for angle in (0.1, -0.1))
+    assert (up != down[::-1]).sum() < 0.1 * up.sum()
+    assert (up != down).sum() > 0.5 * up.sum()

@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from PIL import Image
 from rendered import UP, in_two_planes, ink, make_episode, needs_gl, with_tension
 
-from twin.rendering.composition import Record
 from twin.rendering.look import Look
+from twin.rendering.overlay import Overlay
 from twin.rendering.render import render
-from twin.rendering.sheet import render_sheet
-from twin.rendering.still import render_picture, spread
-from twin.rendering.telling import telling_samples
+from twin.rendering.still import keyframes, render_picture, render_sheet, spread
 
 EPISODE = make_episode()
 SIZE = (450, 205)
@@ -24,8 +22,8 @@ def picture_of(path) -> np.ndarray:
     return np.asarray(Image.open(path))
 
 
-def test_telling_samples_are_apart_at_the_same_pull():
-    most, upper, lower, least = telling_samples(EPISODE)
+def test_keyframes_are_apart_at_the_same_pull():
+    most, upper, lower, least = keyframes(EPISODE)
     assert EPISODE.pull[most] == EPISODE.pull.max()
     assert EPISODE.pull[least] == EPISODE.pull.min()
     assert abs(EPISODE.pull[upper] - EPISODE.pull[lower]) < 0.03 * np.ptp(EPISODE.pull)
@@ -130,14 +128,14 @@ def test_two_planes_and_several_records_have_their_pictures(tmp_path):
     both = in_two_planes(EPISODE)
     two = Image.open(render(both, tmp_path / "two.png", look=Look(dpi=60)))
     assert two.size == (540, 389)
-    records = [Record(EPISODE, title="one"), Record(both, title="two"), Record(EPISODE, title="three")]
+    records = [Overlay(EPISODE, title="one"), Overlay(both, title="two"), Overlay(EPISODE, title="three")]
     side = Image.open(render_picture(records, tmp_path / "side.png", Look(dpi=60)))
     assert side.size == (540, 335)
 
 
 @needs_gl
 def test_a_sheet_shows_the_poses_of_even_times(tmp_path):
-    path = render_sheet(Record(EPISODE), tmp_path / "sheet.png", 5, Look(size=(600, 420), dpi=100))
+    path = render_sheet(Overlay(EPISODE), tmp_path / "sheet.png", 5, Look(size=(600, 420), dpi=100))
     picture = picture_of(path)
     assert picture.shape[:2] == (420, 600)
     # Of 5 pictures in rows of 3: straight, up, straight; down, straight.

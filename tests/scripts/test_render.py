@@ -9,7 +9,7 @@ from scripts.render import main
 from twin.recording import EpisodeWriter, write_episode
 from twin.recording.estimate import REFERENCE_TOPIC, estimate_message
 from twin.recording.messages import to_nanoseconds
-from twin.rendering.beside import Beside
+from twin.rendering.overlay import Overlay
 from twin.rendering.render import render
 
 
@@ -30,8 +30,8 @@ def folder(tmp_path, monkeypatch):
 @needs_gl
 def test_ghost_and_reference_of_the_files_are_drawn(folder):
     assert main(["run.mcap", "--ghost", "ghost.mcap", "--out", "a.png"]) == 0
-    beside = Beside(make_episode(amplitude_deg=-30), np.arange(41.0))
-    wanted = np.asarray(Image.open(render(make_episode(), folder / "b.png", beside=beside)))
+    overlay = Overlay(make_episode(), make_episode(amplitude_deg=-30), np.arange(41.0))
+    wanted = np.asarray(Image.open(render(overlay, folder / "b.png")))
     drawn = np.asarray(Image.open("a.png"))
     assert np.abs(drawn.astype(int) - wanted).mean() < 0.5  # angles went through degrees
 

@@ -7,10 +7,9 @@ import pytest
 
 from twin.episode import Episode
 from twin.physics import headless
-from twin.rendering.beside import NOTHING, Beside
-from twin.rendering.composition import Record
 from twin.rendering.film import Film
 from twin.rendering.look import Look
+from twin.rendering.overlay import Overlay
 
 needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
 VERTEBRAE = 16
@@ -54,16 +53,9 @@ def in_two_planes(episode: Episode) -> Episode:
     )
 
 
-def film(
-    episode: Episode,
-    beside: Beside = NOTHING,
-    *,
-    size: tuple[int, int] = SMALL,
-    speed: float | None = None,
-    **look,
-) -> Film:
+def film(of: Episode | Overlay, *, size: tuple[int, int] = SMALL, speed: float | None = None, **look) -> Film:
     """A film of one episode."""
-    return Film([Record(episode, beside)], Look(size=size, **look), speed)
+    return Film([of if isinstance(of, Overlay) else Overlay(of)], Look(size=size, **look), speed)
 
 
 def ink(picture: np.ndarray) -> np.ndarray:

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME, sinusoid
 from twin.preset.preset import Preset
-from twin.rendering.cameras import CAMERAS
-from twin.rendering.composition import Record
 from twin.rendering.film import Film
-from twin.rendering.look import Look
+from twin.rendering.look import CAMERAS, Look
+from twin.rendering.overlay import Overlay
 from twin.simulation import simulate
 
 _SIZE = (640, 480)
@@ -22,12 +21,12 @@ def pictures(preset: Preset, amplitude: float) -> dict[str, Result]:
     episode = simulate(preset, sinusoid(amplitude, 8.0, 1), SAMPLE_TIME, physics="reduced")
     results = {}
     for camera in CAMERAS:
-        film = Film([Record(episode)], Look(camera=camera, panels="view", size=_SIZE))
+        film = Film([Overlay(episode)], Look(camera=camera, panels="view", size=_SIZE))
         rate = _frames_per_second(film.frame, len(episode.time))
         results[f"pictures_{camera}"] = _result(
             f"pictures of the camera `{camera}`", rate, _PICTURES_PER_SECOND
         )
-    film = Film([Record(episode)], Look(size=_SIZE), speed=1.0)
+    film = Film([Overlay(episode)], Look(size=_SIZE), speed=1.0)
     rate = _frames_per_second(film.frame, len(episode.time))
     results["film"] = _result("frames of a film with its loop", rate, _FRAMES_PER_SECOND)
     return results

@@ -1,1 +1,1 @@
-"""Headless rendering of episodes: the bending endoscope beside its loop, as PNG, MP4 and JPEG."""
+"""Headless rendering of episodes: the bending endoscope next to its loop, as PNG, MP4 and JPEG."""

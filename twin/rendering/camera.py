@@ -1,4 +1,4 @@
-"""Camera beside the bending section: JPEG pictures of an episode at a fixed rate."""
+"""Camera next to the bending section: JPEG pictures of an episode at a fixed rate."""
 
 import dataclasses
 import io
@@ -32,11 +32,7 @@ class Camera:
         object.__setattr__(self, "pictures_per_second", float(self.pictures_per_second))
 
     def check(self) -> None:
-        """Check the rate and the size.
-
-        Raises:
-            ValueError: the rate or the size is out of range.
-        """
+        """Refuse a rate or a size that is out of range."""
         if not 0 < self.pictures_per_second <= 1000:
             raise InputError(
                 f"camera: {self.pictures_per_second:g} pictures per second: must be positive, at most 1000"

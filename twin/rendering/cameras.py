@@ -1,39 +1,64 @@
-"""Cameras of pictures: from the side, from above, at the tip, over the whole device, from the tip itself."""
+"""Cameras of pictures (side, top, tip, overview, endoscopic), and the soft shadows of what they see.
+
+A blurred shadow needs no edges: it is drawn from the centre line and the thickness of the endoscope alone,
+which costs the renderer nothing and suits any background.
+"""
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFilter
 
-from twin.errors import InputError
 from twin.physics.drawing.canvas import Layer, View
 from twin.physics.drawing.parts import OUTER, cap_length, wheel_place
 from twin.rendering.actor import Actor
-from twin.rendering.shadow import Caster, Screen
 
 Array = NDArray[np.float64]
 
 _X, _Y, _Z = np.eye(3)
 _FIELD_OF_VIEW = np.radians(95)  # of the endoscope's own lens, top to bottom
-_SHADOW_ROOM = 0.07  # beside and below what is seen, in lengths of the section
-_ROUND, _ASIDE = (
-    0.42,
-    (0.07, 0.045),
-)  # radius of a round picture, and how far it is right and low: numbers stand above
+_SHADOW_ROOM = 0.07  # at the side and below what is seen, in lengths of the section
+_ROUND = 0.42  # radius of a round picture
+_ASIDE = (0.07, 0.045)  # by which it is right and low: numbers stand above
 _ELEVATION, _AZIMUTH = np.radians(33), np.radians(14)  # of the overview
+_REDUCED = 2  # a blurred picture is as good at half its size
+
+
+class Caster(NamedTuple):
+    """Object that throws a shadow: its centre line (n, 3) and half its thickness [m]."""
+
+    line: Array
+    radius: float
+
+
+class Screen(NamedTuple):
+    """Plane on which a shadow falls.
+
+    Attributes:
+        point: (3,) on it [m].
+        normal: (3,) unit vector.
+        light: (3,) direction of the light.
+        blur: standard deviation of the soft edge [m].
+    """
+
+    point: Array
+    normal: Array
+    light: Array
+    blur: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Shot:
-    """Camera before an actor, and what goes with it.
+    """Camera, and what goes with it.
 
     Attributes:
-        scene: what is around the actor, as of `DrawnEndoscope`.
+        scene: what is around the actor, see `DrawnEndoscope`.
         view: camera (actor, index of the sample); some follow the tip.
         screen: where shadows fall; None: nowhere.
-        has_scale: True where a length is the same all over the picture, so that a scale bar says it.
+        has_scale: True where a length is the same all over the picture, so that a scale bar is valid.
         is_round: True for the round picture of an endoscope.
         follows: True where the camera moves with the tip, so that poses cannot lie over one another.
     """
@@ -51,7 +76,7 @@ class Shot:
         if self.scene != "overview":
             line = np.array([[-actor.preset.section_length, 0, 0], *actor.chain[index]])
             forward = self.view(actor, index).forward
-            # A pose that leaves the plane of the picture keeps its shadow beside it.
+            # A pose that leaves the plane of the picture keeps its shadow next to it.
             return [Caster(line - np.outer(line @ forward, forward), radius)]
         sheath = actor.sheath(index)
         casters = [Caster(np.concatenate([sheath.position[::-1], actor.chain[index]]), radius)]
@@ -63,47 +88,25 @@ class Shot:
         return casters
 
 
-def shot(camera: str, actors: Sequence[Actor], aspect: float) -> Shot:
-    """Return the shot of a camera that holds every pose of all actors.
-
-    Args:
-        camera: one of `CAMERAS`.
-        actors: what it shows.
-        aspect: width of its picture over the height.
-
-    Raises:
-        ValueError: there is no such camera.
-    """
-    check_camera(camera)
-    return CAMERAS[camera](actors, aspect)
-
-
-def check_camera(camera: str) -> None:
-    """Refuse a camera that there is not.
-
-    Raises:
-        ValueError: it is one.
-    """
-    if camera not in CAMERAS:
-        raise InputError(f"camera = {camera!r}: must be one of {', '.join(CAMERAS)}")
-
-
 def scene_of(camera: str) -> str:
-    """Return what is around the actor before a camera."""
+    """Return what is around the actor for a camera."""
     return {"overview": "overview", "endoscopic": "lumen"}.get(camera, "bench")
 
 
-def _side(actors: Sequence[Actor], aspect: float) -> Shot:
-    return _flat(actors, aspect, right=_X, up=_Z)
+def shot(camera: str, actors: Sequence[Actor], aspect: float) -> Shot:
+    """Return the shot of a camera that holds every pose of all actors; the aspect is width over height."""
+    if camera == "overview":
+        return _overview(actors, aspect)
+    if camera == "tip":
+        return Shot("bench", _tip_view, follows=True)
+    if camera == "endoscopic":
+        return _endoscopic(aspect)
+    return _flat(actors, aspect, up=_Y if camera == "top" else _Z)
 
 
-def _top(actors: Sequence[Actor], aspect: float) -> Shot:
-    return _flat(actors, aspect, right=_X, up=_Y)
-
-
-def _flat(actors: Sequence[Actor], aspect: float, right: Array, up: Array) -> Shot:
+def _flat(actors: Sequence[Actor], aspect: float, up: Array) -> Shot:
     """Return a parallel projection at right angles to a bending plane."""
-    reach = max(actor.preset.section_length for actor in actors)
+    reach, right = max(actor.preset.section_length for actor in actors), _X
     forward = np.cross(up, right)
     points = np.concatenate([actor.chain.reshape(-1, 3) for actor in actors]) @ np.stack([right, up], axis=1)
     low = np.minimum([-0.22 * reach, -0.30 * reach], points.min(axis=0))
@@ -111,13 +114,8 @@ def _flat(actors: Sequence[Actor], aspect: float, right: Array, up: Array) -> Sh
     low[1], high[0] = low[1] - _SHADOW_ROOM * reach, high[0] + _SHADOW_ROOM * reach
     centre, half = (high + low) / 2, (high - low) / 2
     half_height = float(1.16 * max(half[1], half[0] / aspect))
-    view = View(
-        position=centre[0] * right + centre[1] * up - 4 * reach * forward,
-        forward=forward,
-        up=up,
-        half_height=half_height,
-        parallel=True,
-    )
+    position = centre[0] * right + centre[1] * up - 4 * reach * forward
+    view = View(position, forward, up, half_height, parallel=True)
     wall = Screen(0.14 * reach * forward, forward, forward + 0.55 * right - 0.9 * up, 0.035 * reach)
     return Shot("bench", lambda actor, index: view, wall, has_scale=True)
 
@@ -166,27 +164,23 @@ def _fitted(points: Array, forward: Array, up: Array, aspect: float, distance: f
     return dataclasses.replace(wide, half_height=half, shift=(float(across), float(along)))
 
 
-def _tip(actors: Sequence[Actor], aspect: float) -> Shot:
+def _tip_view(actor: Actor, index: int) -> View:
     """Return a view that follows the tip, and turns half as far as it does."""
-
-    def view(actor: Actor, index: int) -> View:
-        tip, radius = actor.links.position[index, -1], actor.preset.wire_offset
-        axes = actor.links.rotation[index, -1]
-        ahead = axes[:, 0] + _X
-        ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 0.2 else axes[:, 0]
-        upright = _Z - (_Z @ ahead) * ahead
-        upright = upright / np.linalg.norm(upright) if np.linalg.norm(upright) > 0.2 else axes[:, 2]
-        from_tip = 0.80 * ahead - 0.62 * np.cross(upright, ahead) + 0.30 * upright
-        from_tip /= np.linalg.norm(from_tip)
-        forward = -from_tip
-        up = upright - (upright @ forward) * forward
-        target = tip - 1.6 * radius * axes[:, 0]
-        return View(target + 26 * radius * from_tip, forward, up / np.linalg.norm(up), 0.19)
-
-    return Shot("bench", view, follows=True)
+    tip, radius = actor.links.position[index, -1], actor.preset.wire_offset
+    axes = actor.links.rotation[index, -1]
+    ahead = axes[:, 0] + _X
+    ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 0.2 else axes[:, 0]
+    upright = _Z - (_Z @ ahead) * ahead
+    upright = upright / np.linalg.norm(upright) if np.linalg.norm(upright) > 0.2 else axes[:, 2]
+    from_tip = 0.80 * ahead - 0.62 * np.cross(upright, ahead) + 0.30 * upright
+    from_tip /= np.linalg.norm(from_tip)
+    forward = -from_tip
+    up = upright - (upright @ forward) * forward
+    target = tip - 1.6 * radius * axes[:, 0]
+    return View(target + 26 * radius * from_tip, forward, up / np.linalg.norm(up), 0.19)
 
 
-def _endoscopic(actors: Sequence[Actor], aspect: float) -> Shot:
+def _endoscopic(aspect: float) -> Shot:
     """Return what the endoscope's own lens sees."""
 
     def view(actor: Actor, index: int) -> View:
@@ -217,11 +211,22 @@ def rounded(layer: Layer) -> Layer:
     return np.concatenate([np.rint(shaded), 255 * alpha[..., None]], axis=-1).astype(np.uint8)
 
 
-CAMERAS: dict[str, Callable[[Sequence[Actor], float], Shot]] = {
-    "side": _side,
-    "top": _top,
-    "tip": _tip,
-    "overview": _overview,
-    "endoscopic": _endoscopic,
-}
-"""Cameras by name."""
+def shadow(
+    casters: Sequence[Caster], screen: Screen, view: View, width: int, height: int, darkness: float
+) -> Layer:
+    """Return the shadow of casters as a black layer, (height, width, 4); darkness is its alpha, 0 to 1."""
+    mask = Image.new("L", (-(-width // _REDUCED), -(-height // _REDUCED)))
+    pen, scale = ImageDraw.Draw(mask), 1.0
+    for caster in casters:
+        away = (screen.point - caster.line) @ screen.normal / (screen.light @ screen.normal)
+        fallen = caster.line + away[:, None] * screen.light
+        points = view.project(fallen, width, height) / _REDUCED
+        depth = 1.0 if view.parallel else float((fallen.mean(axis=0) - view.position) @ view.forward)
+        scale = height / 2 / view.half_height / depth / _REDUCED  # pixels per metre
+        thick = max(round(2 * caster.radius * scale), 1)
+        pen.line([tuple(point) for point in points], 255, thick, joint="curve")
+    blurred = mask.filter(ImageFilter.GaussianBlur(screen.blur * scale))
+    soft = blurred.resize((width, height), Image.Resampling.BILINEAR)
+    layer = np.zeros((height, width, 4), dtype=np.uint8)
+    layer[..., 3] = np.rint(np.asarray(soft) * darkness)
+    return layer

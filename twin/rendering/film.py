@@ -1,82 +1,84 @@
-"""Frames of a film: views and plots of a composition, drawn into pixels sample by sample."""
+"""Films: frames of a composition, drawn into pixels sample by sample, and written as MP4 or GIF."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
+from tqdm import tqdm
 
-from twin.rendering.composition import Composition, Record, sample_at
-from twin.rendering.layers import Picture, on_paper
-from twin.rendering.look import Look
-from twin.rendering.marks import Label, paint
-from twin.rendering.numbers import times_real
-from twin.rendering.theme import rgb
-from twin.rendering.trace_panel import TracePanel
+from twin.errors import InputError
+from twin.rendering.composition import Composition, Rectangle
+from twin.rendering.look import Look, rgb
+from twin.rendering.overlay import Overlay
+from twin.rendering.picture import Label, Picture, on_paper, paint, times_real
+from twin.rendering.plots import TracePanel
+from twin.rendering.video import LARGEST_FRAMES, write_video
 
 WIDTH, HEIGHT = 1280, 720
 LARGEST = (3840, 2160)
 """Largest width and height of a frame [pixels]."""
 _DPI = 100  # text of a film is measured by its pixels
+_SAMPLED = (0.25, 0.5, 0.75, 1.0)  # shares of a GIF's length from which its colours are taken
 
 
 class Film:
     """Renderer of the frames of a composition; each frame is drawn on demand."""
 
     def __init__(
-        self, records: Sequence[Record], look: Look | None = None, speed: float | None = None
+        self, overlays: Sequence[Overlay], look: Look | None = None, speed: float | None = None
     ) -> None:
         """Draw the static parts.
 
         Args:
-            records: what is shown, side by side.
+            overlays: episodes, side by side.
             look: options; both sides of its size must be even.
-            speed: seconds of the record per second of the film, which the film says; None: it does not.
+            speed: seconds of the episode per second of the film, written into the film; None: not written.
 
         Raises:
-            ValueError: a size is odd or out of range, the background is transparent, or what is beside a
-                record is not at its times.
+            ValueError: a size is odd or out of range, or an overlay has other times.
             OSError: nothing on this system can draw without a screen.
         """
         look = look or Look()
         self.width, self.height = look.size_within((WIDTH, HEIGHT), LARGEST, even=True)
         self._theme = look.theme
-        self.composition = Composition(records, look, self.width, self.height, dpi=_DPI)
+        self.composition = Composition(overlays, look, self.width, self.height, dpi=_DPI)
         self._panels = [
             TracePanel(cell.plot, cell.box.width, cell.box.height, self._theme)
             for cell in self.composition.plots
         ]
         self._speed = "" if speed is None else times_real(speed)
 
-    @property
-    def seconds(self) -> float:
-        """Length of the longest record [s]."""
-        return max(float(one.episode.time[-1] - one.episode.time[0]) for one in self.composition.records)
-
     def frame_at(self, time: float) -> Picture:
-        """Return the frame at a time since the start of the records [s]; one that has ended stands still."""
-        return self._drawn([sample_at(record.episode, time) for record in self.composition.records])
+        """Return the frame at a time since the start [s]; an episode that has ended is still."""
+        return self._drawn([overlay.sample_at(time) for overlay in self.composition.overlays])
 
     def frame(self, index: int) -> Picture:
-        """Return the frame of sample `index` of every record, (height, width, 3)."""
-        return self._drawn([index] * len(self.composition.records))
+        """Return the frame of sample `index` of every episode, (height, width, 3)."""
+        return self._drawn([index] * len(self.composition.overlays))
 
     def _drawn(self, samples: Sequence[int]) -> Picture:
         frame = np.empty((self.height, self.width, 3), dtype=np.uint8)
         frame[:] = rgb(self._theme.paper)
-        for cell in self.composition.views:
-            picture = Image.fromarray(on_paper(cell.scene(samples[cell.number]), self._theme))
-            paint(picture, cell.marks(samples[cell.number]))
-            _put(frame, cell.box, np.asarray(picture))
-        for plotted, panel in zip(self.composition.plots, self._panels, strict=True):
-            _put(frame, plotted.box, panel.draw(samples[plotted.record]))
+
+        def put(box: Rectangle, picture: Picture) -> None:
+            frame[box.top : box.top + box.height, box.left : box.left + box.width] = picture
+
+        for view in self.composition.views:
+            picture = Image.fromarray(on_paper(view.scene(samples[view.number]), self._theme))
+            paint(picture, view.marks(samples[view.number]))
+            put(view.box, np.asarray(picture))
+        for cell, panel in zip(self.composition.plots, self._panels, strict=True):
+            put(cell.box, panel.draw(samples[cell.number]))
         return self._with_speed(frame) if self._speed else frame
 
     def _with_speed(self, frame: Picture) -> Picture:
-        """Write how fast the film goes into its upper right corner, or that of its view."""
-        box = self.composition.views[-1].box if self.composition.views else self.composition.plots[-1].box
-        if len(self.composition.records) == 1 and self.composition.views:
-            box = self.composition.views[0].box
+        """Write the speed of the film into its upper right corner, or that of its view."""
+        views, plots = self.composition.views, self.composition.plots
+        box = views[-1].box if views else plots[-1].box
+        if len(self.composition.overlays) == 1 and views:
+            box = views[0].box
         unit = self.composition.scale_of(box) * _DPI / 100
         right = box.left + box.width - 24 * unit
         picture = Image.fromarray(frame)
@@ -84,6 +86,54 @@ class Film:
         return np.asarray(picture)
 
 
-def _put(frame: NDArray[np.uint8], box: tuple[int, int, int, int], picture: Picture) -> None:
-    left, top, width, height = box
-    frame[top : top + height, left : left + width] = picture
+def render_film(
+    overlays: Sequence[Overlay],
+    path: Path,
+    look: Look | None = None,
+    *,
+    fps: int = 25,
+    speed: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Render episodes side by side as a film that shows its speed.
+
+    Args:
+        overlays: the longest sets the length of the film.
+        path: the .mp4 or .gif to write.
+        look: options; the background must not be transparent.
+        fps: frames per second of the film; of a GIF at most 50.
+        speed: seconds of the episode per second of the film.
+        progress: called after each frame with (drawn, all); without it there is a bar on stderr.
+
+    Raises:
+        ValueError: an option is out of range, or an overlay has other times.
+        OSError: nothing on this system can draw without a screen, or the disk is full.
+    """
+    look, is_gif = look or Look(), path.suffix.lower() == ".gif"
+    if look.theme.is_transparent:
+        raise InputError(
+            f"background = transparent: is of a picture, not of a film ({path.suffix}): white or dark"
+        )
+    most_fps = 50 if is_gif else 240
+    if not 0 < fps <= most_fps or not 0 < speed <= 1000:
+        raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most {most_fps} and 1000")
+    seconds = max(overlay.seconds for overlay in overlays)
+    count = int(seconds * fps / speed + 1e-9) + 1
+    if count > LARGEST_FRAMES:
+        raise InputError(
+            f"fps {fps} and speed {speed:g}: {count} frames of {seconds:g} s, at most {LARGEST_FRAMES}"
+        )
+    film = Film(overlays, look, speed)
+
+    def frames() -> Iterator[Picture]:
+        bar = tqdm(total=count, desc=path.name, unit="frame", file=sys.stderr, disable=progress is not None)
+        with bar:
+            for drawn, time in enumerate(np.arange(count) * speed / fps, start=1):
+                yield film.frame_at(float(time))
+                bar.update()
+                if progress is not None:
+                    progress(drawn, count)
+
+    sampled = [film.frame_at(share * seconds) for share in _SAMPLED] if is_gif else []
+    write_video(path, frames(), fps, film.width, film.height, sampled)
+    return path

@@ -1,16 +1,78 @@
-"""Look of a picture: camera, background, sleeve, size and resolution, and what is left out."""
+"""Look of a picture: camera, colours of the background, sleeve, size, resolution, and panels."""
 
 import dataclasses
 
 from twin.errors import InputError
 from twin.physics.drawing.parts import SLEEVES
-from twin.rendering.cameras import check_camera
-from twin.rendering.theme import Theme, theme
 
+CAMERAS = ("side", "top", "tip", "overview", "endoscopic")
 PANELS = ("both", "view", "curves")
-"""Contents of a picture: the endoscope beside its curves, or one of them alone."""
+"""Contents of a picture: the endoscope next to its curves, or one of them alone."""
 LEAST_SIZE = (160, 120)
 """Smallest width and height [pixels]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Theme:
+    """Colours of a picture, `#rrggbb`; every pair of curves differs in lightness as well.
+
+    Attributes:
+        paper: background; on a transparent one, the colour that edges are blended with.
+        ink: of text and reference curves.
+        muted: of captions and numbers of axes.
+        trace: of the bending angle and its numbers.
+        ghost: of the curve of another run.
+        pale: of a curve that is yet to be traced.
+        grid: of the lines of axes.
+        spine: of the frame of axes.
+        shadow: share of light that a shadow takes away.
+        is_transparent: True where the paper is left out.
+        is_dark: True where the paper is dark, so that dark parts are lit more.
+    """
+
+    paper: str
+    ink: str
+    muted: str
+    trace: str
+    ghost: str
+    pale: str
+    grid: str
+    spine: str
+    shadow: float
+    is_transparent: bool = False
+    is_dark: bool = False
+
+
+WHITE = Theme(
+    paper="#ffffff",
+    ink="#1d232c",
+    muted="#6b7480",
+    trace="#b3261e",
+    ghost="#9aa3ae",
+    pale="#d3d8de",
+    grid="#edf0f3",
+    spine="#c3c9d0",
+    shadow=0.20,
+)
+DARK = Theme(
+    paper="#12161c",
+    ink="#e9edf2",
+    muted="#9aa4b0",
+    trace="#ff7a66",
+    ghost="#79838f",
+    pale="#414a55",
+    grid="#232a33",
+    spine="#47515d",
+    shadow=0.55,
+    is_dark=True,
+)
+THEMES = {"white": WHITE, "dark": DARK, "transparent": dataclasses.replace(WHITE, is_transparent=True)}
+"""Themes by the name of their background."""
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Return red, green and blue, from 0 to 255, of `#rrggbb`."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,7 +80,7 @@ class Look:
     """Options of a picture or a film.
 
     Attributes:
-        camera: one of `twin.rendering.cameras.CAMERAS`.
+        camera: one of `CAMERAS`.
         background: white, dark or transparent.
         sleeve: of the bending section: cut, whole or none.
         panels: both, view or curves.
@@ -34,36 +96,21 @@ class Look:
     dpi: int = 200
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be drawn.
-
-        Raises:
-            ValueError: a name is unknown, or a number is out of range.
-        """
-        check_camera(self.camera)
-        theme(self.background)
-        if self.sleeve not in SLEEVES:
-            raise InputError(f"sleeve = {self.sleeve!r}: must be one of {', '.join(SLEEVES)}")
-        if self.panels not in PANELS:
-            raise InputError(f"panels = {self.panels!r}: must be one of {', '.join(PANELS)}")
+        """Refuse unknown names, and a resolution out of range."""
+        valid = {"camera": CAMERAS, "background": tuple(THEMES), "sleeve": SLEEVES, "panels": PANELS}
+        for name, values in valid.items():
+            if getattr(self, name) not in values:
+                raise InputError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(values)}")
         if not 50 <= self.dpi <= 1200:
             raise InputError(f"dpi = {self.dpi}: must be from 50 to 1200")
 
     @property
     def theme(self) -> Theme:
         """Colours of the background."""
-        return theme(self.background)
+        return THEMES[self.background]
 
     def size_within(self, usual: tuple[int, int], largest: tuple[int, int], *, even: bool) -> tuple[int, int]:
-        """Return width and height [pixels], checked for a kind of file.
-
-        Args:
-            usual: where none is asked for.
-            largest: that the kind of file can be.
-            even: whether both must be even.
-
-        Raises:
-            ValueError: the size is out of range.
-        """
+        """Return width and height [pixels], `usual` if not given, checked for a kind of file."""
         width, height = self.size or usual
         fits = LEAST_SIZE[0] <= width <= largest[0] and LEAST_SIZE[1] <= height <= largest[1]
         if not fits or (even and (width % 2 or height % 2)):

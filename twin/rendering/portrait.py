@@ -8,11 +8,10 @@ from twin.physics.drawing.canvas import View
 from twin.physics.drawing.drawn import DrawnEndoscope
 from twin.physics.drawing.frames import link_frames
 from twin.preset.preset import Preset
-from twin.rendering.actor import Actor
+from twin.rendering.actor import PLAIN, Actor, TensionColours
 from twin.rendering.cameras import shot
-from twin.rendering.layers import Picture, on_paper
-from twin.rendering.tension_colours import PLAIN, TensionColours
-from twin.rendering.theme import WHITE
+from twin.rendering.look import WHITE
+from twin.rendering.picture import Picture, on_paper
 
 SIZE = 480
 """Width and height of a picture of a simulation [pixels]."""
@@ -27,12 +26,7 @@ class EpisodePortrait:
     """Side view of the endoscope of an episode, in a frame that holds all of its poses."""
 
     def __init__(self, episode: Episode, width: int, height: int) -> None:
-        """Place the camera.
-
-        Args:
-            episode: the record.
-            width: of a picture [pixels].
-            height: of a picture [pixels].
+        """Place the camera, for pictures of a size [pixels].
 
         Raises:
             OSError: nothing on this system can draw without a screen.
@@ -47,7 +41,7 @@ class EpisodePortrait:
 
 
 class Portrait:
-    """Drawn double of a simulated endoscope, posed as that one stands; only its hinge angles are read."""
+    """Drawing of a simulated endoscope in its pose; only the hinge angles are read."""
 
     def __init__(self, preset: Preset) -> None:
         """Build the double and place the camera.

@@ -1,78 +1,67 @@
-"""Rendering of records to a frame, a picture, a contact sheet or a film, without a screen."""
+"""Rendering of episodes to a frame, a picture, a contact sheet or a film, without a screen."""
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-
-import numpy as np
-from tqdm import tqdm
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.rendering.beside import NOTHING, Beside
-from twin.rendering.composition import Record
-from twin.rendering.film import Film
-from twin.rendering.layers import Picture
+from twin.rendering.film import Film, render_film
 from twin.rendering.look import Look
-from twin.rendering.sheet import render_sheet
-from twin.rendering.still import FORMATS, render_picture
-from twin.rendering.video import FILMS, LARGEST_FRAMES, write_video
+from twin.rendering.overlay import Overlay
+from twin.rendering.picture import Picture
+from twin.rendering.still import FORMATS, render_picture, render_sheet
+from twin.rendering.video import FILMS
 
 ENDINGS = (*FORMATS, *FILMS)
-"""Endings of what can be written."""
-_LOOKED_AT = (0.25, 0.5, 0.75, 1.0)  # shares of a GIF's length from which its colours are taken
+"""Endings of files that can be written."""
 
 
 def render(
-    episode: Episode | Sequence[Record],
+    episode: Episode | Overlay | Sequence[Overlay],
     path: str | Path,
     *,
     look: Look | None = None,
-    beside: Beside = NOTHING,
     time: float | None = None,
     sheet: int | None = None,
     fps: int = 25,
     speed: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Draw a record, or several side by side, as a picture or a film, whichever the ending of the path says.
+    """Draw an episode, or several side by side, as a picture or a film, by the ending of the path.
 
     Args:
-        episode: the record; or several, with what is beside each.
-        path: a .png, .svg or .pdf, written by `render_picture`, or a .mp4 or .gif, written by `render_film`.
+        episode: one, an overlay with a ghost or a reference, or several overlays.
+        path: a .png, .svg or .pdf, see `render_picture`, or a .mp4 or .gif, see `render_film`.
         look: camera, background, size and the like.
-        beside: the record of another run, or a model, to draw as a ghost, and the reference.
-        time: of the pose that a picture shows, since the start of the record [s].
+        time: of the pose that a picture shows, since the start [s].
         sheet: number of poses of a contact sheet, instead of a picture.
         fps: frames per second of a film.
-        speed: seconds of the record per second of a film.
-        progress: as of `render_film`.
-
-    Returns:
-        `path`.
+        speed: seconds of the episode per second of a film.
+        progress: see `render_film`.
 
     Raises:
-        ValueError: the path has another ending, an option is out of range or of another kind of file, or what
-            is beside a record is not at its times.
+        ValueError: the path has another ending, an option is out of range or of another kind of file, or an
+            overlay has other times.
         OSError: nothing on this system can draw without a screen.
     """
     path, look = Path(path), look or Look()
-    records = [Record(episode, beside)] if isinstance(episode, Episode) else list(episode)
+    of = Overlay(episode) if isinstance(episode, Episode) else episode
+    overlays = [of] if isinstance(of, Overlay) else list(of)
     ending = path.suffix.lower()
     if ending in FILMS:
         for name, value in (("time", time), ("sheet", sheet)):
             if value is not None:
                 raise InputError(f"{name} = {value:g}: is of a picture, not of a film ({ending})")
-        return render_film(records, path, look, fps=fps, speed=speed, progress=progress)
+        return render_film(overlays, path, look, fps=fps, speed=speed, progress=progress)
     if ending not in FORMATS:
         raise InputError(f"{path}: must end in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
     if sheet is None:
-        return render_picture(records, path, look, time)
-    if time is not None or len(records) > 1:
+        return render_picture(overlays, path, look, time)
+    if time is not None or len(overlays) > 1:
         raise InputError(
             f"sheet = {sheet}: shows even times of one record: leave out the time and other records"
         )
-    return render_sheet(records[0], path, sheet, look)
+    return render_sheet(overlays[0], path, sheet, look)
 
 
 def render_frame(
@@ -87,64 +76,4 @@ def render_frame(
     if not -len(episode.time) <= index < len(episode.time):
         raise InputError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
     look = look or Look(size=(width, height))
-    return Film([Record(episode)], look).frame(index % len(episode.time))
-
-
-def render_film(
-    records: Sequence[Record],
-    path: Path,
-    look: Look | None = None,
-    *,
-    fps: int = 25,
-    speed: float = 1.0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Path:
-    """Render records side by side as a film that says its speed, written whole or not at all.
-
-    Args:
-        records: what is shown; the longest says how long the film is.
-        path: the .mp4 or .gif to write.
-        look: options; the background must not be transparent.
-        fps: frames per second of the film; of a GIF at most 50.
-        speed: seconds of the record per second of the film.
-        progress: called after each frame with (drawn, all); without it there is a bar on stderr.
-
-    Returns:
-        `path`.
-
-    Raises:
-        ValueError: the background, the size, `fps` or `speed` cannot be, or what is beside a record is not at
-            its times.
-        OSError: nothing on this system can draw without a screen, or the disk is full.
-    """
-    look = look or Look()
-    if look.theme.is_transparent:
-        raise InputError(
-            f"background = transparent: is of a picture, not of a film ({path.suffix}): white or dark"
-        )
-    most_fps = 50 if path.suffix.lower() == ".gif" else 240
-    if not 0 < fps <= most_fps or not 0 < speed <= 1000:
-        raise InputError(f"fps {fps} and speed {speed:g}: must be positive, at most {most_fps} and 1000")
-    duration = max(float(one.episode.time[-1] - one.episode.time[0]) for one in records)
-    count = int(duration * fps / speed + 1e-9) + 1
-    if count > LARGEST_FRAMES:
-        raise InputError(
-            f"fps {fps} and speed {speed:g}: {count} frames of {duration:g} s, at most {LARGEST_FRAMES}"
-        )
-    film = Film(records, look, speed)
-
-    def frames() -> Iterator[Picture]:
-        with tqdm(
-            total=count, desc=path.name, unit="frame", file=sys.stderr, disable=progress is not None
-        ) as bar:
-            for drawn, time in enumerate(np.arange(count) * speed / fps, start=1):
-                yield film.frame_at(float(time))
-                bar.update()
-                if progress is not None:
-                    progress(drawn, count)
-
-    looks = []
-    if path.suffix.lower() == ".gif":
-        looks = [film.frame_at(share * duration) for share in _LOOKED_AT]
-    write_video(path, frames(), fps, film.width, film.height, looks)
-    return path
+    return Film([Overlay(episode)], look).frame(index % len(episode.time))

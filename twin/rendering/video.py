@@ -30,30 +30,20 @@ _GIF_COLOURS = 255  # and one for the paper
 
 
 def write_video(
-    path: Path,
-    frames: Iterable[Picture],
-    fps: int,
-    width: int,
-    height: int,
-    looks: Sequence[Picture] = (),
+    path: Path, frames: Iterable[Picture], fps: int, width: int, height: int, sampled: Sequence[Picture] = ()
 ) -> None:
-    """Write frames as a film, in the format of the path's ending.
+    """Write frames (height, width, 3) as a film, in the format of the path's ending.
 
-    Args:
-        path: the .mp4 or .gif to write.
-        frames: pictures (height, width, 3), drawn one by one.
-        fps: frames per second; a GIF tells times in hundredths of a second.
-        width: of a frame [pixels], even.
-        height: of a frame [pixels], even.
-        looks: some of the frames, from which a GIF takes its colours besides the first.
+    Width and height are even [pixels]. A GIF has times in hundredths of a second, and takes its colours from
+    the first frame and the sampled ones.
 
     Raises:
         FileNotFoundError: the folder does not exist.
         OSError: the disk is full or fails, or the file does not hold what was written.
     """
-    av.logging.set_level(av.logging.PANIC)  # what is wrong is raised
+    av.logging.set_level(av.logging.PANIC)  # errors are raised
     if path.suffix.lower() == ".gif":
-        _write_gif(path, frames, fps, width, height, looks)
+        _write_gif(path, frames, fps, width, height, sampled)
         return
     whole = WholeFile(path)
     count = 0
@@ -76,20 +66,20 @@ def write_video(
 def _coded(frame: Picture) -> av.VideoFrame:
     """Return a picture in the colours of the film.
 
-    Rounded exactly: the quick way rounds by where in memory the picture happens to lie, and the same pictures
-    would not always make the same bytes.
+    Rounded exactly: the quick conversion depends on the alignment of the picture in memory, and the same
+    pictures would not always make the same bytes.
     """
     picture = av.VideoFrame.from_ndarray(frame, format="rgb24")
     return picture.reformat(format=_COLOURS, interpolation=_EXACT, threads=1)
 
 
 def _write_gif(
-    path: Path, frames: Iterable[Picture], fps: int, width: int, height: int, looks: Sequence[Picture]
+    path: Path, frames: Iterable[Picture], fps: int, width: int, height: int, sampled: Sequence[Picture]
 ) -> None:
-    """Write frames as a GIF that goes round: one palette for all of them, so that nothing flickers."""
+    """Write frames as a GIF that repeats: one palette for all of them, so that nothing flickers."""
     turns = iter(frames)
     first = next(turns)
-    colours = Image.fromarray(np.concatenate([first, *looks])).quantize(_GIF_COLOURS)
+    colours = Image.fromarray(np.concatenate([first, *sampled])).quantize(_GIF_COLOURS)
     table = np.zeros((256, 4), dtype=np.uint8)
     listed = np.array(colours.getpalette(), dtype=np.uint8).reshape(-1, 3)
     table[:, 0], table[: len(listed), 1:] = 255, listed  # alpha first
@@ -124,11 +114,7 @@ def count_frames(path: Path) -> int:
 
 
 def read_frames(path: Path, count: int) -> list[Picture]:
-    """Return some frames (height, width, 3) of a film, evenly from the first to the last.
-
-    Args:
-        path: of the film.
-        count: how many; as many as there are, if there are fewer.
+    """Return at most `count` frames (height, width, 3) of a film, evenly from the first to the last.
 
     Raises:
         ValueError: it is no film, or has no frames.
@@ -144,7 +130,7 @@ def read_frames(path: Path, count: int) -> list[Picture]:
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Context manager: a film; whatever FFmpeg finds wrong with it is a ValueError that names the file."""
+    """Context manager: a film; a fault that FFmpeg finds is a ValueError that names the file."""
     av.logging.set_level(av.logging.PANIC)
     try:
         with av.open(str(path), format="mp4") as film:

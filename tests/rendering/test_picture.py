@@ -1,16 +1,29 @@
-"""Layers lie over one another as light does, and numbers and colours say what they should."""
+"""Layers cover one another as light does; numbers, colours and marks are as stated."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 from rendered import make_episode, with_tension
 
-from twin.rendering.layers import faded, on_paper, over, reduced, straight
-from twin.rendering.marks import Badge, Bar, Label, Rule, paint
-from twin.rendering.numbers import angle, signed, times_real
-from twin.rendering.tension_colours import TensionColours
-from twin.rendering.theme import DARK, THEMES, WHITE, rgb
+from twin.rendering.actor import TensionColours
+from twin.rendering.look import DARK, THEMES, WHITE, rgb
+from twin.rendering.picture import (
+    Badge,
+    Bar,
+    Label,
+    Rule,
+    angle,
+    faded,
+    on_paper,
+    over,
+    paint,
+    reduced,
+    signed,
+    straight,
+    times_real,
+)
 
 MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
 
@@ -101,9 +114,7 @@ def test_text_is_read_on_its_paper(theme):
         assert (light + 0.05) / (dark + 0.05) >= 4.5, colour
 
 
-def test_marks_are_painted_where_they_say():
-    from PIL import Image
-
+def test_marks_are_painted_at_their_places():
     picture = Image.new("RGB", (200, 100), "white")
     colours = np.stack([np.linspace(0, 1, 8)] * 3, axis=-1)
     paint(

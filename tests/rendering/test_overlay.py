@@ -1,4 +1,4 @@
-"""A second run is drawn as a pale ghost behind the first, and the angle that was wanted beside both."""
+"""Another run is drawn as a pale ghost below the first, and the reference over time."""
 
 import dataclasses
 
@@ -9,24 +9,21 @@ from rendered import SMALL, UP, film, ink, make_episode, needs_gl
 
 from twin.episode import Episode
 from twin.hysteresis import ColemanHodgdon
-from twin.rendering.beside import Beside
-from twin.rendering.ghosts import commanded_ghost, model_ghost
-from twin.rendering.layers import on_paper
-from twin.rendering.look import Look
-from twin.rendering.plots import loop, over_time
+from twin.rendering.composition import GHOST_INK
+from twin.rendering.look import WHITE, Look
+from twin.rendering.overlay import Overlay, with_command, with_model
+from twin.rendering.picture import on_paper
+from twin.rendering.plots import TracePanel, loop, over_time
 from twin.rendering.render import render
-from twin.rendering.telling import farthest_sample
-from twin.rendering.theme import WHITE
-from twin.rendering.trace_panel import TracePanel
-from twin.rendering.view_cell import GHOST_INK
+from twin.rendering.still import farthest_sample
 
 EPISODE, GHOST = make_episode(), make_episode(amplitude_deg=-30)
 REFERENCE_DEG = np.full(41, 60.0)
-BOTH = Beside(GHOST, REFERENCE_DEG)
+BOTH = Overlay(EPISODE, GHOST, REFERENCE_DEG)
 
 
-def view_of(beside: Beside, size: tuple[int, int] = SMALL, episode: Episode = EPISODE):
-    return film(episode, beside, size=size).composition.views[0]
+def view_of(overlay: Overlay, size: tuple[int, int] = SMALL):
+    return film(overlay, size=size).composition.views[0]
 
 
 def around(view, picture: np.ndarray, actor: int) -> np.ndarray:
@@ -59,8 +56,7 @@ def test_the_solid_pose_is_unchanged_by_ghost_and_shadow():
 
 @needs_gl
 def test_the_view_holds_both_poses():
-    wide = Beside(make_episode(amplitude_deg=-110))
-    view = view_of(wide, (640, 180), make_episode(amplitude_deg=5))
+    view = view_of(Overlay(make_episode(amplitude_deg=5), make_episode(amplitude_deg=-110)), (640, 180))
     for index in range(41):
         column, row = view.tip(index, 1)
         assert 4 < column < view.box.width - 4
@@ -68,11 +64,11 @@ def test_the_view_holds_both_poses():
 
 
 @needs_gl
-def test_the_numbers_tell_the_angle_of_the_ghost():
+def test_the_numbers_hold_the_angle_of_the_ghost():
     """By comparison: the numbers are pixels by then."""
     line = (slice(164, 190), slice(30, 300))
     without, one, other = (
-        film(EPISODE, Beside(ghost), size=(1280, 720)).frame(UP)[line]
+        film(Overlay(EPISODE, ghost), size=(1280, 720)).frame(UP)[line]
         for ghost in (None, GHOST, make_episode(amplitude_deg=-31))
     )
     assert ink(without).max() < 5 < 80 < ink(one).max()
@@ -90,13 +86,13 @@ def test_a_ghost_at_other_times_is_refused_in_one_line(tmp_path, ghost: Episode,
     wanted = f"^ghost has {found}: must be at the times of the record, 41 samples from 0 to 4 s$"
     for name in ("bend.png", "bend.mp4"):
         with pytest.raises(ValueError, match=wanted):
-            render(EPISODE, tmp_path / name, beside=Beside(ghost))
+            render(Overlay(EPISODE, ghost), tmp_path / name)
     assert not any(tmp_path.iterdir())
 
 
 def test_a_reference_of_another_length_is_refused():
     with pytest.raises(ValueError, match=r"^reference has 40 samples, the record has 41$"):
-        film(EPISODE, Beside(reference_deg=REFERENCE_DEG[1:]))
+        film(Overlay(EPISODE, reference_deg=REFERENCE_DEG[1:]))
 
 
 def dark_columns(picture: np.ndarray) -> int:
@@ -106,7 +102,7 @@ def dark_columns(picture: np.ndarray) -> int:
 
 def test_the_reference_is_drawn_over_time_and_only_where_it_is_known():
     known, half, none = (
-        TracePanel(over_time(EPISODE, Beside(GHOST, reference_deg), WHITE), 640, 480).draw(0)
+        TracePanel(over_time(Overlay(EPISODE, GHOST, reference_deg), WHITE), 640, 480).draw(0)
         for reference_deg in (REFERENCE_DEG, np.where(EPISODE.time < 2, np.nan, 60), np.full(41, np.nan))
     )
     assert dark_columns(none) < 10
@@ -115,7 +111,7 @@ def test_the_reference_is_drawn_over_time_and_only_where_it_is_known():
 
 
 def test_the_trace_over_time_ends_at_the_sample():
-    panel = TracePanel(over_time(EPISODE, BOTH, WHITE), 640, 480)
+    panel = TracePanel(over_time(BOTH, WHITE), 640, 480)
     columns = []
     for index in (10, 20, 40):
         picture = panel.draw(index).astype(int)[45:]  # below the legend
@@ -125,7 +121,7 @@ def test_the_trace_over_time_ends_at_the_sample():
 
 def test_the_trace_grows_and_shrinks_with_the_sample():
     """A panel keeps what it has drawn: one that goes back is as one that was never further."""
-    plot = loop(EPISODE, Beside(), WHITE)
+    plot = loop(Overlay(EPISODE), WHITE)
     panel, fresh = TracePanel(plot, 320, 240), TracePanel(plot, 320, 240)
     inked = [(np.ptp(panel.draw(index).astype(int), axis=-1) > 80).sum() for index in (2, 20, 40)]
     assert inked[0] < inked[1] < inked[2]
@@ -134,7 +130,7 @@ def test_the_trace_grows_and_shrinks_with_the_sample():
 
 def test_the_loop_of_the_ghost_is_seen_and_no_legend_without_one():
     alone, both = (
-        TracePanel(loop(EPISODE, beside, WHITE), 640, 480).draw(0) for beside in (Beside(), Beside(GHOST))
+        TracePanel(loop(Overlay(EPISODE, ghost), WHITE), 640, 480).draw(0) for ghost in (None, GHOST)
     )
     assert ink(alone)[:15].max() < 5
     assert ink(both)[:36].max() > 80
@@ -146,7 +142,7 @@ def test_the_loop_of_the_ghost_is_seen_and_no_legend_without_one():
 def test_a_name_out_of_a_file_is_written_as_it_is_or_left_out():
     for name in (r"$\nothing$", "x" * 100, "two\nlines", 7, None):
         named = dataclasses.replace(GHOST, metadata={"controller": name})
-        film(named, Beside(named, REFERENCE_DEG)).frame(0)
+        film(Overlay(named, named, REFERENCE_DEG)).frame(0)
 
 
 def test_the_farthest_sample_is_where_the_bends_differ_most():
@@ -160,7 +156,7 @@ def test_the_farthest_sample_is_where_the_bends_differ_most():
 @pytest.mark.parametrize("reference_deg", [REFERENCE_DEG, np.empty(0)])
 def test_a_picture_shows_both_poses_and_both_curves(tmp_path, reference_deg):
     look = Look(size=(900, 410), dpi=100)
-    path = render(EPISODE, tmp_path / "bend.png", look=look, beside=Beside(GHOST, reference_deg))
+    path = render(Overlay(EPISODE, GHOST, reference_deg), tmp_path / "bend.png", look=look)
     picture = np.asarray(Image.open(path))[..., :3]
     red, green, blue = np.moveaxis(picture[50:, 505:].astype(int), -1, 0)
     assert (red - green > 80).sum() > 200
@@ -168,30 +164,30 @@ def test_a_picture_shows_both_poses_and_both_curves(tmp_path, reference_deg):
     assert (dark_columns(picture[:, 505:]) > 100) == (len(reference_deg) > 0)
 
 
-def test_the_ghost_of_a_model_bends_as_the_model_says():
+def test_the_ghost_of_a_model_has_the_response_of_the_model():
     model = ColemanHodgdon(1.15, 22.0, 9.0)
-    beside = model_ghost(EPISODE, model, "Coleman-Hodgdon")
+    overlay = with_model(EPISODE, model, "Coleman-Hodgdon")
     wanted = model.response(EPISODE.pull_mm, EPISODE.truth_deg[0])
-    np.testing.assert_allclose(beside.ghost.truth_deg, wanted)
-    np.testing.assert_allclose(beside.ghost.joint_angle.sum(axis=1), np.radians(wanted))
+    np.testing.assert_allclose(overlay.ghost.truth_deg, wanted)
+    np.testing.assert_allclose(overlay.ghost.joint_angle.sum(axis=1), np.radians(wanted))
     off = np.sqrt(np.mean((wanted - EPISODE.truth_deg) ** 2))
-    assert beside.ghost_name == f"Coleman-Hodgdon, RMSE {off:.2f}°"
-    assert beside.short_name == "Coleman-Hodgdon"
+    assert overlay.ghost_name == f"Coleman-Hodgdon, RMSE {off:.2f}°"
+    assert overlay.short_name == "Coleman-Hodgdon"
 
 
 def test_the_commanded_ghost_is_the_reference_or_the_straight_line():
-    beside = commanded_ghost(EPISODE, np.empty(0))
-    slope = np.diff(beside.ghost.truth_deg) / np.diff(EPISODE.pull_mm)
+    overlay = with_command(EPISODE, np.empty(0))
+    slope = np.diff(overlay.ghost.truth_deg) / np.diff(EPISODE.pull_mm)
     np.testing.assert_allclose(slope, slope[0])
-    left = EPISODE.truth_deg - beside.ghost.truth_deg
+    left = EPISODE.truth_deg - overlay.ghost.truth_deg
     assert abs(left.mean()) < 1e-9
     assert abs(left @ EPISODE.pull_mm) < 1e-6  # the normal equations of least squares
     half = np.where(EPISODE.time < 2, np.nan, 60.0)
-    known = commanded_ghost(EPISODE, half)
+    known = with_command(EPISODE, half)
     np.testing.assert_allclose(known.ghost.truth_deg, np.where(EPISODE.time < 2, EPISODE.truth_deg, 60.0))
     assert known.has_reference
 
 
 def test_a_command_that_stands_still_has_a_commanded_ghost_too():
     still = dataclasses.replace(EPISODE, pull=np.zeros(41))
-    np.testing.assert_allclose(commanded_ghost(still, np.empty(0)).ghost.truth_deg, EPISODE.truth_deg.mean())
+    np.testing.assert_allclose(with_command(still, np.empty(0)).ghost.truth_deg, EPISODE.truth_deg.mean())
