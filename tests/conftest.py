@@ -1,19 +1,17 @@
 import os
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run side by side: one thread each
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # tests run in parallel: one thread each
 
 import briefly
 import numpy as np
 import pytest
-import quick_export
-import small_policy
-import untaught_policy
 from hypothesis import settings
 from models import COLEMAN_HODGDON
-from small_dataset import make
+from shared import made_once
 from small_disks import small_disk
 
 from twin.hysteresis import ColemanHodgdon
@@ -26,14 +24,7 @@ settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.load_profile("repeatable")
 
 SAMPLE_TIME = 0.1
-LONGEST = (
-    "test_hostile_files.py",
-    "test_hostile_arguments.py",
-    "test_full_suite.py",
-    "test_verbs.py",
-    "test_training.py",
-    "test_interrupted.py",
-)
+LONGEST = ("test_verbs.py", "test_hostile.py", "test_training.py", "test_interrupted.py")
 """Files that begin first, so that no worker waits long for another's last one."""
 
 
@@ -41,7 +32,20 @@ LONGEST = (
 def quick_exporter() -> Iterator[None]:
     """Trained files are exported by tracing, in a second where torch's own exporter takes ten."""
     with pytest.MonkeyPatch.context() as patch:
-        quick_export.take(patch)
+        if "rl.export" in sys.modules:  # imported by a collected file; else a session needs no torch
+            import quick_export
+
+            quick_export.take(patch)
+        yield
+
+
+@pytest.fixture(scope="module")
+def own_exporter() -> Iterator[None]:
+    """Trained files are exported as the product does it."""
+    import quick_export
+
+    with pytest.MonkeyPatch.context() as patch:
+        quick_export.leave(patch)
         yield
 
 
@@ -50,14 +54,6 @@ def in_one_process() -> Iterator[None]:
     """Work of local workers is done in this process, for all tests of a file."""
     with pytest.MonkeyPatch.context() as patch:
         briefly.work_in_place(patch)
-        yield
-
-
-@pytest.fixture(scope="module")
-def own_exporter() -> Iterator[None]:
-    """Trained files are exported as the product does it."""
-    with pytest.MonkeyPatch.context() as patch:
-        quick_export.leave(patch)
         yield
 
 
@@ -79,36 +75,48 @@ def records(model):
 
 
 @pytest.fixture(scope="session")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small folder that holds good input for every verb, built once, which no test changes."""
+    import workspace
+
+    return made_once(tmp_path_factory, "workspace", workspace.build)[0]
+
+
+@pytest.fixture(scope="session")
+def summaries(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
+    """What each command printed that built the workspace, by its line."""
+    return made_once(tmp_path_factory, "workspace", lambda _: {})[1]
+
+
+@pytest.fixture(scope="session")
 def whole_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small dataset with tables, which no test changes."""
-    folder = tmp_path_factory.mktemp("whole")
-    make(folder, csv=True)
-    return folder
+    from small_dataset import make
 
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.name not in LONGEST)
-
-
-@pytest.fixture(scope="session")
-def ram_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The paper's RAM, hardly trained: one file for all processes of a run of the tests."""
-    return small_policy.shared(_of_all(tmp_path_factory) / "policy")
-
-
-@pytest.fixture(scope="session")
-def twins_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """RAM (twins) that nothing was taught to: one file for all processes of a run of the tests."""
-    return untaught_policy.shared(_of_all(tmp_path_factory) / "twins_policy")
-
-
-def _of_all(factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of all processes of a run."""
-    base = factory.getbasetemp()
-    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return made_once(tmp_path_factory, "whole", lambda folder: (make(folder, csv=True), None)[1])[0]
 
 
 @pytest.fixture
 def dataset_copy(whole_dataset: Path, tmp_path: Path) -> Path:
     """A copy of it, to be damaged or changed."""
     return Path(shutil.copytree(whole_dataset, tmp_path / "data"))
+
+
+@pytest.fixture(scope="session")
+def ram_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's RAM, hardly trained."""
+    import trained_files
+
+    return made_once(tmp_path_factory, "policy", trained_files.train_ram)[0] / "policy.onnx"
+
+
+@pytest.fixture(scope="session")
+def twins_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """RAM (twins) that was not trained."""
+    import trained_files
+
+    return made_once(tmp_path_factory, "twins_policy", trained_files.export_twins_policy)[0] / "policy.onnx"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONGEST)

@@ -1,57 +1,176 @@
-"""Documents are true: their Python runs, and they name every method, verb and extra."""
+"""Every command and every snippet of README and docs is parsed as printed; `make validate` runs them.
 
+They run at a small size: `documented.SMALLER` states by what each long one is shortened.
+"""
+
+import contextlib
+import dataclasses
+import importlib
+import json
+import os
 import re
+import shutil
 import subprocess
 import sys
-import tomllib
+import time
+from pathlib import Path
+from unittest import mock
 
+import documented
 import pytest
-from repository import REPOSITORY
+import tyro
+from documented import ALONE, NOT_RUN, TOGETHER, Snippet, documents, inline_commands, snippets, words_of
+from repository import ENVIRONMENT, REPOSITORY
+from typed import done, typed
 
 from scripts.__main__ import VERBS
-from twin.estimation.learned import graph_check
-from twin.estimation.registry import method_specs
-from twin.files import yaml_text
+from scripts.command import MODULES
+from twin.dataset.recipe_file import load_recipe
+from twin.live.lines import ReadingLine, SampleLine, read_sample
+from twin.samples.copy import copy_samples
 
-BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+sys.path.insert(0, str(REPOSITORY / "docs/site"))
 
+import tutorials
 
-def blocks() -> list[tuple[str, str]]:
-    found = []
-    for name in ("README.md", "docs/method.md", "docs/rendering.md"):
-        text = (REPOSITORY / name).read_text()
-        found += [(f"{name} {number}", code) for number, code in enumerate(BLOCK.findall(text))]
-    return found
-
-
-@pytest.mark.parametrize(("name", "code"), blocks(), ids=[name for name, _ in blocks()])
-def test_python_of_a_document_runs(name, code, tmp_path):
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr[-1000:]
-    assert done.stdout
+EVERY = [snippet for document in documents() for snippet in snippets(document)]
+MAY_REFUSE = {"endotwin gate": (0, 1)}
+"""Exit codes of commands that may refuse: an estimator that has hardly learned is a no-go."""
+SECONDS = 600
+"""The longest that one command may take at its small size."""
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
+SEARCH = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
-def test_every_method_has_its_row():
-    table = (REPOSITORY / "docs/method.md").read_text()
-    first = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| "))
-    for spec in method_specs():
-        assert spec.name in first or spec.name in (
-            "UKF-tuned (Bouc-Wen)",  # three in one row
-            "AM-tuned (Bouc-Wen)",
-        ), spec.name
+def options_of(verb: str) -> type:
+    """The dataclass of options of a verb."""
+    module = importlib.import_module(f"scripts.{MODULES.get(verb, verb)}")
+    return next(
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
+    )
 
 
-def test_readme_names_every_extra_and_its_commands_are_verbs():
-    readme = (REPOSITORY / "README.md").read_text()
-    extras = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    for extra in extras.keys() - {"dev"}:
-        assert f"endotwin[{extra}]" in readme
-    verbs = re.findall(r"^endotwin (\w+)", readme, re.MULTILINE)
-    assert len(verbs) > 8
-    assert set(verbs) <= set(VERBS)
+def test_every_command_is_parsed_as_it_is_printed():
+    commands = {snippet.text: snippet.name for snippet in EVERY if snippet.text.startswith("endotwin ")}
+    assert len(commands) > 60
+    for text, name in commands.items():
+        _, verb, *words = words_of(text)
+        try:
+            assert tyro.cli(options_of(verb), args=words) is not None
+        except SystemExit:
+            pytest.fail(f"{name}: {text}")
 
 
-def test_limits_of_formats_are_those_of_their_readers():
-    table = (REPOSITORY / "docs/files.md").read_text()
-    assert f"20 levels, {yaml_text.MOST_NODES:,} values |" in table
-    assert f" {graph_check.MOST_NODES} nodes of {len(graph_check.OPERATORS)} operators |" in table
+def test_every_command_in_a_sentence_has_a_verb_and_options_that_exist():
+    known = {
+        verb: {f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(options_of(verb))}
+        for verb in VERBS
+    }
+    for document in documents():
+        for command in inline_commands(document):
+            _, verb, *words = command.split()
+            if verb not in ("VERB", "VERB`", "--version"):
+                flags = {word for word in words if word.startswith("--")}
+                assert flags <= known[verb] | {"--help"}, f"{document}: {command}"
+
+
+def test_every_command_has_its_place_among_those_that_are_run():
+    commands = {snippet.document for snippet in EVERY if snippet.language == "sh" and snippet.is_run}
+    assert commands <= {*TOGETHER, *ALONE}
+    for part in NOT_RUN:
+        assert any(part in snippet.text for snippet in EVERY), part
+
+
+def test_lines_of_the_stream_and_recipes_that_are_printed_are_valid(tmp_path):
+    copy_samples(tmp_path)
+    blocks = documented._FENCE.findall((REPOSITORY / "docs/dataset.md").read_text())
+    (recipe,) = [body for _, language, body in blocks if language == "yaml"]
+    (tmp_path / "recipe.yaml").write_text(recipe)
+    with contextlib.chdir(tmp_path):
+        assert load_recipe(tmp_path / "recipe.yaml").given_lateral_pull_m is not None
+    text = (REPOSITORY / "docs/deployment.md").read_text()
+    lines = [line for line in text.splitlines() if line.startswith("{")]
+    assert len(lines) >= 3
+    for line in lines:
+        if "bend_deg" in line:
+            ReadingLine.model_validate(json.loads(line))
+        else:
+            SampleLine.model_validate(json.loads(line))
+            read_sample(line.encode())
+
+
+def test_the_first_commands_of_the_quick_start_run(tmp_path):
+    first = [s for s in snippets("docs/quickstart.md") if s.text.startswith("endotwin ")][:2]
+    for snippet in first:
+        done(snippet.text.removeprefix("endotwin "), tmp_path)
+    assert (tmp_path / "dataset/report.html").is_file()
+
+
+def run(snippet: Snippet, folder: Path) -> None:
+    """Run a command or Python in a folder; a failure names where it is printed."""
+    text = snippet.small
+    good = next((codes for part, codes in MAY_REFUSE.items() if part in text), (0,))
+    if snippet.language == "sh" and text.startswith("endotwin ") and not {"<", ">"} & set(text.split()):
+        with mock.patch.dict(os.environ, ENVIRONMENT | SEARCH):  # here: a start costs more than most commands
+            code, _, said = typed(text.removeprefix("endotwin "), folder)
+    else:
+        command = [sys.executable, "-c", text] if snippet.language == "python" else ["bash", "-c", text]
+        options = {
+            "cwd": folder,
+            "env": ENVIRONMENT | SEARCH,
+            "stdin": subprocess.DEVNULL,
+            "timeout": SECONDS,
+        }
+        ended = subprocess.run(command, capture_output=True, text=True, **options)
+        code, said = ended.returncode, ended.stderr
+    assert code in good, f"{snippet.name}: {text}\n{said[-1500:]}"
+
+
+def run_all(names: tuple[str, ...], folder: Path) -> None:
+    """Run all snippets of documents one after the other, each command once, and print how long each took."""
+    copy_samples(folder)
+    shutil.copytree(REPOSITORY / "docs/examples", folder / "docs/examples")
+    found: dict[str, Snippet] = {}
+    for snippet in (snippet for name in names for snippet in snippets(name) if snippet.is_run):
+        found.setdefault(snippet.text, snippet)
+    for snippet in found.values():
+        begin = time.monotonic()
+        run(snippet, folder)
+        print(f"{time.monotonic() - begin:6.1f} s  {snippet.name}: {snippet.small[:90]!r}", flush=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("names", [TOGETHER, ALONE], ids=["documents", "quick start"])
+def test_commands_and_snippets_run_in_their_order_at_a_small_size(names, tmp_path):
+    run_all(names, tmp_path)
+
+
+@pytest.mark.slow
+def test_snippets_of_other_documents_run(tmp_path):
+    others = [s for s in EVERY if s.language == "python" and s.document not in (*TOGETHER, *ALONE)]
+    assert others
+    for snippet in others:
+        run(snippet, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted(tutorials.FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_a_tutorial_runs_and_prints_what_it_states(path, tmp_path):
+    with contextlib.chdir(tmp_path), mock.patch.dict(os.environ, ENVIRONMENT | SEARCH):
+        cells = tutorials.run(path)
+    assert len(cells) >= 4
+    stated, printed = (["\n".join(lines) for lines in side] for side in zip(*cells, strict=True))
+    words = [[NUMBER.sub("#", text) for text in side] for side in (stated, printed)]
+    assert words[1] == words[0]
+    for ours, page in zip(printed, stated, strict=True):
+        numbers = zip(map(float, NUMBER.findall(ours)), map(float, NUMBER.findall(page)), strict=True)
+        for here, there in numbers:  # of another machine, or another version of a library
+            assert here == pytest.approx(there, rel=0.35, abs=0.5), (ours, page)
+
+
+def test_a_tutorial_is_a_page_with_text_code_and_output():
+    page = tutorials.page(tutorials.FOLDER / "write_an_estimator.py")
+    assert "```python" in page
+    assert "```text" in page

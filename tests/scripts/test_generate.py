@@ -27,7 +27,7 @@ Told = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def told(tmp_path, monkeypatch, capfd, no_workers) -> Told:
+def told(tmp_path, monkeypatch, capfd, in_one_process) -> Told:
     """Run the command in a folder with a recipe; exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "recipe.yaml").write_text(RECIPE)

@@ -1,6 +1,5 @@
 """`endotwin run` as other programs start it: a stream through pipes, a log, and every way to end."""
 
-import io
 import json
 import os
 import signal
@@ -8,7 +7,6 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from unittest import mock
 
 import jsonschema
 import numpy as np
@@ -153,13 +151,6 @@ def test_stdin_that_is_closed_is_one_line(place):
     assert b"stdin is closed" in err
 
 
-@contextmanager
-def given(lines: bytes):
-    """Stdin of this process."""
-    with mock.patch.object(sys, "stdin", io.TextIOWrapper(io.BytesIO(lines))):
-        yield
-
-
 def test_a_recording_that_fails_is_told_and_the_stream_goes_on(place, tmp_path, monkeypatch):
     from twin.recording.live import LiveRecording
 
@@ -167,8 +158,9 @@ def test_a_recording_that_fails_is_told_and_the_stream_goes_on(place, tmp_path, 
         raise OSError(28, "No space left on device", "run.mcap")
 
     monkeypatch.setattr(LiveRecording, "add", full)
-    with given(b"".join(map(sample, range(5)))):
-        code, out, err = typed(f"run --policy policy.onnx --out {tmp_path}/run.mcap", place)
+    code, out, err = typed(
+        f"run --policy policy.onnx --out {tmp_path}/run.mcap", place, b"".join(map(sample, range(5)))
+    )
     assert code == 1
     assert len(out.splitlines()) == 5
     assert err.count("No space left on device; the stream goes on without it") == 1
@@ -181,8 +173,9 @@ def test_a_viewer_gets_every_sample_and_is_told_where_to_look(place, monkeypatch
     add, close = live.LiveViewer.add, live.LiveViewer.close
     monkeypatch.setattr(live.LiveViewer, "add", lambda *words: seen.append(words[1]) or add(*words))
     monkeypatch.setattr(live.LiveViewer, "close", lambda viewer: seen.append("closed") or close(viewer))
-    with given(b"".join(map(sample, range(3)))):
-        code, out, err = typed("run --policy policy.onnx --live --live-port 0", place)
+    code, out, err = typed(
+        "run --policy policy.onnx --live --live-port 0", place, b"".join(map(sample, range(3)))
+    )
     assert code == 0
     assert len(out.splitlines()) == 3
     assert "open ws://127.0.0.1:" in err
@@ -214,8 +207,7 @@ def test_a_log_is_run_recorded_and_scored_and_has_the_bits_of_the_live_stream(pl
         json.dumps(dict(zip(("time_s", "pull_mm", "measurement_deg"), row, strict=True))).encode() + b"\n"
         for row in stream
     )
-    with given(lines):
-        answered = typed("run --policy policy.onnx", place)
+    answered = typed("run --policy policy.onnx", place, lines)
     assert [json.loads(row)["bend_deg"] for row in answered.out.splitlines()] == estimates
     assert summary["samples"] == len(estimates) == len(log.time)
     error = np.array(estimates)[1:] - log.measured_deg[1:]
@@ -264,8 +256,7 @@ def test_several_records_go_into_one_file_or_into_a_folder(place, tmp_path):
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(place, line, fault):
     before = {path: path.stat().st_mtime_ns for path in place.rglob("*")}
-    with given(sample(0)):
-        code, out, err = typed(line, place)
+    code, out, err = typed(line, place, sample(0))
     assert (code, out) == (2, "")
     assert fault in err
     assert len(err.splitlines()) == 1
@@ -273,8 +264,7 @@ def test_a_mistake_is_one_line_and_leaves_nothing(place, line, fault):
 
 
 def test_a_log_is_no_ground_to_replace_a_live_recording(place, tmp_path):
-    with given(sample(0)):
-        typed(f"run --policy policy.onnx --out {tmp_path}/live.mcap", place)
+    typed(f"run --policy policy.onnx --out {tmp_path}/live.mcap", place, sample(0))
     whole = (tmp_path / "live.mcap").read_bytes()
     code, _, err = typed(f"run --policy policy.onnx data/two --out {tmp_path}/live.mcap", place)
     assert code == 2

@@ -113,6 +113,7 @@ def test_the_wheel_installs_two_packages_and_their_files(wheel):
     assert not [name for name in names if "__pycache__" in name or name.startswith("tests")]
 
 
+@pytest.mark.slow
 def test_every_verb_answers_from_the_wheel(programs, tmp_path):
     (tmp_path / "scripts").mkdir()
     (tmp_path / "scripts" / "__init__.py").write_text("raise ImportError('a folder of the user')")
@@ -126,6 +127,7 @@ def test_every_verb_answers_from_the_wheel(programs, tmp_path):
     assert by_module.returncode == 0, by_module.stderr
 
 
+@pytest.mark.slow
 def test_generate_writes_a_dataset_from_the_wheel(programs, tmp_path):
     words = (
         "generate --preset ureteroscope --episodes 2 --seconds 1 --stroke -1 1 --workers 2 --out data --json"
@@ -148,6 +150,7 @@ def _possible(episode: twin.Episode) -> twin.Episode:
     return dataclasses.replace(episode, pull=1e-3 * np.sin(phase + 0.3), bend=bend, measured_bend=measured)
 
 
+@pytest.mark.slow
 def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, records, model):
     episode = _possible(make_episode(300, seed=3))
     twin.write_episode(tmp_path / "episode.mcap", episode)

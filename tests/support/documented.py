@@ -3,7 +3,6 @@
 import dataclasses
 import re
 import shlex
-from pathlib import Path
 
 from repository import REPOSITORY
 
@@ -28,7 +27,7 @@ TOGETHER = (
 )
 """Documents whose commands go on from one another, in the order in which they are read, in one folder."""
 ALONE = ("docs/quickstart.md",)
-"""Documents that begin anew."""
+"""Documents that begin in a folder of their own."""
 
 SMALLER: tuple[tuple[str, str], ...] = (
     (r"(endotwin generate .*--sensor stereo.*) --episodes \d+ --seconds \d+", r"\1 --episodes 1 --seconds 2"),
@@ -77,23 +76,6 @@ NOT_RUN = {
 """Lines that are printed and not run here, by a part of them, and why."""
 
 
-HEAVY = (
-    "--protocol twins",
-    "endotwin gate",
-    "endotwin control",
-    "--suite full",
-    "--suite untrained",
-    "train_tracking",
-    "--stroke -1 1 <",
-    "--stroke -1 1 --speed",
-    "vio_com_again.yaml",
-    "probe.yaml",
-    "rig.yaml",
-    "runs/rig",
-)
-"""Parts of commands that need a file of their own, or a minute even at a small size: for `make validate`."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Snippet:
     """A command, or Python, of a document.
@@ -123,18 +105,14 @@ class Snippet:
         return text
 
     @property
-    def is_heavy(self) -> bool:
-        return any(part in self.text for part in HEAVY)
-
-    @property
     def is_run(self) -> bool:
         return not any(part in self.text for part in NOT_RUN)
 
 
 def documents() -> list[str]:
     """Every document that a reader may take commands from."""
-    found = ["README.md", "CONTRIBUTING.md"]
-    return [*found, *sorted(str(path.relative_to(REPOSITORY)) for path in _docs())]
+    docs = sorted(str(path.relative_to(REPOSITORY)) for path in (REPOSITORY / "docs").rglob("*.md"))
+    return ["README.md", "CONTRIBUTING.md", *(name for name in docs if not name.startswith("docs/site"))]
 
 
 def snippets(document: str) -> list[Snippet]:
@@ -181,8 +159,3 @@ def _commands(document: str, first: int, body: str) -> list[Snippet]:
         if re.match(r"(endotwin|make|cc|python|\./run_stream)\b", text):
             found.append(Snippet(document, first + number, text))
     return found
-
-
-def _docs() -> list[Path]:
-    folder = REPOSITORY / "docs"
-    return [path for path in folder.rglob("*.md") if path.relative_to(folder).parts[0] != "site"]

@@ -1,36 +1,37 @@
-"""Cases by the thousand, each named by one line: a command, and one thing that is hostile."""
+"""Runs of a command with one thing that is hostile: a file that it reads, a name where it writes, an option.
 
+A run must end in good output, or in one line and exit code 2, and must touch nothing else.
+"""
+
+import dataclasses
+import hashlib
+import importlib
+import json
 import os
 import re
-import shlex
-from collections import Counter, defaultdict
+import signal
+import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
-import hostile_arguments
+import hostile_edits
 import numpy as np
-import snapshot
-from built_workbench import Workbench, one_place
-from hostile_files import mutate, mutations_of
-from hostile_planted import PLANTS, is_of_the_command, plant
-from hostile_runs import MOST_CPU_SECONDS, Ended, Place, Runner, console, job
 from pickles import PICKLES
-from verdict import Expected, Verdict, judge, unread
-from workbench import BY_NAME, COMMANDS
+from typed import Typed, typed_words
+from workspace import COMMANDS, Command, copied, matches
 
-from scripts.command import one_line
+from scripts.command import LONGEST_LINE, MODULES
+from twin.recording import read_episode
 
 VARIABLE = "HOSTILE"
 """Environment variable that names cases, one in a line, to run them alone."""
-FIRST = "HOSTILE_FIRST"
-"""Environment variable with the number of the first case to run: a long run goes on there."""
-CONTROL = 60
-"""Each case of this number is run by the real console command instead of a fork."""
-
-LIKELY = {"zip": ["pickle in data", "pickle in npz", "pickle in every member"], "yaml": ["python in yaml"]}
-"""Wrappings that a reader of a format is most likely to open; a plain pickle for all others."""
+LIMIT_SECONDS = 120
+"""When a run is stopped: it hangs, unless the machine is very busy."""
+BAR = re.compile(r"\d+%\|.*\[|\[[\d:?]+(<[\d:?]+)?, .*/s|it/s\b")
+"""A bar of progress as tqdm draws it."""
+FOR_A_PERSON = re.compile(r"^(endotwin|warning:|made |benchmark: )|^\S.*: ")
 
 
 class Case(NamedTuple):
@@ -38,9 +39,9 @@ class Case(NamedTuple):
 
     Attributes:
         command: name in the table of commands.
-        family: file, plant or argument.
-        target: name of the file, or of the output beside which something is planted.
-        what: mutation or plant.
+        family: file, plant, argument or clean.
+        target: name of the file, or of the output next to which something is planted.
+        what: damage or plant.
         seed: of its random parts.
     """
 
@@ -54,192 +55,254 @@ class Case(NamedTuple):
         return "|".join(map(str, self))
 
 
-def named_cases() -> list[Case]:
-    """The cases that the environment names, one in a line."""
-    named = []
-    for line in os.environ.get(VARIABLE, "").splitlines():
-        *parts, seed = line.split("|")
-        named.append(Case(*parts, int(seed)))
-    return named
+PLANTED = {
+    "output": lambda path: path.name,
+    "temporary": lambda path: f".{path.name}.partial",
+    "tmp": lambda path: f"{path.name}.tmp",
+    "lock": lambda path: f".{path.name}.lock",
+    "backup": lambda path: f"{path.name}~",
+}
+"""Names next to an output, or its own, under which something may stand."""
+THINGS = hostile_edits.REPLACED.keys() - {"removed", "link to zeros", "link to noise"}
+PLANTS = [f"{thing} as {name}" for thing in sorted(THINGS) for name in PLANTED]
 
 
-def file_cases(bench: Workbench, count: int, quick: bool) -> Iterator[Case]:
-    """Damage to files that verbs read, and things planted beside what they write."""
-    names = names_in_turn(quick)
+def drawn(count: int, root: Path, commands: list[str]) -> Iterator[Case]:
+    """Damage to files that commands read, and things planted where they write, in turn."""
     for seed in range(count):
         rng = np.random.default_rng(seed)
-        name = names[seed % len(names)]
-        trace = bench.traces[name]
-        outputs = [output for output in trace.outputs if not output.startswith(".")]
-        if outputs and (not trace.reads or rng.random() < 0.25):
-            yield Case(name, "plant", chosen(rng, outputs), chosen(rng, PLANTS), seed)
-        elif trace.reads:
-            file = chosen(rng, trace.reads)
-            mutations = mutations_of(trace.kinds[file])
-            if PurePosixPath(file).parent.as_posix() in own_folders(name):  # may lie on another disk
-                mutations.remove("folder is a link")
-            yield Case(name, "file", file, chosen(rng, mutations), seed)
+        name = commands[seed % len(commands)]
+        command = COMMANDS[name]
+        reads = command.reads(root)
+        outputs = [output for output in command.outputs if "*" not in output]
+        if outputs and rng.random() < 0.25:
+            yield Case(name, "plant", hostile_edits.pick(rng, outputs), hostile_edits.pick(rng, PLANTS), seed)
+        else:
+            file = hostile_edits.pick(rng, reads)
+            what = hostile_edits.pick(rng, hostile_edits.names_of(root / file))
+            yield Case(name, "file", file, what, seed)
 
 
-def names_in_turn(quick: bool) -> list[str]:
-    """Commands as often as they are tried; in the normal run, those that take seconds a quarter as often."""
-    shares = {command.name: 1 if command.slow else 4 for command in COMMANDS}
-    names = [name for turn in range(4) for name, share in shares.items() if turn < share]
-    return names if quick else [command.name for command in COMMANDS]
-
-
-def own_folders(command: str) -> set[str]:
-    """Folders that a command writes into."""
-    return {PurePosixPath(pattern).parent.as_posix() for pattern in BY_NAME[command].outputs}
-
-
-def pickle_cases(bench: Workbench, each: bool) -> Iterator[Case]:
-    """A pickle in every file that any verb reads; `each`: in all wrappings, by every command."""
+def pickles(root: Path, *, every: bool) -> Iterator[Case]:
+    """A pickle in a file of every kind that a verb reads; `every`: in each file, in all wrappings."""
     seen = set()
-    for command in COMMANDS:
-        for file, kind in bench.traces[command.name].kinds.items():
-            if not each and file in seen:
-                continue
-            seen.add(file)
-            fitting = (
-                [name for name in PICKLES if name in mutations_of(kind)]
-                if each
-                else LIKELY.get(kind, ["pickle"])
-            )
-            for name in fitting:
-                yield Case(command.name, "file", file, name, 0)
+    for name, command in COMMANDS.items():
+        if command.slow and not every:
+            continue
+        for file in command.reads(root):
+            kind = Path(file).suffix if not every else (file, name)
+            if kind not in seen:
+                seen.add(kind)
+                names = [one for one in hostile_edits.names_of(root / file) if one in PICKLES]
+                yield from (Case(name, "file", file, one, 0) for one in (names if every else names[-1:]))
 
 
-def argument_cases(count: int, quick: bool) -> Iterator[Case]:
-    names = names_in_turn(quick)
+NUMBERS = (
+    "-1",
+    "0",
+    "nan",
+    "inf",
+    "1e400",
+    "1000000000",
+    "9" * 5000,
+    "-1e18",
+    "0.5",
+    "0x10",
+    "1_0",
+    "\u0661",
+)
+WORDS = (
+    "",
+    " ",
+    "x" * 5000,
+    "two\nlines",
+    "a\rb\x1b[31mred",
+    "--out",
+    "-",
+    "--",
+    "\udcff",
+    "null",
+    "=",
+    "a=b",
+)
+PATHS = (
+    ".",
+    "..",
+    "../outside",
+    "../outside/precious.txt",
+    "log.csv/inside",
+    "data",
+    "data/train/dataset.json",
+    "small.yaml",
+    "x" * 300,
+    "x/" * 200 + "x",
+    "two\nlines.yaml",
+    "no/such/folder",
+    "/proc/none",
+    "/dev/full",
+    "/dev/null",
+    "coleman_hodgdon.json",
+    "runs/ram/policy.onnx",
+    "missing.yaml",
+    "~",
+    "*",
+)
+SKIPPED = {"dask", "live", "live-port", "json", "help"}
+"""Options that wait for another machine or for a viewer, or that are no value."""
+
+
+def options_of(verb: str) -> list[str]:
+    """Options of a verb: the fields of its dataclass."""
+    module = importlib.import_module(f"scripts.{MODULES.get(verb, verb)}")
+    (options,) = [
+        item
+        for item in vars(module).values()
+        if dataclasses.is_dataclass(item) and isinstance(item, type) and item.__module__ == module.__name__
+    ]
+    return [field.name.replace("_", "-") for field in dataclasses.fields(options)]
+
+
+def with_a_mistake(command: Command, seed: int) -> list[str]:
+    """Words of a command with one option that is hostile, missing or unknown."""
+    rng = np.random.default_rng(seed)
+    words = command.words
+    flag = f"--{hostile_edits.pick(rng, sorted({*options_of(words[0])} - SKIPPED))}"
+    value = hostile_edits.pick(rng, PATHS if flag == "--out" or rng.random() < 0.25 else (*NUMBERS, *WORDS))
+    if rng.random() < 0.05:
+        return [*words, f"{flag}s", value]
+    if flag not in words:
+        return [*words, flag, value]
+    at = words.index(flag)
+    return [*words[: at + 1], *([value] if rng.random() < 0.9 else []), *words[at + 2 :]]
+
+
+def arguments(count: int, commands: list[str]) -> Iterator[Case]:
     for seed in range(count):
-        yield Case(names[seed % len(names)], "argument", "-", "drawn", seed)
+        yield Case(commands[seed % len(commands)], "argument", "-", "drawn", seed)
 
 
-def chosen(rng: np.random.Generator, names) -> str:
-    return names[rng.integers(len(names))]
+def snapshot(folder: Path) -> dict[str, str]:
+    """Content of each file, target of each link, kind of anything else; nothing is followed or opened."""
+    found = {}
+    for path in folder.rglob("*"):
+        if path.is_symlink():
+            content = f"link to {os.readlink(path)}"
+        elif path.is_file():
+            size = path.stat().st_size
+            content = str(size) if size > 2**30 else hashlib.sha256(path.read_bytes()).hexdigest()
+        else:
+            content = "folder" if path.is_dir() else "other"
+        found[path.relative_to(folder).as_posix()] = content
+    return found
 
 
-def prepared(case: Case, bench: Workbench, place: Place) -> tuple[list[str], Expected]:
-    """Make the surroundings hostile; the words of the command, and what it may do."""
-    command, trace = BY_NAME[case.command], bench.traces[case.command]
-    words, more, planted, names = shlex.split(command.line), (), None, ()
-    target = PurePosixPath(case.target)
-    if case.family == "file":
-        mutate(place.work / case.target, trace.kinds[case.target], case.what, place, case.seed)
-        # Of two files that do not belong together, the other one may be named.
-        names = (target.name, target.stem, *(part for part in target.parts[:-1]), "than the one given")
-    elif case.family == "plant":
-        name = plant(case.target, case.what, place)
-        is_folder = any(other.startswith(f"{name}/") for other in trace.outputs)
-        planted = (name, is_of_the_command(case.what) and not is_folder)
-        names = (PurePosixPath(name).name, *target.parts)
-    else:
-        words, told = hostile_arguments.drawn(command.line, case.seed)
-        more = hostile_arguments.may_write(words, command.line)
-        out = hostile_arguments.out_of(words) or told
-        names = (told[:15], repr(told[:15])[1:-1], "argument", PurePosixPath(out).name[:15] or told)
-        given = [word for word in words if word not in shlex.split(command.line) and word.strip()]
-        if told in words[:-1]:  # its value may be a word of the line, too
-            given.append(words[words.index(told) + 1])
-        names += tuple(word[:15] for word in given)
-        names += tuple(word.lstrip("-").replace("-", "_") for word in given if word.startswith("--"))
-        names += tuple(repr(word[:15])[1:-1] for word in given)
-        names += tuple(one_line(word)[:12] for word in given)
-        names += tuple(spelled for word in given for spelled in hostile_arguments.as_read(word))
-        # `thresholds belong to ...` names --thresholds-mm too, and what is missing is named by its own flag.
-        flags = [word for word in given if word.startswith("--")]
-        names += tuple(part for flag in flags for part in flag.split("-") if len(part) > 4)
-        names += ("Missing from", "Unrecognized options", "the command never reverses", "no data given")
-        names += ("--out: name the folder",)
-    return words, Expected(
-        command, frozenset(trace.reads), frozenset(trace.outputs), more, planted, names, trace.cpu
-    )
+def changes(before: dict[str, str], after: dict[str, str]) -> dict[str, str]:
+    """Names that differ, each with how: new, removed or changed."""
+    names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
+    return {n: "new" if n not in before else "removed" if n not in after else "changed" for n in names}
 
 
-def run_case(case: Case, bench: Workbench, runner: Runner, by_console: bool = False) -> Verdict:
-    """Run a case in a copy of the workbench, and judge it."""
-    with one_place(bench.root) as place:
-        words, expected = prepared(case, bench, place)
-        before = snapshot.taken(place.around)
-        ended = run(words, place, runner, by_console, expected)
-        if ended.hangs and not by_console:
-            return run_case(case, bench, runner, by_console=True)
-        after = snapshot.taken(place.around)
-        verdict = judge(ended, expected, place, before, after)
-        if ended.code == 0 and not ended.stopped:
-            changed = snapshot.differences(before, after)
-            written = [
-                name for name in changed if after.get(name, ("",))[0] == "file" and name.startswith("work/")
-            ]
-            (read,) = runner.run(
-                job([], place, call="read_back:print_faults", arguments=[str(place.around), written])
-            )
-            verdict.faults += unread(read)
-        if verdict.faults:
-            verdict.outcome = "fault"
-        return verdict
+class Hangs(BaseException):
+    """A run that does not end."""
 
 
-def run(words: list[str], place: Place, runner: Runner, by_console: bool, expected: Expected) -> Ended:
-    fails = expected.command.fails
-    if by_console and all("\0" not in word for word in words):
-        return console(words, place, no_children=fails)
-    most = max(MOST_CPU_SECONDS, 3 * expected.cpu)
-    return runner.run(job(words, place, no_children=fails, most_cpu=most))[0]
+def run_limited(words: list[str], folder: Path) -> Typed:
+    """Run a command in this process, for so long."""
+
+    def stop(*_: object) -> None:
+        raise Hangs
+
+    former = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(LIMIT_SECONDS)
+    try:
+        return typed_words(words, folder)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, former)
 
 
-@dataclass
-class Tally:
-    """Outcomes of many cases."""
+def faults_of(case: Case, root: Path, tmp: Path) -> list[str]:
+    """Run a case in a copy of the workspace; everything that is wrong with how it ends."""
+    command, words = COMMANDS[case.command], COMMANDS[case.command].words
+    around, canary, planted = tmp / "around", tmp / "canary", ""
+    for folder in ("outside", "tmp"):
+        (around / folder).mkdir(parents=True)
+    (around / "outside" / "precious.txt").write_text("worth a year\n")
+    with copied(root, around / "work") as work, mock.patch.object(tempfile, "tempdir", str(around / "tmp")):
+        if case.family == "file":
+            hostile_edits.damage(work / case.target, case.what, around / "outside", canary, case.seed)
+        elif case.family == "plant":
+            thing, name = case.what.split(" as ")
+            path = (work / case.target).with_name(PLANTED[name](Path(case.target)))
+            hostile_edits.remove(path)
+            hostile_edits.REPLACED[thing](path, around / "outside")
+            planted = "" if name == "output" and thing != "a folder" else path.relative_to(work).as_posix()
+            if name in ("temporary", "lock", "tmp") and not path.is_dir():
+                planted = ""  # as a killed run of the command leaves it
+        elif case.family == "argument":
+            words = with_a_mistake(command, case.seed)
+        before = snapshot(around)
+        try:
+            ended = run_limited(words, work)
+        except BaseException as error:
+            return [f"raises {type(error).__name__}: {str(error)[:150]}"]
+        faults = list(of_the_end(ended, command))
+        changed = changes(before, snapshot(around))
+        any_output = case.family == "argument" and words != command.words
+        for name, how in changed.items():
+            short = name.removeprefix("work/")
+            is_planted = planted and (short == planted or short.startswith(f"{planted}/"))
+            if is_planted or short == name or not may_change(command, ended.code, short, how, any_output):
+                faults.append(f"{how} by a run that ends with {ended.code}: {name}")
+            elif ended.code == 0 and how != "removed":
+                faults += unreadable(work / short)
+    if canary.exists():
+        faults.append("CODE RAN: the canary of a pickle is there")
+    return faults
 
-    verdicts: dict[Case, Verdict]
 
-    def table(self) -> str:
-        """Counts by verb and outcome."""
-        counts: dict[str, Counter[str]] = defaultdict(Counter)
-        for case, verdict in self.verdicts.items():
-            counts[BY_NAME[case.command].verb][verdict.outcome] += 1
-        rows = [
-            f"  {verb:<10} " + ", ".join(f"{name} {n}" for name, n in sorted(row.items()))
-            for verb, row in counts.items()
-        ]
-        return "\n".join([f"{len(self.verdicts)} hostile runs:", *rows])
-
-    def faults(self) -> dict[tuple[str, str], list[Case]]:
-        """Cases by verb and fault, names and numbers left out, so that one fault is told once."""
-        found = defaultdict(list)
-        for case, verdict in self.verdicts.items():
-            for fault in verdict.faults:
-                found[BY_NAME[case.command].verb, alike(fault)].append(case)
-        return found
-
-    def report(self) -> str:
-        """The table, and each fault once with how often it was seen and a case that shows it."""
-        lines = [self.table()]
-        for (verb, kind), cases in sorted(
-            self.faults().items(), key=lambda item: (item[0][0], -len(item[1]))
-        ):
-            case = cases[0]
-            text = next(fault for fault in self.verdicts[case].faults if alike(fault) == kind)
-            lines.append(f"{len(cases)} x {verb}: {text}\n      {VARIABLE}={shlex.quote(str(case))}")
-        return "\n".join(lines)
+def may_change(command: Command, code: int, name: str, how: str, any_output: bool) -> bool:
+    """Whether a run may have changed a file so; `any_output`: it was given another output than usual."""
+    if code == 2:  # folders are made to prove that they can be written, before any long work
+        return matches(name, command.kept) or (how == "new" and any_output and bool(command.kept))
+    return matches(name, command.outputs) or (how == "new" and any_output)
 
 
-def alike(fault: str) -> str:
-    return re.sub(r"0x[0-9a-f]+|[\d.]+|'.*'|\".*\"", "#", fault)[:90]
+def of_the_end(ended: Typed, command: Command) -> Iterator[str]:
+    """Faults of the exit code and of what was printed."""
+    said = [line for line in re.split(r"[\r\n]+", ended.err) if line.strip() and not BAR.search(line)]
+    if ended.code not in (0, 2) and not (ended.code == 1 and command.may_find):
+        yield f"exit code {ended.code}"
+    if "Traceback" in ended.err or "a fault of the program" in ended.err:
+        yield f"a fault of the program: {said[-1][:200]}"
+    if any(ord(letter) < 32 and letter not in "\n\r\t" for letter in ended.err.replace("\x1b[A", "")):
+        yield "control characters on stderr"
+    if ended.code == 2 and (not said or not said[-1].startswith("endotwin") or len(said[-1]) > LONGEST_LINE):
+        yield f"the last line is no message: {said[-1:]}"
+    if ended.code == 2 and [line for line in said[:-1] if not FOR_A_PERSON.match(line)]:
+        yield f"more lines than one: {said[:3]}"
+    if ended.code == 0 and not ended.out.strip():
+        yield "succeeds and prints nothing"
 
 
-def run_all(cases: list[Case], bench: Workbench, runner: Runner) -> Tally:
-    """Run cases, some at a time."""
-    cases = named_cases() or cases[int(os.environ.get(FIRST, "0")) :]
+def unreadable(path: Path) -> Iterator[str]:
+    """A fault if an output does not read back."""
+    try:
+        if path.is_file() and path.suffix == ".json":
+            json.loads(path.read_text())
+        if path.is_file() and path.suffix == ".mcap":
+            read_episode(path)
+    except (ValueError, OSError) as error:
+        yield f"does not read back: {path.name}: {error}"
 
-    def one(numbered: tuple[int, Case]) -> Verdict:
-        number, case = numbered
-        verdict = run_case(case, bench, runner, by_console=number % CONTROL == CONTROL - 1)
-        for fault in verdict.faults:  # at once: thousands take an hour
-            print(f"{VARIABLE}={shlex.quote(str(case))}: {fault}", flush=True)
-        return verdict
 
-    verdicts = runner.each(one, list(enumerate(cases)))
-    return Tally(dict(zip(cases, verdicts, strict=True)))
+def run_all(cases: Iterator[Case], root: Path, tmp: Path) -> None:
+    """Run cases one after the other, and fail with one line for each fault."""
+    named = [line.split("|") for line in os.environ.get(VARIABLE, "").splitlines()]
+    chosen = [Case(*parts, int(seed)) for *parts, seed in named] or list(cases)
+    found = []
+    for number, case in enumerate(chosen):
+        for fault in faults_of(case, root, tmp / str(number)):
+            found.append(f"{VARIABLE}='{case}': {fault}")
+            print(found[-1], flush=True)  # at once: thousands take an hour
+    assert not found, "\n".join(found[:40])

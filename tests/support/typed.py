@@ -12,23 +12,32 @@ from scripts.__main__ import main
 
 
 class Typed(NamedTuple):
-    """What a command left."""
+    """The exit code of a command and what it printed."""
 
     code: int
     out: str
     err: str
 
 
-def typed(line: str, cwd: Path) -> Typed:
+def typed(line: str, cwd: Path, stdin: bytes = b"") -> Typed:
     """Run one command line in a folder."""
+    return typed_words(shlex.split(line), cwd, stdin)
+
+
+def typed_words(words: list[str], cwd: Path, stdin: bytes = b"") -> Typed:
+    """Run one command, given as words, in a folder; stdin holds what is given and then ends."""
     out, err = io.StringIO(), io.StringIO()
     with (
         contextlib.chdir(cwd),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
-        mock.patch.object(sys, "argv", ["endotwin", *shlex.split(line)]),
+        mock.patch.object(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin))),
+        mock.patch.object(sys, "argv", ["endotwin", *words]),
     ):
-        code = main()
+        try:
+            code = main()
+        except SystemExit as end:  # of `--help`
+            code = int(end.code or 0)
     return Typed(code, out.getvalue(), err.getvalue())
 
 
