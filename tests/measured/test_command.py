@@ -39,8 +39,8 @@ def test_samples_at_one_time_are_averaged(tmp_path, preset):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time_s,pull_mm\n0,0\n1,nan\n", "line 3: pull_mm is 'nan'"),
-        ("time_s,pull_mm\n0,0\n1,\n", "line 3: pull_mm is ''"),
+        ("time_s,pull_mm\n0,0\n1,nan\n", "line 3: pull_mm is missing"),
+        ("time_s,pull_mm\n0,0\n1,\n", "line 3: pull_mm is missing"),
         ("time_s,pull_mm\n0,0\n1,abc\n", "line 3: pull_mm is 'abc'"),
         ("time_s,pull_mm\n0,0\n2,1\n1,1\n", "line 4: time_s runs backwards"),
         ("time_s,angle\n0,0\n", "no column pull_mm or command_deg; its columns: time_s, angle"),

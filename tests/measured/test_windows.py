@@ -58,7 +58,7 @@ def test_one_window_may_stand_still_but_not_all(tmp_path):
         ({}, "piece", "has no column piece; its columns: window, time_s"),
         ({}, "angle_deg", "window_column = angle_deg: must be a column of its own, not of time"),
         ({}, "time_s", "window_column = time_s: must be a column of its own, not of time"),
-        ({"window": [1] * 11 + [""]}, "window", "line 13: window is '', not a finite number"),
+        ({"window": [1] * 11 + [""]}, "window", "line 13: window is missing"),
         ({"window": [*["a"] * 6, *["b"] * 6]}, "window", "line 2: window is 'a', not a finite number"),
         (
             {"window": [0] * 11 + [1], "time_s": range(12)},

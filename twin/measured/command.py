@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS
-from twin.measured.csv_columns import CsvColumns, average_repeats
-from twin.measured.csv_reader import read_columns
+from twin.measured.table import CsvTable, average_repeats, read_columns
 from twin.measured.units import (
     SECONDS_PER_CYCLE,
     TIME_COLUMNS,
@@ -109,7 +108,7 @@ def read_command(
     return RecordedCommand(pull, lateral[0] if lateral else None)
 
 
-def _pull(table: CsvColumns, name: str, preset: Preset, form: CommandFormat) -> Array:
+def _pull(table: CsvTable, name: str, preset: Preset, form: CommandFormat) -> Array:
     advice = f"pulley_radius of the preset, {preset.pulley_radius:g} m"
     pull, _ = pulling_distance(table, name, form.command_unit, preset.pulley_radius, advice, may_miss=False)
     return pull

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode, without_holes
 from twin.errors import InputError
-from twin.measured.csv_columns import CsvColumns, average_repeats, hold
-from twin.measured.csv_reader import read_columns
 from twin.measured.log_columns import (
     commanded_pull,
     measured_angle,
@@ -25,6 +23,7 @@ from twin.measured.log_columns import (
     tensions,
 )
 from twin.measured.log_format import LogFormat
+from twin.measured.table import CsvTable, average_repeats, hold, read_columns
 from twin.measured.units import ANGLE_UNITS, TIME_COLUMNS, refuse_implausible_times, time_unit_of
 
 Array = NDArray[np.float64]
@@ -68,7 +67,7 @@ def read_measured_log(
     return log_of(log_table(path, form), form, on_warning=on_warning)
 
 
-def log_table(path: Path, form: LogFormat, *more: str) -> CsvColumns:
+def log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
     """Read the columns of a measured log, and `more` of that file.
 
     Raises:
@@ -82,7 +81,7 @@ def log_table(path: Path, form: LogFormat, *more: str) -> CsvColumns:
 
 
 def log_of(
-    table: CsvColumns,
+    table: CsvTable,
     form: LogFormat,
     *,
     may_stand_still: bool = False,
@@ -192,7 +191,7 @@ class _Plane:
     angle_unit: str
 
 
-def _plane(table: CsvColumns, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
+def _plane(table: CsvTable, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
     pull = commanded_pull(table, form, command)
     return _Plane(command, *pull, angle, *measured_angle(table, form, angle, reverse=reverse))
 
@@ -208,8 +207,8 @@ def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
 
 
 def _in_time_order(
-    table: CsvColumns, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
-) -> tuple[CsvColumns, Array]:
+    table: CsvTable, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
+) -> tuple[CsvTable, Array]:
     """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
     table = table.timed(name, on_warning)
     refuse_implausible_times(table, name, unit)
@@ -220,7 +219,7 @@ def _in_time_order(
 
 
 def _warn_of_missing(
-    table: CsvColumns, name: str, values: Array, what: str, on_warning: Callable[[str], None] | None
+    table: CsvTable, name: str, values: Array, what: str, on_warning: Callable[[str], None] | None
 ) -> None:
     missing = np.isnan(values)
     if on_warning and missing.any():
@@ -228,7 +227,7 @@ def _warn_of_missing(
 
 
 def _warn_of_gap(
-    table: CsvColumns, time: Array, instants: Array, on_warning: Callable[[str], None] | None
+    table: CsvTable, time: Array, instants: Array, on_warning: Callable[[str], None] | None
 ) -> None:
     steps = np.diff(instants)
     longest, usual = int(steps.argmax()), float(np.median(steps))

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.measured.csv_columns import CsvColumns
 from twin.measured.log_format import LARGEST_SHEATH_BEND_DEG, SHEATH_BEND_COLUMN, LogFormat
+from twin.measured.table import CsvTable
 from twin.measured.units import ANGLE_UNITS, column_unit, pulling_distance, refuse_implausible
 from twin.signals.plausible import LARGEST_BEND_DEG
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 _TENSION_N = (-5.0, 1000.0)  # an unloaded load cell may drift below zero
 
 
-def commanded_pull(table: CsvColumns, form: LogFormat, name: str) -> tuple[Array, str]:
+def commanded_pull(table: CsvTable, form: LogFormat, name: str) -> tuple[Array, str]:
     """Return the pulling distance (N,) [m] that a column commands, NaN where missing, and its unit."""
     return pulling_distance(
         table, name, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
     )
 
 
-def refuse_standstill(table: CsvColumns, name: str) -> None:
+def refuse_standstill(table: CsvTable, name: str) -> None:
     """Refuse a command that does not move.
 
     Raises:
@@ -38,7 +38,7 @@ def refuse_standstill(table: CsvColumns, name: str) -> None:
         raise InputError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
 
 
-def measured_angle(table: CsvColumns, form: LogFormat, name: str, *, reverse: bool) -> tuple[Array, str]:
+def measured_angle(table: CsvTable, form: LogFormat, name: str, *, reverse: bool) -> tuple[Array, str]:
     """Return the measured angle (N,) [rad] of a column, turned or not, NaN where missing, and its unit."""
     values = table.column(name, may_miss=True)
     unit = column_unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
@@ -50,7 +50,7 @@ def measured_angle(table: CsvColumns, form: LogFormat, name: str, *, reverse: bo
     return bend, unit
 
 
-def sheath_bend(table: CsvColumns, form: LogFormat) -> tuple[str | None, Array]:
+def sheath_bend(table: CsvTable, form: LogFormat) -> tuple[str | None, Array]:
     """Return the column of the bend of the sheath, None without one, and its angles (N,) or (0,) [rad].
 
     Raises:
@@ -66,7 +66,7 @@ def sheath_bend(table: CsvColumns, form: LogFormat) -> tuple[str | None, Array]:
 
 
 def tensions(
-    table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
+    table: CsvTable, form: LogFormat, on_warning: Callable[[str], None] | None
 ) -> tuple[list[str], Array]:
     """Return the names of both tension columns, and their tensions (N, 2) [N]; none of one wire alone.
 
@@ -81,7 +81,7 @@ def tensions(
 
 
 def _tension_columns(
-    table: CsvColumns, form: LogFormat, on_warning: Callable[[str], None] | None
+    table: CsvTable, form: LogFormat, on_warning: Callable[[str], None] | None
 ) -> tuple[str, ...]:
     """Return the names of both tension columns, or none: one wire alone is of no use."""
     names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.measured.csv_columns import CsvColumns
+from twin.measured.table import CsvTable
 from twin.signals.plausible import LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def check_cycle(seconds_per_cycle: float) -> None:
 
 
 def column_unit(
-    table: CsvColumns, name: str, given: str | None, units: Mapping[str, float], parameter: str
+    table: CsvTable, name: str, given: str | None, units: Mapping[str, float], parameter: str
 ) -> str:
     """Return the unit of a column: the one given, or the ending of its name.
 
@@ -63,7 +63,7 @@ def column_unit(
 
 
 def time_unit_of(
-    table: CsvColumns, name: str, given: str | None, seconds_per_cycle: float
+    table: CsvTable, name: str, given: str | None, seconds_per_cycle: float
 ) -> tuple[str, float]:
     """Return the unit of a column of times or phases, and what it is in seconds.
 
@@ -75,7 +75,7 @@ def time_unit_of(
     return unit, units[unit]
 
 
-def refuse_implausible_times(table: CsvColumns, name: str, unit: float) -> None:
+def refuse_implausible_times(table: CsvTable, name: str, unit: float) -> None:
     """Refuse a column of times in units of `unit` seconds that is out of any clock's range.
 
     Raises:
@@ -87,7 +87,7 @@ def refuse_implausible_times(table: CsvColumns, name: str, unit: float) -> None:
 
 
 def pulling_distance(
-    table: CsvColumns, name: str, given: str | None, pulley_radius: float, advice: str, *, may_miss: bool
+    table: CsvTable, name: str, given: str | None, pulley_radius: float, advice: str, *, may_miss: bool
 ) -> tuple[Array, str]:
     """Return a command as a pulling distance (N,) [m], NaN where it is missing, and the unit of its column.
 
@@ -115,7 +115,7 @@ def pulling_distance(
 
 
 def refuse_implausible(
-    table: CsvColumns, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
+    table: CsvTable, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
 ) -> None:
     """Refuse values (N,) of a column that are out of their limits; the line names the first.
 

@@ -64,7 +64,7 @@ def read_windows(
     for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(numbers)], strict=True):
         window = int(numbers[begin]) if numbers[begin].is_integer() else float(numbers[begin])
         try:
-            log = log_of(table.part(begin, end), form, may_stand_still=True, on_warning=warn)
+            log = log_of(table.only(slice(begin, end)), form, may_stand_still=True, on_warning=warn)
         except InputError as error:
             if not str(error).startswith(f"{path}: "):  # it names a line, or a column that is not there
                 raise

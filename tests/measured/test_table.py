@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.measured import csv_lines, csv_reader
-from twin.measured.csv_reader import read_columns
-from twin.measured.numbers import MISSING
+from twin.measured import table as csv_table
+from twin.measured.table import MISSING, average_repeats, hold, read_columns
 
 HEADER = b"time_s,command_deg,angle_deg\n"
 SEMICOLONS = HEADER.replace(b",", b";")
@@ -24,7 +23,7 @@ ROWS = b"0,0,0\n1,1,1\n"
 @pytest.fixture(autouse=True)
 def few_at_once(monkeypatch):
     """Rows are worked off a few at a time, so that short files have several parts."""
-    monkeypatch.setattr(csv_reader, "_CELLS_AT_ONCE", 90)
+    monkeypatch.setattr(csv_table, "_CELLS_AT_ONCE", 90)
 
 
 def read(path, content=None):
@@ -61,10 +60,9 @@ def read(path, content=None):
         ((HEADER + ROWS).decode().encode("utf-16"), "is not a CSV file in UTF-8: it is in UTF-16"),
         ((HEADER + ROWS).decode().encode("utf-16-le"), "line 1 holds a NUL byte, .* text in UTF-16"),
         (HEADER + b"0,0,0\n1,1\xb0,1\n", "not a CSV file in UTF-8: line 3 holds the byte 0xb0 of another"),
-        (HEADER + b"0," * (csv_lines.LONGEST_LINE // 2 + 1), "line 2 has more than 1048576 characters"),
-        (b"x" * (csv_lines.LONGEST_LINE + 9), "line 1 has more than 1048576 characters"),
-        (b"a," * csv_reader.MOST_COLUMNS + b"\n1\n", "its header has 10001 columns, at most 10000 are read"),
-        (HEADER + b"".join(b"0,x%d,0\n" % n for n in range(1100)), "line 1002: .* 'x1000', not a finite"),
+        (HEADER + b"0," * (csv_table.LONGEST_LINE // 2 + 1), "line 2 has more than 1048576 characters"),
+        (b"x" * (csv_table.LONGEST_LINE + 9), "line 1 has more than 1048576 characters"),
+        (b"a," * csv_table.MOST_COLUMNS + b"\n1\n", "its header has 10001 columns, at most 10000 are read"),
         (b"", "holds no lines of data"),
         (b"\n \n\n", "holds no lines of data"),
     ],
@@ -155,11 +153,11 @@ def test_only_a_regular_file_is_read_and_nothing_is_waited_for(tmp_path):
 def test_a_file_and_its_rows_have_a_limit(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     path.write_bytes(HEADER + b"0,0,0\n" * 100)
-    monkeypatch.setattr(csv_reader, "MOST_ROWS", 60)
-    monkeypatch.setattr(csv_reader, "_CELLS_AT_ONCE", 30)
-    with pytest.raises(ValueError, match="line 71: more than 60 rows, the most of a log"):
+    monkeypatch.setattr(csv_table, "MOST_ROWS", 60)
+    monkeypatch.setattr(csv_table, "_CELLS_AT_ONCE", 30)
+    with pytest.raises(ValueError, match="line 62: more than 60 rows, the most of a log"):
         read(path)
-    monkeypatch.setattr(csv_lines, "MOST_BYTES", 500)
+    monkeypatch.setattr(csv_table, "MOST_BYTES", 500)
     with pytest.raises(ValueError, match="has more than 0 GiB, the most that is read"):
         read(path)
 
@@ -193,7 +191,11 @@ def expected(text):
     except csv.Error:
         return None
     rows = [row for row in rows if row and (len(row) > 1 or row[0].strip())]  # "," is a row of two gaps
-    return None if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows) else rows[1:]
+    if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        return None
+    names = [name.strip() for name in rows[0]]
+    places = [names.index(name) for name in ("x", "y") if name in names]
+    return [[row[place] for place in places] for row in rows[1:]]
 
 
 def number(text):
@@ -204,7 +206,7 @@ def number(text):
     return float(text) if plain and math.isfinite(float(text)) else None
 
 
-@settings(max_examples=300)
+@settings(max_examples=150, deadline=None)
 @given(
     lines=LINES,
     quoted=st.booleans(),
@@ -231,7 +233,7 @@ def test_a_text_is_read_as_the_csv_module_reads_it_or_refused_with_its_line(
     except ValueError as error:
         fault = str(error)
     rows = expected(content.removeprefix("\ufeff"))
-    wanted = None if rows is None else [[number(field) for field in row[:2]] for row in rows]
+    wanted = None if rows is None else [[number(field) for field in row] for row in rows]
     if fault is not None:
         assert re.match(rf"{re.escape(str(path))}( line \d+|:? [a-z ])", fault)
         assert "\n" not in fault
@@ -241,3 +243,90 @@ def test_a_text_is_read_as_the_csv_module_reads_it_or_refused_with_its_line(
     else:
         assert wanted is not None
         np.testing.assert_array_equal(np.array(found).T, np.array(wanted, dtype=float).reshape(-1, 2))
+
+
+def read_text(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "c.csv"
+    path.write_bytes(text.encode(encoding))
+    return read_columns(path, ("note", "x", "y", "t"))
+
+
+def test_only_the_columns_asked_for_must_be_numbers(tmp_path):
+    table = read_text(tmp_path, "note,x, y \nfirst,1,2\n,3,4e1\n")
+    assert table.names == ("note", "x", "y")
+    np.testing.assert_array_equal(table.column("y"), [2, 40])
+    with pytest.raises(ValueError, match=r"c\.csv line 2: note is 'first', not a finite number"):
+        table.column("note")
+
+
+def test_lines_are_those_of_the_file_where_some_are_blank(tmp_path):
+    table = read_text(tmp_path, "x,t\n\n1,0\n\n\ninf,1\n3,0.5\n")
+    assert table.lines.tolist() == [3, 6, 7]
+    with pytest.raises(ValueError, match="line 6: x is 'inf'"):
+        table.column("x")
+    with pytest.raises(ValueError, match="line 7: t runs backwards"):
+        table.time("t")
+
+
+def test_only_the_columns_asked_for_are_kept(tmp_path):
+    table = read_text(tmp_path, "x,other,y\n1,2,3\n")
+    assert table.columns.keys() == {"x", "y"}
+    assert table.names == ("x", "other", "y")
+
+
+def test_a_column_that_is_not_there_or_there_twice_is_refused_with_the_others(tmp_path):
+    table = read_text(tmp_path, "x,y,y\n1,2,3\n")
+    with pytest.raises(ValueError, match="has no column z; its columns: x, y, y"):
+        table.column("z")
+    with pytest.raises(ValueError, match="has more than one column y"):
+        table.column("y")
+    assert table.first_of(("z", "x")) == "x"
+    with pytest.raises(ValueError, match="has no column z or w; its columns: x"):
+        table.first_of(("z", "w"))
+
+
+def test_values_of_one_time_are_averaged_column_by_column():
+    time = np.array([0.0, 0.0, 0.5, 2.0, 2.0, 2.0])
+    values = np.array([[1, 10], [3, 30], [5, 50], [1, 0], [2, 0], [6, 3]], dtype=float)
+    instants, means = average_repeats(time, values)
+    np.testing.assert_array_equal(instants, [0, 0.5, 2])
+    np.testing.assert_allclose(means, [[2, 20], [5, 50], [3, 1]])
+    np.testing.assert_allclose(average_repeats(time, values[:, 0])[1], [2, 5, 3])
+
+
+def test_a_mean_is_over_the_values_that_are_there():
+    values = np.array([[1, np.nan], [np.nan, np.nan], [4, 2]])
+    np.testing.assert_array_equal(
+        average_repeats(np.array([0.0, 0.0, 1.0]), values)[1], [[1, np.nan], [4, 2]]
+    )
+
+
+def test_a_value_may_be_missing_only_where_that_is_allowed(tmp_path):
+    words = ["", "nan", "-NaN", " NA ", "n/a", "#N/A", "NULL", "None"]
+    table = read_text(tmp_path, "x,y\n" + "".join(f"1,{word}\n" for word in words) + "1,\n1,2\n")
+    np.testing.assert_array_equal(table.column("y", may_miss=True), [np.nan] * 9 + [2])
+    with pytest.raises(ValueError, match="line 2: y is missing"):
+        table.column("y")
+    for wrong in ("missing", "inf", "-Infinity", "1e999", "1;5"):
+        with pytest.raises(ValueError, match=f"line 2: y is '{wrong}', not a finite number"):
+            read_text(tmp_path, f"x,y\n1,{wrong}\n").column("y", may_miss=True)
+
+
+def test_rows_that_are_left_keep_their_lines(tmp_path):
+    said = []
+    table = read_text(
+        tmp_path, "t\n" + "".join(f"{t}\n" for t in [*range(9), "na", 4, 8, 3.5, "nan", *range(9, 20)])
+    )
+    timed = table.timed("t", said.append)
+    ordered = timed.in_order("t", said.append)
+    np.testing.assert_array_equal(ordered.column("t"), [*range(9), 8, *range(9, 20)])
+    assert ordered.lines.tolist() == [*range(2, 11), 13, *range(16, 27)]
+    assert [line.partition(".csv ")[2] for line in said] == [
+        "line 11: t is missing, as in 2 of 25 rows: such rows are dropped",
+        "line 12: t runs backwards, as in 2 of 23 rows: such rows are dropped",
+    ]
+    np.testing.assert_array_equal(timed.in_order("t").lines, ordered.lines)
+
+
+def test_what_is_held_is_the_last_value_there_was():
+    np.testing.assert_array_equal(hold(np.array([np.nan, 1, np.nan, np.nan, 2, 3])), [np.nan, 1, 1, 1, 2, 3])
