@@ -67,10 +67,7 @@ def import_log(args: Import) -> Summary:
 
     from twin.files.bounds import check_file_name
     from twin.measured.folder import write_measured, write_windows
-    from twin.measured.log import read_measured_log
-    from twin.measured.log_format import LogFormat
-    from twin.measured.plausibility import oddities
-    from twin.measured.windows import read_windows
+    from twin.measured.log import LogFormat, oddities, read_measured_log, read_windows
 
     name = args.file.stem if args.name is None else args.name
     check_file_name(name)

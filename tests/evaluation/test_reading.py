@@ -13,8 +13,7 @@ from scripts.import_log import Import, import_log
 from twin.episode import Episode
 from twin.evaluation.reading import evaluation_records, read_episodes, true_records, whole_pieces
 from twin.measured.folder import write_measured
-from twin.measured.log import read_measured_log
-from twin.measured.log_format import LogFormat
+from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import write_episode
 
 SAMPLE_TIME = 0.1

@@ -10,8 +10,7 @@ from csv_logs import LOOP, steps, write
 
 from twin.dataset.verify import verify
 from twin.measured.folder import write_measured
-from twin.measured.log import read_measured_log
-from twin.measured.log_format import LogFormat
+from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import read_dataset, read_episode
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from csv_logs import LOOP, PHASE, steps, write
 
-from twin.measured.log import read_measured_log
-from twin.measured.log_format import LogFormat
+from twin.measured.log import LogFormat, read_measured_log
 
 
 def test_a_loop_is_read_in_si_units_with_repeats_averaged(tmp_path):

@@ -5,9 +5,7 @@ import pytest
 from csv_logs import write
 
 from scripts.import_log import main
-from twin.measured.log import read_measured_log
-from twin.measured.log_format import LogFormat
-from twin.measured.plausibility import oddities
+from twin.measured.log import LogFormat, oddities, read_measured_log
 
 TIME = np.arange(400) / 20
 KNOB = 45 * np.sin(TIME)  # [deg], of a pulley of 10 mm: 16 mm in all

@@ -7,9 +7,7 @@ import pytest
 from csv_logs import steps, write
 
 from scripts.import_log import main
-from twin.measured.log import read_measured_log
-from twin.measured.log_format import LogFormat
-from twin.measured.windows import read_windows
+from twin.measured.log import LogFormat, read_measured_log, read_windows
 from twin.recording import read_dataset, read_episode
 
 PLANES = {"lateral_command_column": "side_deg", "lateral_angle_column": "tilt_deg"}

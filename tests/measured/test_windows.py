@@ -10,10 +10,9 @@ from csv_logs import steps, write
 from scripts.import_log import main
 from twin.dataset.verify import verify
 from twin.evaluation.reading import evaluation_records
-from twin.measured import windows
+from twin.measured import log as windows
 from twin.measured.folder import write_measured, write_windows
-from twin.measured.log import read_measured_log
-from twin.measured.windows import read_windows
+from twin.measured.log import read_measured_log, read_windows
 from twin.recording import read_dataset
 
 TIME = np.tile(np.arange(4) * 0.5, 3)

@@ -8,7 +8,7 @@ import pytest
 
 from scripts.__main__ import VERBS
 from scripts.import_log import Import
-from twin.measured.log_format import LogFormat
+from twin.measured.log import LogFormat
 
 HEAVY = {
     "dm_control",

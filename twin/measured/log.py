@@ -1,11 +1,14 @@
-"""Measured log of a real endoscope: commands and sensor readings of a CSV file, read as an episode.
+"""Measured log of a real endoscope: commands and sensor readings of a CSV file, read as episodes.
 
 Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
+
+A file may hold windows: pieces cut from longer records, without what came before them. A column identifies
+them; where its value changes, another window begins, and each becomes an episode of its own.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +18,131 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode, without_holes
 from twin.errors import InputError
-from twin.measured.log_columns import (
-    commanded_pull,
-    measured_angle,
-    refuse_standstill,
-    sheath_bend,
-    tensions,
-)
-from twin.measured.log_format import LogFormat
 from twin.measured.table import CsvTable, average_repeats, hold, read_columns
-from twin.measured.units import ANGLE_UNITS, TIME_COLUMNS, refuse_implausible_times, time_unit_of
+from twin.measured.units import (
+    ANGLE_UNITS,
+    SECONDS_PER_CYCLE,
+    TIME_COLUMNS,
+    check_cycle,
+    column_unit,
+    pulling_distance,
+    refuse_implausible,
+    refuse_implausible_times,
+    time_unit_of,
+)
+from twin.signals.plausible import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
+Warn = Callable[[str], None] | None
 
+SHEATH_BEND_COLUMN = "sheath_bend_deg"
+"""Name of the column of the angle that the sheath is bent by."""
 GAP = 20.0
 """Time step, relative to the median one, from which on it counts as a gap."""
+LARGEST_RADIUS = 1.0
+"""Largest radius of a pulley [m]."""
+LARGEST_SHEATH_BEND_DEG = 1440.0
+"""Largest bend of a sheath [deg], the limit of a preset."""
+MOST_WINDOWS = 10_000
+"""Largest number of windows in a file: a column with more changes is none of windows."""
+MOST_WARNINGS = 10
+"""Largest number of warnings of a file: windows often share a fault."""
+
+# Usual ranges: a value beyond them is often in another unit than stated. Nothing is refused by them.
+PULL_RANGE_MM = (0.1, 100.0)
+PULLEY_RANGE_DEG = (5.0, 1080.0)
+BEND_RANGE_DEG = (5.0, 540.0)
+SAMPLE_TIMES_S = (1e-4, 2.0)
+LENGTHS_S = (1.0, 86_400.0)
+_TENSION_N = (-5.0, 1000.0)  # refused beyond; an unloaded load cell may drift below zero
+
+
+@dataclasses.dataclass(frozen=True)
+class LogFormat:
+    """Columns and units of a measured log; a unit of None is the ending of the column's name.
+
+    Attributes:
+        command_column: column of the command.
+        command_unit: deg or rad for a pulley angle, mm or m for a pulling distance; of both commands.
+        pulley_radius: radius that converts a pulley angle to a pulling distance [m].
+        angle_column: column of the measured bending angle.
+        angle_unit: deg or rad; of both angles.
+        reverse_angle: True if the sensor counts a bend towards wire a as negative.
+        lateral_command_column: column of the command of wires c and d; None: a log of one bending plane.
+        lateral_angle_column: column of the measured angle in their plane.
+        reverse_lateral_angle: True if the sensor counts a bend towards wire c as negative.
+        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
+        time_unit: s, ms or us; rad for a phase.
+        seconds_per_cycle: duration of a phase of 2 pi [s].
+        tension_a_column: column of the tension of wire a at the pulley [N]; None: tension_a_n, if both
+            tension_a_n and tension_b_n exist.
+        tension_b_column: the same for wire b.
+        sheath_bend_deg: bend angle of the sheath [deg]; None: the column of that name, if it exists.
+    """
+
+    command_column: str = "command_deg"
+    command_unit: str | None = None
+    pulley_radius: float = 0.01
+    angle_column: str = "angle_deg"
+    angle_unit: str | None = None
+    reverse_angle: bool = False
+    lateral_command_column: str | None = None
+    lateral_angle_column: str | None = None
+    reverse_lateral_angle: bool = False
+    time_column: str | None = None
+    time_unit: str | None = None
+    seconds_per_cycle: float = SECONDS_PER_CYCLE
+    tension_a_column: str | None = None
+    tension_b_column: str | None = None
+    sheath_bend_deg: float | None = None
+
+    @property
+    def columns(self) -> set[str]:
+        """Names of all columns that such a log may have."""
+        names = {self.command_column, self.angle_column, SHEATH_BEND_COLUMN}
+        names |= {self.time_column} if self.time_column else {*TIME_COLUMNS}
+        names |= {name for name in (self.lateral_command_column, self.lateral_angle_column) if name}
+        return names | {self.tension_a_column or "tension_a_n", self.tension_b_column or "tension_b_n"}
+
+    def check(self) -> None:
+        """Refuse numbers that cannot be, and half a bending plane.
+
+        Raises:
+            ValueError: a number is out of range, or the columns do not make one plane or two.
+        """
+        if not 0 < self.pulley_radius <= LARGEST_RADIUS:
+            raise InputError(
+                f"`pulley_radius` is {self.pulley_radius:g} m: must be positive, at most {LARGEST_RADIUS:g} m"
+            )
+        check_cycle(self.seconds_per_cycle)
+        bend = self.sheath_bend_deg
+        if bend is not None and not 0 <= bend <= LARGEST_SHEATH_BEND_DEG:
+            raise InputError(f"sheath_bend_deg = {bend:g}: must be from 0 to {LARGEST_SHEATH_BEND_DEG:g}")
+        self._check_planes()
+
+    def _check_planes(self) -> None:
+        lateral = (self.lateral_command_column, self.lateral_angle_column)
+        if lateral == (None, None):
+            if self.reverse_lateral_angle:
+                raise InputError(
+                    "`reverse_lateral_angle` turns an angle: name its `lateral_angle_column` too"
+                )
+            return
+        if None in lateral:
+            raise InputError("give `lateral_command_column` and `lateral_angle_column` both, or neither")
+        columns = (self.command_column, self.angle_column, *lateral)
+        for name in columns:
+            if columns.count(name) > 1:
+                raise InputError(
+                    f"column {name} is named twice: commands and angles are columns of their own"
+                )
 
 
 def read_measured_log(
     path: Path,
     form: LogFormat | None = None,
     *,
-    on_warning: Callable[[str], None] | None = None,
+    on_warning: Warn = None,
 ) -> Episode:
     """Read a measured log as an episode; rows with the same time are averaged.
 
@@ -85,7 +191,7 @@ def log_of(
     form: LogFormat,
     *,
     may_stand_still: bool = False,
-    on_warning: Callable[[str], None] | None = None,
+    on_warning: Warn = None,
 ) -> Episode:
     """Return the episode of a table, or of a part of it, as `read_measured_log` reads a whole file.
 
@@ -207,7 +313,7 @@ def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
 
 
 def _in_time_order(
-    table: CsvTable, name: str, unit: float, phase: bool, on_warning: Callable[[str], None] | None
+    table: CsvTable, name: str, unit: float, phase: bool, on_warning: Warn
 ) -> tuple[CsvTable, Array]:
     """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
     table = table.timed(name, on_warning)
@@ -218,20 +324,221 @@ def _in_time_order(
     return table, table.time(name)
 
 
-def _warn_of_missing(
-    table: CsvTable, name: str, values: Array, what: str, on_warning: Callable[[str], None] | None
-) -> None:
+def _warn_of_missing(table: CsvTable, name: str, values: Array, what: str, on_warning: Warn) -> None:
     missing = np.isnan(values)
     if on_warning and missing.any():
         on_warning(f"{table.count(missing, f'{name} is missing')}: {what}")
 
 
-def _warn_of_gap(
-    table: CsvTable, time: Array, instants: Array, on_warning: Callable[[str], None] | None
-) -> None:
+def _warn_of_gap(table: CsvTable, time: Array, instants: Array, on_warning: Warn) -> None:
     steps = np.diff(instants)
     longest, usual = int(steps.argmax()), float(np.median(steps))
     if on_warning and steps[longest] > GAP * usual:
         line = table.lines[int(np.searchsorted(time, instants[longest + 1]))]
         times = float(steps[longest]) / usual
         on_warning(f"{table.path} line {line}: a gap of {times:.0f} times the usual step comes before it")
+
+
+def commanded_pull(table: CsvTable, form: LogFormat, name: str) -> tuple[Array, str]:
+    """Return the pulling distance (N,) [m] that a column commands, NaN where missing, and its unit."""
+    return pulling_distance(
+        table, name, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
+    )
+
+
+def refuse_standstill(table: CsvTable, name: str) -> None:
+    """Refuse a command that does not move.
+
+    Raises:
+        ValueError: it does not, or is missing in every row.
+    """
+    values = table.column(name, may_miss=True)
+    known = values[~np.isnan(values)]
+    if not known.size:
+        raise InputError(f"{table.path}: {name} is missing in every row")
+    if known.min() == known.max():
+        raise InputError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
+
+
+def measured_angle(table: CsvTable, form: LogFormat, name: str, *, reverse: bool) -> tuple[Array, str]:
+    """Return the measured angle (N,) [rad] of a column, turned or not, NaN where missing, and its unit."""
+    values = table.column(name, may_miss=True)
+    unit = column_unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
+    bend = values * ANGLE_UNITS[unit] * (-1 if reverse else 1)
+    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
+    with np.errstate(over="ignore"):
+        degrees = np.degrees(bend)
+    refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
+    return bend, unit
+
+
+def sheath_bend(table: CsvTable, form: LogFormat) -> tuple[str | None, Array]:
+    """Return the column of the bend of the sheath, None without one, and its angles (N,) or (0,) [rad].
+
+    Raises:
+        ValueError: an angle is missing, no number or implausible.
+    """
+    name = SHEATH_BEND_COLUMN
+    if form.sheath_bend_deg is not None or name not in table.names:
+        return None, np.empty(0)
+    bend = table.column(name)
+    advice = "give `sheath_bend_deg`"
+    refuse_implausible(table, name, bend, "deg", (0.0, LARGEST_SHEATH_BEND_DEG), advice)
+    return name, np.radians(bend)
+
+
+def tensions(table: CsvTable, form: LogFormat, on_warning: Warn) -> tuple[list[str], Array]:
+    """Return the names of both tension columns, and their tensions (N, 2) [N]; none of one wire alone.
+
+    Raises:
+        ValueError: a column that is asked for is not there; a tension is missing, no number or implausible.
+    """
+    names = _tension_columns(table, form, on_warning)
+    columns = [table.column(name) for name in names]
+    for name, tension in zip(names, columns, strict=True):
+        refuse_implausible(table, name, tension, "N", _TENSION_N, "a tension is read in newton")
+    return list(names), np.column_stack(columns) if columns else np.empty((len(table.lines), 0))
+
+
+def _tension_columns(table: CsvTable, form: LogFormat, on_warning: Warn) -> tuple[str, ...]:
+    """Return the names of both tension columns, or none: one wire alone is of no use."""
+    names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
+    found = [name for name in names if name in table.names]
+    asked_for = form.tension_a_column is not None or form.tension_b_column is not None
+    if form.lateral_command_column is not None:
+        rule = "tensions of a log of two bending planes are not read"
+        if asked_for:
+            raise InputError(f"{table.path}: {rule}: leave out `tension_a_column` and `tension_b_column`")
+        if found and on_warning:
+            on_warning(f"{table.path} has {' and '.join(found)}: {rule}")
+        return ()
+    if len(found) == 2 or asked_for:
+        return names
+    if found and on_warning:
+        (missing,) = set(names) - set(found)
+        on_warning(f"{table.path} has {found[0]} but no {missing}: no tension is recorded")
+    return ()
+
+
+def read_windows(
+    path: Path,
+    window_column: str,
+    form: LogFormat | None = None,
+    *,
+    on_warning: Warn = None,
+) -> list[Episode]:
+    """Read the windows of a measured log, each as an episode, in the order of the file.
+
+    Args:
+        path: a CSV file with a header.
+        window_column: column of numbers that stay the same throughout a window.
+        form: columns and units, as of `read_measured_log`.
+        on_warning: called with each warning, in one line.
+
+    Returns:
+        Episodes as of `read_measured_log`, each from time 0 on. `window` in the metadata is the number in the
+        window column, `rows` those of the window. The command of one may stand still.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: a window is no log (the text names it), the command moves in none, `window_column` is
+            another column of the log or missing in a row, or there are more than `MOST_WINDOWS`.
+    """
+    form = form or LogFormat()
+    if window_column in form.columns:
+        raise InputError(
+            f"window_column = {window_column}: must be a column of its own, not of time, command or angle"
+        )
+    table = log_table(path, form, window_column)
+    numbers = table.column(window_column)
+    begins = np.flatnonzero(np.diff(numbers, prepend=np.nan) != 0)
+    if len(begins) > MOST_WINDOWS:
+        raise InputError(
+            f"{path}: {window_column} changes {len(begins) - 1} times, at most {MOST_WINDOWS} windows are "
+            "read: check `window_column`"
+        )
+    refuse_standstill(table, form.command_column)
+    warn = _Few(on_warning)
+    episodes = []
+    for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(numbers)], strict=True):
+        window = int(numbers[begin]) if numbers[begin].is_integer() else float(numbers[begin])
+        try:
+            log = log_of(table.only(slice(begin, end)), form, may_stand_still=True, on_warning=warn)
+        except InputError as error:
+            if not str(error).startswith(f"{path}: "):  # it names a line, or a column that is not there
+                raise
+            which = f"{window_column} {window:g}, lines {table.lines[begin]} to {table.lines[end - 1]}"
+            raise InputError(f"{error} ({which})") from error
+        log.metadata.update(window=window, window_column=window_column)
+        episodes.append(log)
+    warn.finish(path)
+    return episodes
+
+
+class _Few:
+    """Warnings, each once and not too many of them."""
+
+    def __init__(self, on_warning: Warn) -> None:
+        self._on_warning, self._told, self._more = on_warning, set[str](), 0
+
+    def __call__(self, line: str) -> None:
+        if line in self._told or self._on_warning is None:
+            return
+        if len(self._told) < MOST_WARNINGS:
+            self._told.add(line)
+            self._on_warning(line)
+        else:
+            self._more += 1
+
+    def finish(self, path: Path) -> None:
+        """Tell how many warnings were not told."""
+        if self._more and self._on_warning:
+            self._on_warning(f"{path}: {self._more} more warnings like these")
+
+
+def oddities(*logs: Episode) -> list[str]:
+    """Return a warning, in one line, for each of command, angle and time that is hardly an endoscope's.
+
+    Args:
+        logs: one from `read_measured_log`, whose metadata name columns and units; or all windows from
+            `read_windows`, which are judged together, as one may hardly move.
+    """
+    return [line for line in (_odd_command(logs), _odd_bend(logs), _odd_time(logs)) if line]
+
+
+def _odd_command(logs: Sequence[Episode]) -> str | None:
+    name, radius = logs[0].metadata["command_column"], logs[0].metadata["pulley_radius"]
+    advice = "check `command_unit`"
+    span = float(np.ptp(np.concatenate([log.pull for log in logs])))
+    if radius is not None:
+        odd = _outside(float(np.degrees(span / radius)), PULLEY_RANGE_DEG, "deg")
+        if odd:
+            return f"{name} ranges over {odd}: {advice}"
+        advice += " and `pulley_radius`"
+    odd = _outside(span * 1e3, PULL_RANGE_MM, "mm", " of pulling distance")
+    return f"{name} ranges over {odd}: {advice}" if odd else None
+
+
+def _odd_bend(logs: Sequence[Episode]) -> str | None:
+    span = float(np.ptp(np.concatenate([log.truth_deg for log in logs])))
+    odd = _outside(span, BEND_RANGE_DEG, "deg")
+    return f"{logs[0].metadata['angle_column']} ranges over {odd}: check `angle_unit`" if odd else None
+
+
+def _odd_time(logs: Sequence[Episode]) -> str | None:
+    facts = logs[0].metadata
+    name, is_phase = facts["time_column"], facts["seconds_per_cycle"] is not None
+    advice = "check `time_unit`" + (" and `seconds_per_cycle`" if is_phase else "")
+    if odd := _outside(float(np.median([log.sample_time for log in logs])), SAMPLE_TIMES_S, "s"):
+        return f"{name} steps by {odd}: {advice}"
+    odd = _outside(float(sum(log.time[-1] for log in logs)), LENGTHS_S, "s")
+    return f"{name} ranges over {odd}: {advice}" if odd else None
+
+
+def _outside(value: float, usual: tuple[float, float], unit: str, what: str = "") -> str | None:
+    """Return a value out of its usual limits in words; None for one within them."""
+    low, high = usual
+    if low <= value <= high:
+        return None
+    odd = f"little (less than {low:g}" if value < low else f"much (more than {high:g}"
+    return f"{value:.3g} {unit}{what}, unusually {odd} {unit})"
