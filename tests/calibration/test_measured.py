@@ -90,7 +90,7 @@ def test_missing_samples_are_not_fitted():
         measured_loop(nearly, "holed", 0.05)
 
 
-@pytest.mark.parametrize("samples", range(100, 140))
+@pytest.mark.parametrize("samples", [100, 101, 102, 103, 139])
 def test_log_of_a_whole_multiple_of_the_sample_time_has_one_grid(samples):
     episode = recorded(cycles=4.0)
     part = {

@@ -7,7 +7,6 @@ import pytest
 from calibrating import TRUTH, loops
 
 from twin.calibration import objective
-from twin.calibration.compared import TWIN, compare
 from twin.calibration.objective import (
     BEND_SCALE,
     OFFSET_SPREAD,
@@ -59,16 +58,6 @@ def test_shared_offsets_are_means_over_the_windows_of_each_file_in_each_plane():
     shared = shared_offsets([*offsets, None], logs)
     of_a, none = (0.02, -0.2), (0.0, 0.0)
     np.testing.assert_allclose(shared, [of_a, none, none, of_a, of_a])
-
-
-def test_what_windows_share_is_not_taken_off_where_the_fit_is_shown():
-    """The fit counts it as an error, and so do report and figure; a window that is predicted is as it is."""
-    logs = measured_higher(["a", "a", "a"], [3, 1, 4])
-    logs[2] = logs[2].only_predicted()
-    first, second, predicted = compare(TRUTH, logs)
-    off = [float(np.degrees(one.errors[0][TWIN].mean())) for one in (first, second, predicted)]
-    np.testing.assert_allclose(off, [-2, -2, -4], atol=1e-6)
-    np.testing.assert_allclose(np.degrees([*first.offsets, *second.offsets]), [-1, 1], atol=1e-6)
 
 
 def test_a_window_that_could_not_be_simulated_leaves_the_zero_to_the_others(monkeypatch):

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from twin.calibration.priors import URETEROSCOPE, Prior, decode, encode
-from twin.preset.preset import parameter_limits
 
 DISTANCES = arrays(float, len(URETEROSCOPE), elements=st.floats(-20, 20))
 
@@ -25,9 +24,3 @@ def test_what_is_decoded_is_encoded_again_within_its_limits(distances):
 def test_one_deviation_is_a_factor_or_where_zero_is_possible_a_step():
     assert Prior(2.0, 0.5, (1.0, 9.0)).value(1.0) == pytest.approx(2.0 * np.exp(0.5))
     assert Prior(2.0, 0.5, (0.0, 9.0)).value(1.0) == pytest.approx(2.5)
-
-
-def test_priors_are_of_values_that_a_preset_can_have():
-    for name, prior in URETEROSCOPE.items():
-        low, high = parameter_limits(name)
-        assert low <= prior.limits[0] < prior.centre < prior.limits[1] <= high, name

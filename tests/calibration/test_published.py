@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 
 import twin
 from twin.calibration import published
-from twin.calibration.published import Commands, best_coleman_hodgdon, outcomes, training_commands
-from twin.dataset.episodes import make_episode
-from twin.dataset.recipe import EpisodeKey, Recipe
+from twin.calibration.published import Commands, best_coleman_hodgdon, outcomes
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.hysteresis import ColemanHodgdon
@@ -38,21 +36,9 @@ def test_model_nearest_to_its_own_records_is_itself(a, b, c, start):
     assert (rmse < 1e-2).all()
 
 
-def test_commands_are_those_of_generate():
-    recipe = Recipe(TRUTH, ((2.0, 4.0),), seconds=3.0, seeds=(7,))
-    for number, pull in enumerate(training_commands(STROKES[0], 2, 3.0, 7)):
-        assert np.array_equal(make_episode(recipe, EpisodeKey(7, number)).pull, pull)
-
-
 @pytest.fixture(scope="module")
 def commands() -> Commands:
     return Commands.drawn([3, 5], strokes=STROKES, episodes=(3, 3), seconds=30.0)
-
-
-def test_tests_have_the_seed_that_follows(commands):
-    assert commands.identified.shape == (2, 3, 300)
-    assert commands.tested.shape == (2, 3, 300)
-    np.testing.assert_array_equal(commands.tested[0, 2], training_commands(STROKES[1], 3, 30.0, 4)[2][::5])
 
 
 def test_outcome_is_what_identification_and_evaluation_find(commands):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from twin.calibration import compared, figure, files, uncertainty
+from twin.calibration import compared, figure, uncertainty
 from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
 from twin.calibration.files import fit_report, log_summary, write_fit
@@ -77,20 +77,3 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
         assert any("diverges along 0 rad" in warning for warning in values["warnings"])
     if trouble == "blind":
         assert sum("the logs do not depend on it" in warning for warning in values["warnings"]) == 2
-
-
-def test_report_that_cannot_be_drawn_leaves_the_preset(fitted, tmp_path, monkeypatch):
-    _, logs, fit, _ = fitted
-    monkeypatch.setattr(files, "fit_figure", none_of_it)
-    with pytest.raises(InputError):
-        write_fit(tmp_path / "p.yaml", fit, logs, [], 0)
-    assert {path.name for path in tmp_path.iterdir()} == {"p.yaml", "p_fit.json"}
-
-
-def test_name_of_a_log_stays_on_its_line(fitted, tmp_path):
-    from calibrating import recorded
-
-    episode = dataclasses.replace(recorded(), metadata={"name": "a\nvertebrae: 9\u2028\x07" + "b" * 500})
-    name = files._name(tmp_path, episode)
-    assert name.startswith("a?vertebrae: 9??b")
-    assert len(name) == 100

@@ -87,15 +87,3 @@ def test_both_planes_are_fitted_reported_and_drawn(simulated, tmp_path):
 def test_slack_wires_have_a_zero_of_each_command(simulated):
     free = with_slack(free_parameters(TRUTH, [loop_of(simulated)]))
     assert {"command_zero", "lateral_command_zero", "lateral_initial_bend"} <= {*free.names}
-
-
-def test_a_lateral_angle_that_is_counted_the_other_way_is_refused(simulated):
-    log = log_of(simulated)
-    turned = dataclasses.replace(log, lateral_bend=-log.lateral_bend)
-    with pytest.raises(ValueError, match=r"the lateral angle falls .* with `reverse_lateral_angle`"):
-        measured_loop(turned, "a log", SAMPLE_TIME)
-    still = dataclasses.replace(turned, lateral_pull=1e-5 * np.cos(PHASE))
-    assert measured_loop(still, "a log", SAMPLE_TIME).lateral_bend.size == 80
-    far = dataclasses.replace(log, lateral_bend=log.lateral_bend * 1e9)
-    with pytest.raises(ValueError, match=r"angle of .* rad: must be within 100"):
-        measured_loop(far, "a log", SAMPLE_TIME)

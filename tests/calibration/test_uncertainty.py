@@ -54,14 +54,6 @@ def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
     np.testing.assert_allclose(wide, expected, rtol=0.1)
 
 
-def test_points_of_the_same_smooth_valley_add_nothing(straight):
-    away = 0.006 * np.random.default_rng(3).standard_normal((30, 2))
-    rise = ((away @ straight.jacobian.T) ** 2).sum(axis=1)
-    neighbours = np.column_stack([rise, away])
-    known = deviations(dataclasses.replace(straight, neighbours=neighbours))
-    np.testing.assert_allclose(known, deviations(straight), rtol=1e-9)
-
-
 def test_a_parameter_that_nothing_tells_stays_so_whatever_a_walk_met(straight):
     jacobian, far = straight.jacobian * [1.0, 0.0], np.array([[0.0, 3.0, 3.0]])
     known = uncertainty(dataclasses.replace(straight, jacobian=jacobian, neighbours=far))

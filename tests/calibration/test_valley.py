@@ -16,13 +16,6 @@ POINTS = arrays(float, 4, elements=st.floats(-3, 3))
 
 
 @given(point=POINTS)
-def test_a_point_comes_back(point):
-    valley = Valley(FreeParameters(BASE, NAMES))
-    np.testing.assert_allclose(valley.point(valley.straight(point)), point, atol=1e-12)
-    assert (valley.straight(point) == point)[:3].all()
-
-
-@given(point=POINTS)
 def test_slopes_are_those_of_the_straight_coordinates(point):
     valley = Valley(FreeParameters(BASE, NAMES))
 
@@ -40,13 +33,6 @@ def test_slopes_are_those_of_the_straight_coordinates(point):
     np.testing.assert_allclose(
         valley.slope(jacobian(point), point), np.array(differences).T, rtol=1e-5, atol=1e-5
     )
-
-
-@pytest.mark.parametrize("names", [NAMES[:3], ("wire_stiffness", "pretension")])
-def test_without_both_nothing_changes(names):
-    valley, point = Valley(FreeParameters(BASE, names)), np.arange(float(len(names)))
-    np.testing.assert_array_equal(valley.straight(point), point)
-    np.testing.assert_array_equal(valley.slope(np.eye(len(names)), point), np.eye(len(names)))
 
 
 def test_stiffness_at_the_pretension_stays_along_it():

@@ -50,10 +50,3 @@ def test_a_window_may_stand_still_or_go_one_way_where_another_reverses(tmp_path)
     assert len(read_loops([tmp_path], [], TRUTH)[0]) == 3
     with pytest.raises(ValueError, match="a_0: the command moves by 0 mm: nothing to calibrate on"):
         read_loops([tmp_path], [], TRUTH, fraction=0.6)
-
-
-def test_windows_that_are_counted_the_other_way_are_refused(tmp_path):
-    for place in range(3):
-        window_of(tmp_path, place, TURNS, sign=-1.0)
-    with pytest.raises(ValueError, match="a_0: the angle falls where the command rises"):
-        read_loops([tmp_path], [], TRUTH)

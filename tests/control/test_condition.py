@@ -12,11 +12,9 @@ from twin.control.condition import (
     CONDITIONS,
     TOUCHED_AT_S,
     ControlCondition,
-    find_conditions,
 )
 from twin.control.reference import HOLD_S
 from twin.control.settings import ControlSettings
-from twin.control.trial import LATE_S
 from twin.preset import load_ranges
 from twin.simulation import simulate_batch
 
@@ -30,12 +28,6 @@ def draws(condition, count=40):
     return [condition.draw(PRESET, RANGES, np.random.default_rng(k)) for k in range(count)]
 
 
-def test_most_conditions_leave_endoscope_and_tip_alone():
-    plain = ControlCondition("plain", sample_time=T)
-    assert len(plain.sheath_bend(PRESET, N)) == len(plain.tip_forces(N)) == 0
-    assert draws(plain, 3) == [RANGES.draw(PRESET, np.random.default_rng(k)) for k in range(3)]
-
-
 def test_the_sheath_bends_by_a_quarter_turn_in_its_time():
     bend = ControlCondition("bends", sample_time=T, bends=True).sheath_bend(PRESET, N) - PRESET.sheath_bend
     assert not bend[TIME < BENDING_AT_S].any()
@@ -46,10 +38,6 @@ def test_the_sheath_bends_by_a_quarter_turn_in_its_time():
 def test_the_tip_is_touched_from_some_time_to_the_end():
     force = ControlCondition("touched", sample_time=T, tip_force=0.1).tip_forces(N)
     np.testing.assert_array_equal(force, np.where(TIME >= TOUCHED_AT_S - 1e-9, 0.1, 0.0))
-
-
-def test_late_errors_begin_two_seconds_behind_all_that_happens():
-    assert 40 - LATE_S - 2 == TOUCHED_AT_S == BENDING_AT_S + BENDING_S
 
 
 def test_friction_by_the_capstan_is_as_much_as_the_nominal_one_at_rest():
@@ -73,11 +61,6 @@ def test_wider_endoscopes_leave_the_ranges_and_no_others_do():
     assert low <= inside.min() <= inside.max() <= high
     assert wider.min() < low
     assert wider.max() > high
-
-
-def test_changes_are_of_all_endoscopes_and_leave_what_was_drawn():
-    changed = draws(ControlCondition("c", changes=(("stiction", 0.5),)), 4)
-    assert [preset.replace(stiction=0.0) for preset in changed] == draws(ControlCondition("c"), 4)
 
 
 @pytest.mark.parametrize("condition", CONDITIONS, ids=lambda condition: condition.name)
@@ -116,8 +99,3 @@ def test_the_command_may_go_as_far_as_any_endoscope_of_the_ranges_needs():
         for episode in simulate_batch(presets, [sweep * 1e-3] * len(presets), 0.02, physics="reduced"):
             assert episode.truth_deg[100:400].max() > middle + half * width
             assert episode.truth_deg[400:].min() < middle - half * width
-
-
-def test_an_unknown_suite_is_refused():
-    with pytest.raises(ValueError, match="unknown suite 'none'; valid: short, full"):
-        find_conditions("none")

@@ -1,6 +1,5 @@
 """The interface of controllers: whatever a controller wants or measures, it commands what can be followed."""
 
-import itertools
 import math
 
 import numpy as np
@@ -92,11 +91,3 @@ def test_a_reference_that_is_no_angle_ends_no_run(name, wrong, files):
     if math.isnan(wrong):
         held = course.pull_mm[30:40]
         np.testing.assert_allclose(held, held[0], atol=0.2)  # D of a low-pass that goes on
-
-
-def test_a_controller_that_was_not_told_otherwise_believes_nothing_and_never_falls_back():
-    controller = Wanting(itertools.repeat(1.0))
-    controller.start(0.0, 5.0)
-    controller.step(Sensed(0.0, 5.0, 5.0, 5.0))
-    assert math.isnan(controller.bend_deg)
-    assert controller.falls_back is False

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from gated import export_small
 from repository import ENVIRONMENT, command
-from typed import typed
 
 from twin.control.live import prepare_commands
 from twin.control.plant import Plant
@@ -99,23 +98,11 @@ def test_a_jump_that_is_told_ahead_is_answered_ahead(policy):
     assert np.abs(np.diff(early)).max() <= 5.0 * T * (1 + 1e-9)
 
 
-def test_angles_that_come_need_the_one_before_them(policy):
-    (answer,) = told(policy, [{"time_s": 0.0, "pull_mm": 0.0, "coming_deg": [1.0]}])
-    assert answer["error"].startswith("coming_deg: needs reference_deg")
-
-
 def test_a_late_sample_is_answered_by_the_latest_command(policy):
     samples = [{"time_s": k * T, "pull_mm": 0.0, "reference_deg": 8.0} for k in range(5)]
     *_, before, late = told(policy, [*samples, samples[1] | {"reference_deg": -8.0}])
     assert "LATE" in late["health"]["sample"]
     assert late["command_mm"] == before["command_mm"]
-
-
-def test_a_reference_without_a_stroke_is_an_error_line(policy):
-    runtime = load_runtime(policy)
-    (answer,) = answers(runtime, io.BytesIO(b'{"time_s":0,"pull_mm":0,"reference_deg":1}'))
-    assert "no stroke is given" in json.loads(answer.text)["error"]
-    assert runtime.samples == 0
 
 
 @pytest.mark.parametrize(
@@ -129,17 +116,6 @@ def test_a_reference_without_a_stroke_is_an_error_line(policy):
 def test_limits_that_cannot_be_are_refused(policy, stroke, speed, fault):
     with pytest.raises(InputError, match=fault):
         prepare_commands(policy, load_runtime(policy), stroke, speed)
-
-
-def test_a_file_without_twins_is_refused(ram_policy):
-    with pytest.raises(InputError, match="commands are made on RAM"):
-        prepare_commands(ram_policy, load_runtime(ram_policy), (3.0, 3.5), 1.0)
-
-
-def test_a_stroke_is_for_a_live_stream_alone(policy, tmp_path):
-    code, _, said = typed(f"run --policy {policy} log.mcap --stroke -1 1", tmp_path)
-    assert code == 2
-    assert "commands are made live alone" in said
 
 
 def test_a_recording_has_the_angle_that_was_wanted(policy, tmp_path):

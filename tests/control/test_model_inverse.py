@@ -9,8 +9,6 @@ from controlled import (
     FALLBACK,
     LIMITS,
     MODEL,
-    PRESET,
-    STROKE_MM,
     T,
     assert_within,
     closed_loop,
@@ -71,11 +69,3 @@ def test_where_the_limit_of_speed_binds_it_goes_on_behind_it_without_an_error():
 def test_out_of_reach_it_stands_at_the_end_of_the_stroke():
     course = closed_loop(MODEL_INVERSE.make(knowledge()), lambda pull: 0.0, np.full(40, -200.0))
     assert course.pull_mm[-1] == LIMITS.low_mm
-
-
-def test_it_knows_the_identified_model_and_nothing_of_the_preset():
-    known = [knowledge(preset=of) for of in (PRESET, PRESET.replace(wire_stiffness=6e3))]
-    wanted = 30 * np.sin(np.arange(100) * T)
-    first, second = (closed_loop(MODEL_INVERSE.make(of), lambda pull: 0.0, wanted) for of in known)
-    np.testing.assert_array_equal(first.pull_mm, second.pull_mm)
-    assert np.ptp(first.pull_mm) > 0.5 * (STROKE_MM[1] - STROKE_MM[0]) / 2

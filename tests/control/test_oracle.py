@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
-from twin.control.controllers.oracle import ORACLE
 from twin.control.limits import CommandLimits
 from twin.control.reference import reference
-from twin.control.registry import controller_specs
 from twin.control.trial import ControlCase, run_trial
 from twin.simulation import PHYSICS
 
@@ -29,12 +27,6 @@ def test_it_follows_an_endoscope_that_the_nominal_twin_does_not(physics):
     assert_within(LIMITS, trial.pull_mm)
 
 
-def test_it_asks_no_sensor():
-    trial, noisy = tracked(), tracked(noise=np.random.default_rng(0).normal(0, 9, 180))
-    np.testing.assert_array_equal(trial.pull_mm, noisy.pull_mm)
-    np.testing.assert_array_equal(trial.estimate_deg, trial.bend_deg)
-
-
 @pytest.mark.parametrize(("physics", "what"), [("reduced", "sheath_bend"), ("mujoco", "tip_force")])
 def test_it_sees_what_happens_on_the_way(physics, what):
     path = np.linspace(0.0, 1.0, 180)
@@ -42,12 +34,6 @@ def test_it_sees_what_happens_on_the_way(physics, what):
     trial = tracked(physics=physics, **{what: course})
     assert trial.rmse_deg < tracked(physics=physics).rmse_deg + 0.3
     assert np.abs(trial.bend_deg - tracked(physics=physics).bend_deg).max() > 1e-3
-
-
-def test_it_is_nothing_that_could_be_deployed():
-    with pytest.raises(ValueError, match="told of no endoscope: it runs in trials alone"):
-        ORACLE.make(knowledge()).start(0.0, 0.0)
-    assert [spec.name for spec in controller_specs() if spec.oracle] == ["oracle"]
 
 
 def test_a_fast_reference_that_is_known_ahead_is_followed_through_its_dead_bands():

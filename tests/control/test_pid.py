@@ -43,15 +43,6 @@ def test_a_spike_moves_it_by_no_more_than_the_clip(cutoff, clip, spike):
     assert abs(low_pass.rate_deg_s) <= clip / T * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("missing", [math.nan, math.inf, -math.inf])
-def test_one_that_is_missing_leaves_it_where_it_is(missing):
-    low_pass = LowPass(10.0, T, 2.0, 3.0)
-    before = filtered(low_pass, [11.0, 12.0])[-1]
-    low_pass.push(0.2, 0.0, missing)
-    assert low_pass.bend_deg == before
-    assert low_pass.rate_deg_s == 0.0
-
-
 @given(st.lists(st.floats(-80, 80), min_size=2, max_size=30))
 def test_its_rate_is_that_of_its_output(measured):
     low_pass = LowPass(0.0, T, 2.0, 3.0)

@@ -10,16 +10,13 @@ from controlled import knowledge
 from small_tracking import write_tiny
 
 from rl.tracking import TrackingEnvironment
-from twin.control.comparison import places_of, specs_of
-from twin.control.condition import CONDITIONS
+from twin.control.comparison import specs_of
 from twin.control.controller import Sensed
-from twin.control.controllers.ppo import PPO, TrackingLaw, load_tracking_policy
-from twin.control.registry import find_controllers
+from twin.control.controllers.ppo import TrackingLaw, load_tracking_policy
 from twin.control.settings import ControlSettings
 from twin.control.trial import ControlCase, run_trial
 from twin.errors import InputError
 from twin.estimation.learned.trained_file import METADATA_KEY
-from twin.files.bounded import sha256_of
 from twin.preset import load_preset, load_ranges
 
 T = 0.02
@@ -140,19 +137,3 @@ def test_it_is_compared_where_its_file_is_given(trained):
     assert "ppo" not in [spec.name for spec in specs_of(settings_with(policy=trained), ["all"])]
     with pytest.raises(InputError, match=r"'ppo' runs on .*PPO.*: none is given"):
         specs_of(settings_with(policy=trained), ["ppo"])
-
-
-def test_it_is_left_out_of_conditions_at_another_rate(trained):
-    settings = settings_with(tracking_policy=trained)
-    slow = [place for place, of in enumerate(CONDITIONS) if of.sample_time != T]
-    assert slow
-    assert places_of(PPO, settings, CONDITIONS) == [
-        place for place in range(len(CONDITIONS)) if place not in slow
-    ]
-    (pid,) = find_controllers(["pid"])
-    assert places_of(pid, settings, CONDITIONS) == list(range(len(CONDITIONS)))
-
-
-def test_settings_hold_the_hash_of_the_file_and_nothing_without_one(trained):
-    assert settings_with(tracking_policy=trained).to_dict()["tracking_policy"] == sha256_of(trained)
-    assert "tracking_policy" not in settings_with().to_dict()

@@ -1,7 +1,6 @@
 """PI on the estimate of RAM (twins): it believes what the trained file says of its own commands."""
 
 import numpy as np
-import pytest
 from controlled import R, T, closed_loop, knowledge
 
 from twin.control.controllers.ram_twins_pi import RAM_TWINS_PI
@@ -21,8 +20,3 @@ def test_it_believes_the_trained_file_at_the_r_of_the_sensor(twins_policy):
     expected = told.estimate(course.pull_mm, course.bend_deg + noise, 0.0)[0]
     np.testing.assert_allclose(course.believed_deg, expected, atol=1e-6)
     assert np.sqrt(np.mean((course.believed_deg - course.bend_deg)[20:] ** 2)) < 1.0
-
-
-def test_without_a_trained_file_it_is_refused_in_one_line():
-    with pytest.raises(ValueError, match="a controller on RAM \\(twins\\) needs a trained file"):
-        RAM_TWINS_PI.make(knowledge())

@@ -36,27 +36,11 @@ def test_a_new_one_is_found_by_its_name_and_among_all_in_its_place(new):
     assert len(names) == len(set(names))
 
 
-def test_names_give_their_controllers_once_in_the_order_of_tables(new):
-    found = find_controllers(["twin-inverse", "my-law", "linear", "my-law"])
-    assert [spec.name for spec in found] == ["linear", "my-law", "twin-inverse"]
-
-
 def test_it_is_made_with_what_was_tuned_for_it_and_defaults_elsewhere(new):
     tuned = knowledge(settings={"my-law": {"gain": 7.0}, "pid": {"rate_per_s": 9.0}})
     assert new.make(tuned).settings == {"gain": 7.0, "rate_per_s": 0.5}
     assert new.make(knowledge()).settings == {"gain": 2.0, "rate_per_s": 0.5}
     assert new.make(tuned) is not new.make(tuned)
-
-
-@pytest.mark.parametrize("name", ["lineal", "", "x" * 999])
-def test_an_unknown_name_lists_those_there_are(name):
-    with pytest.raises(ValueError, match="unknown controller") as refused:
-        find_controllers(["linear", name])
-    message = str(refused.value)
-    assert all(spec.name in message for spec in controller_specs())
-    assert "all, " in message
-    assert "\n" not in message
-    assert len(message) < 250
 
 
 def test_a_second_one_of_a_name_is_refused_and_the_first_stays(new):
@@ -69,9 +53,3 @@ def test_defaults_are_within_their_search():
     for spec in controller_specs():
         for setting in spec.settings.values():
             assert 0 < setting.low < setting.default < setting.high
-
-
-def test_one_is_ours_and_runs_on_a_trained_file():
-    ours = [spec for spec in controller_specs() if spec.ours]
-    assert [spec.name for spec in ours] == ["members-inverse"]
-    assert ours[0].needs == "policy"

@@ -75,11 +75,6 @@ def test_equals_differ_by_an_interval_about_zero():
     assert -0.5 < low < 0 < high < 0.5
 
 
-def test_only_the_same_condition_is_compared():
-    results = [result("ours", errors(0, 1.0)), result("theirs", errors(1, 2.0), CONDITIONS[1])]
-    assert comparisons(results, "ours", 0) == []
-
-
 def test_measures_leave_the_hold_at_the_start_out():
     time = np.arange(400) * 0.02
     bend = np.where(time < 3, 50.0, 1.0)

@@ -32,12 +32,6 @@ def test_no_endoscope_noise_or_reference_of_the_tuning_is_scored():
         assert not any(np.isin(case.noise_deg, other.noise_deg).any() for other in scored)
 
 
-def test_every_case_of_the_tuning_has_an_endoscope_of_its_own_without_mujoco():
-    cases = tuning_cases()
-    assert len({case.preset for case in cases}) == len(cases) == 2 * len(TUNING)
-    assert {case.physics for case in cases} == {"reduced"}
-
-
 def test_the_tuning_has_quick_work_and_a_sheath_that_bends_within_it():
     for cases in (SETTINGS.tuning_cases(known) for known in known_of_strokes()):
         quick = cases[[kind for kind, _ in TUNING].index("fast-sine")].reference_deg[round(HOLD_S / T) :]

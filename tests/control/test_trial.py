@@ -93,13 +93,6 @@ def test_its_angle_is_that_of_a_simulation_along_its_commands(witnesses, physics
     np.testing.assert_allclose(trial.pull_mm[2:], 1 + 0.5 * np.sin(0.3 * samples[1:]), atol=1e-12)
 
 
-def test_what_the_controller_believed_and_who_was_in_charge_is_kept_of_each_sample(witnesses):
-    trial = run_trial("witness", knowledge(), drive())
-    samples = np.arange(1, len(trial.pull_mm) + 1)
-    np.testing.assert_array_equal(trial.estimate_deg, samples)
-    np.testing.assert_array_equal(trial.fell_back, samples % 3 == 0)
-
-
 @pytest.mark.parametrize(
     ("latency", "sample_time"),
     [(0.0, T), (0.04, T), (0.1, T), (0.25, T), (0.3, T), (0.7, T), (0.05, 0.02), (0.14, 0.02)],
@@ -133,11 +126,6 @@ def test_one_trial_is_the_same_bits_every_time_and_within_the_limits(name):
     for field in dataclasses.fields(ControlTrial):
         np.testing.assert_array_equal(getattr(first, field.name), getattr(again, field.name))
     assert_within(LIMITS, first.pull_mm)
-
-
-def test_an_unknown_controller_is_refused():
-    with pytest.raises(ValueError, match="unknown controller 'nobody'; valid: all, linear"):
-        run_trial("nobody", knowledge(), drive())
 
 
 def trial_of(bend, wanted, pull, sample_time=0.5) -> ControlTrial:

@@ -82,8 +82,3 @@ def test_a_setting_that_diverges_is_not_taken(monkeypatch):
     monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
     found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
     assert found.settings["rate"] >= 3
-
-
-def test_what_has_no_settings_is_tried_once(tried, monkeypatch):
-    monkeypatch.setattr(tuning, "run_trial", lambda *_: SimpleNamespace(rmse_deg=0.7, travel_mm=1.0))
-    assert tune(spec(), [(KNOWLEDGE, 1.0)], 16, 0) == tuning.Tuned({}, pytest.approx(0.7), 1)

@@ -44,11 +44,6 @@ def test_it_begins_where_the_endoscope_rests(first):
     assert endoscope.step(pull) == pytest.approx(wanted, abs=3 * np.degrees(TOLERANCE))
 
 
-def test_another_endoscope_is_followed_with_its_own_error():
-    trial = tracked("sine", knowledge(), PRESET.replace(wire_stiffness=6e3, sheath_friction_floor=2.0))
-    assert 1.0 < trial.rmse_deg < 20.0
-
-
 def test_out_of_reach_it_stands_at_the_end_of_the_stroke():
     known = knowledge(limits=CommandLimits(-2.0, 2.0, 8.0))
     wanted = np.concatenate([np.zeros(35), np.full(30, 80.0), np.full(30, -80.0)])

@@ -23,18 +23,6 @@ def scalars(folder):
     }
 
 
-def test_rows_are_shown_once_as_they_come(tmp_path):
-    board = Board([tmp_path])
-    board()  # before there is a curve
-    for count in (1, 1, 2, 3):
-        write_curve(tmp_path, ROWS[:count], COLUMNS)
-        board()
-    board.close()
-    found = scalars(tmp_path)
-    assert found["training/mean_reward"] == [(samples, reward) for samples, reward, _ in ROWS]
-    assert found["training/kl"] == [(200, pytest.approx(0.01)), (300, pytest.approx(0.02))]
-
-
 def test_a_resumed_run_that_tells_rows_again_shows_them_once(tmp_path):
     for counts in ((1, 2), (1, 2, 3), (3,)):
         board = Board([tmp_path])
@@ -43,13 +31,6 @@ def test_a_resumed_run_that_tells_rows_again_shows_them_once(tmp_path):
             board()
         board.close()
     assert [step for step, _ in scalars(tmp_path)["training/mean_reward"]] == [100, 200, 300]
-
-
-def test_a_folder_that_a_training_refuses_is_left_as_it_is(tmp_path, capsys):
-    (tmp_path / CURVE_FILE).write_text("mine\n1\n")
-    assert main(["--protocol", "twins", "--tensorboard", "--out", str(tmp_path)]) == 2
-    assert "progress.csv without the config.yaml of its run" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == [CURVE_FILE]
 
 
 def test_training_with_the_option_writes_events_of_the_whole_curve(tmp_path):

@@ -40,12 +40,3 @@ def test_an_import_that_fails_while_a_verb_runs_says_what_to_install(capsys, err
     verb.__module__ = "scripts.train"
     assert run_verb(Nothing, verb, []) == 2
     assert capsys.readouterr().err == "endotwin train: this needs torch: pip install 'endotwin[rl]'\n"
-
-
-def test_a_module_that_is_broken_is_a_fault_of_the_program_and_named_as_one(capsys):
-    def verb(_: Nothing) -> Summary:
-        raise ImportError("cannot import name 'a' from 'twin'", name="twin")
-
-    assert run_verb(Nothing, verb, []) == 2
-    said = capsys.readouterr().err
-    assert "a fault of the program, please report it: ImportError: cannot import name 'a' from 'twin'" in said

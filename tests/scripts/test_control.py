@@ -2,15 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 from gated import export_small
 from small_tracking import write_tiny
 from typed import typed
 
 from twin.control.registry import controller_specs
-from twin.files.bounded import sha256_of
-from twin.recording import read_episode, read_estimates
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
 
@@ -49,17 +46,6 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
 
 
-def test_what_a_figure_shows_is_recorded_with_its_reference(compared):
-    folder, _ = compared
-    episode = read_episode(folder / "out/records/pid.mcap")
-    assert episode.metadata["controller"] == "pid"
-    assert len(episode.time) == 6 / 0.02
-    assert abs(episode.pull_mm).max() <= 4.0
-    reference_deg = read_estimates(folder / "out/records/pid.mcap", "/reference")
-    assert reference_deg.shape == episode.time.shape
-    assert np.isfinite(reference_deg).all()
-
-
 def test_a_record_that_is_not_ours_is_left_as_it_is(tmp_path):
     (tmp_path / "out/records").mkdir(parents=True)
     (tmp_path / "out/records/pid.mcap").write_bytes(b"a measured afternoon")
@@ -79,16 +65,6 @@ def test_the_same_command_goes_on_and_another_one_is_refused(compared):
     code, _, said = typed(f"{SHORT} --controller linear pid --seed 1", folder)
     assert code == 2
     assert "of another configuration (seed)" in said
-
-
-def test_one_of_more_controllers_keeps_what_is_there(compared):
-    folder, _ = compared
-    before = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}
-    code, out, said = typed(f"{SHORT} --controller linear pid twin-inverse --json", folder)
-    assert code == 0, said
-    after = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}
-    assert before.items() < after.items()
-    assert json.loads(out)["controllers"] == ["linear", "twin-inverse", "pid"]
 
 
 def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
@@ -111,23 +87,6 @@ def test_every_controller_runs_on_a_trained_file(tmp_path):
     (own,) = {of["controller"] for of in written["comparisons"]}
     assert own == "members-inverse"
     assert len(written["comparisons"]) == len(controller_specs()) - 2  # itself, and the oracle
-
-
-def test_a_condition_at_another_rate_leaves_the_policy_out_and_says_so(tmp_path):
-    path = write_tiny(tmp_path / "ppo.onnx")
-    words = SHORT.replace("--twins 2", "--twins 1").replace("--candidates 2", "--candidates 1")
-    words = f"{words} --controller linear ppo --tracking-policy ppo.onnx --suite full"
-    code, _, said = typed(words, tmp_path)
-    assert code == 0, said
-    assert "ppo was trained at another T than that of: R = 1, 10 Hz" in said
-    written = json.loads((tmp_path / "out/control.json").read_text())
-    under = {
-        name: {of["condition"] for of in written["totals"] if of["controller"] == name}
-        for name in ("linear", "ppo")
-    }
-    assert under["linear"] - under["ppo"] == {"R = 1, 10 Hz"}
-    assert written["control"]["tracking_policy_sha256"] == sha256_of(path)
-    assert "--tracking-policy ppo.onnx" in (tmp_path / "out/control.html").read_text()
 
 
 def test_a_policy_of_another_loop_is_refused_before_anything_runs(tmp_path):

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from distributed import LocalCluster
 
 from scripts.generate import main
 from twin.dataset.verify import RULES
@@ -52,7 +51,7 @@ def test_recipe_is_made_and_its_own_copy_makes_the_same_again(told):
         assert path.read_bytes() == (Path("again") / path.name).read_bytes()
 
 
-def test_flags_go_before_the_recipe(told):
+def test_flags_override_the_recipe(told):
     flags = "--stroke -1 1 --seconds 0.5 --signal sine --episodes 1 --seed 3 --sensor-variance 2"
     assert told(f"recipe.yaml --out data --workers 1 --set pretension=4 {flags} --sheath-bend-deg 90")[0] == 0
     made = recipe_of("data")
@@ -115,23 +114,6 @@ def test_replay_proves_a_run_bit_for_bit(told):
     assert told("--replay data/recipe.yaml")[0] == 2
 
 
-def test_cluster_is_asked_by_its_address(told):
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
-        code, _, err = told(f"recipe.yaml --out data --dask {cluster.scheduler_address}")
-        assert code == 0, err
-    assert told("recipe.yaml --out local --workers 1")[0] == 0
-    for path in Path("local").iterdir():
-        assert path.read_bytes() == (Path("data") / path.name).read_bytes()
-
-
-def test_episodes_that_are_too_few_for_all_strokes_are_said(told, tmp_path):
-    (tmp_path / "two.yaml").write_text(RECIPE + "strokes_mm: [[-1, 1], [0, 1]]\n")
-    _, _, err = told("two.yaml --out data --workers 1")
-    assert "2 episodes of each seed meet only 1 of 2 pairs of stroke and bend; for all, take 4" in err
-    _, _, err = told("two.yaml --episodes 3 --out more --workers 1")
-    assert "pairs" not in err
-
-
 def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
     rows = "\n".join(f"{50 * n},{n % 9 - 4},{0.05 * n},{n}" for n in range(21))
     (tmp_path / "log.csv").write_text("clock,knob_deg,side,angle_deg\n" + rows)
@@ -153,12 +135,6 @@ def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
     assert "a given command sideways" in Path("data/README.md").read_text()
     assert told("--verify --out data")[0] == 0
     assert told("--replay data/episode_0000.mcap")[0] == 0
-
-
-def test_camera_adds_pictures(told):
-    told("recipe.yaml --out data --workers 1 --camera 2 --episodes 1")
-    assert recipe_of("data")["camera"]["pictures_per_second"] == 2
-    assert len(read_episode("data/episode_0000.mcap").time) == 50
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from recorded import make_episode
 
 from scripts.identify import main
 from scripts.import_log import main as import_log
-from twin.evaluation.reading import read_episodes
 from twin.hysteresis import MODELS, ColemanHodgdon, load_model
 from twin.recording import write_episode
 
@@ -46,13 +45,6 @@ def test_command_writes_the_model_and_names_its_parameters(name, tmp_path, monke
         assert parameter in values
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"out": file.name, **values}
-
-
-def test_command_refuses_a_constraint_that_the_model_does_not_have(tmp_path, monkeypatch, capsys, recorded):
-    monkeypatch.chdir(tmp_path)
-    assert main([str(recorded), "--model", "bouc-wen", "--monotone"]) == 2
-    assert "coleman-hodgdon models only, not bouc-wen" in capsys.readouterr().err
-    assert not list(tmp_path.glob("*.json"))
 
 
 def lines_of(bend):
@@ -102,26 +94,6 @@ def test_nuisances_of_measured_logs_are_told_and_no_part_of_the_model(late, tmp_
     plain = json.loads((tmp_path / "coleman_hodgdon.json").read_text())
     assert not {"offsets_deg", "delay_s", "fraction"} & plain.keys()
     assert plain["rmse_deg"] > 5 * values["rmse_deg"]
-
-
-def test_rest_of_each_record_is_predicted(late, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    capsys.readouterr()
-    assert main([str(late), *FEW, "--fraction", "0.5", "--delay", "off"]) == 0
-    assert "deg over 2 records (50% of each), " in capsys.readouterr().out
-    values = json.loads((tmp_path / "coleman_hodgdon.json").read_text())
-    model, errors = load_model(tmp_path / "coleman_hodgdon.json"), {"fitted": [], "rest": []}
-    for episode, offset in zip(read_episodes([late], 0.05), values["offsets_deg"], strict=True):
-        zero = offset["offset_deg"]
-        bend = episode.measured_deg
-        error = model.response(episode.pull_mm, bend[0] - zero) + zero - bend
-        half = -(-len(bend) // 2)
-        errors["fitted"].append(error[:half])
-        errors["rest"].append(error[half:])
-    fitted, rest = (np.sqrt(np.mean(np.concatenate(part) ** 2)) for part in errors.values())
-    assert (values["fraction"], values["rmse_deg"]) == (0.5, pytest.approx(fitted))
-    assert values["predicted_rmse_deg"] == pytest.approx(rest)
-    assert fitted != pytest.approx(rest, rel=1e-3)
 
 
 def test_a_phase_and_a_single_speed_have_no_delay_unless_asked_for(tmp_path, monkeypatch, capsys):

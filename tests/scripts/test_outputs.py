@@ -1,7 +1,5 @@
 """Outputs are checked before the work, and folders made for them go again if they stay empty."""
 
-from pathlib import Path
-
 import pytest
 
 from scripts.outputs import keep_folders, output_file, output_folder, remove_empty_folders
@@ -20,26 +18,6 @@ def test_folders_that_stay_empty_are_removed_and_no_others(tmp_path):
     (tmp_path / "results" / "figure.png").write_text("")
     remove_empty_folders()
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["figure.png", "results", "theirs"]
-
-
-def test_folders_of_a_command_that_came_to_its_end_stay(tmp_path):
-    output_folder(tmp_path / "results")
-    keep_folders()
-    remove_empty_folders()
-    assert (tmp_path / "results").is_dir()
-
-
-def test_a_folder_that_another_process_makes_meanwhile_is_used_and_stays(tmp_path, monkeypatch):
-    make = Path.mkdir
-
-    def be_late(path):
-        make(path)
-        make(path)
-
-    monkeypatch.setattr(Path, "mkdir", be_late)
-    output_folder(tmp_path / "results")
-    remove_empty_folders()
-    assert (tmp_path / "results").is_dir()
 
 
 def test_the_files_of_others_are_not_replaced(tmp_path):
