@@ -18,10 +18,10 @@ NO_GO = 1
 
 @dataclasses.dataclass(frozen=True)
 class Gate:
-    """Say go or no-go for a trained policy on an endoscope, with reasons. Exit status 0 is go, 1 no-go.
+    """Judge a trained policy on an endoscope: go or no-go, with reasons. Exit status 0 is go, 1 no-go.
 
     The policy is run on randomised twins that no training has seen, on your logs, on hostile inputs and on
-    streams with faults, beside a tuned filter. A page argues the verdict and says what was not shown.
+    streams with faults, next to a tuned filter. A page argues the verdict and lists what was not shown.
     """
 
     policy: tyro.conf.Positional[Path]
@@ -31,7 +31,7 @@ class Gate:
     preset: str = "ureteroscope"
     """Endoscope that the policy is to run on: name of a preset, or a YAML file with ranges."""
     out: Path = Path("gate.html")
-    """Page to write; gate.json is written beside it."""
+    """Page to write; gate.json is written next to it."""
     sample_time: float | None = None
     """T [s]; that of the training, if not given. Only RAM (twins) and RAM (memory) run at another."""
     stroke: tuple[float, float] | None = None

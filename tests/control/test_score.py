@@ -8,7 +8,7 @@ import pytest
 from twin.control.condition import CONDITIONS
 from twin.control.score import MEASURES, ControlResult, comparisons, measures_of
 from twin.control.trial import ControlTrial
-from twin.gate.paired import reduction_interval
+from twin.gate.trial import reduction_interval
 
 STROKES = ((-1.0, 1.0), (2.0, 4.0))
 

@@ -7,7 +7,7 @@ from small_twins import TINY, small_members, small_step, twins
 
 from rl.twins.graph import export_twins
 from twin.estimation.deployment import KEY, prepare_deployment
-from twin.gate.material import Effort, gather
+from twin.gate.evidence import Effort, gather
 from twin.hysteresis import ColemanHodgdon
 from twin.reduced import simulate
 from twin.reduced.member_set import members_to_dict

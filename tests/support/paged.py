@@ -12,9 +12,8 @@ from twin.episode import Episode
 from twin.evaluation.paper import paper_value
 from twin.evaluation.track import Track, save_tracks
 from twin.files.origin import origin_of
-from twin.gate.result import Check, GateVerdict
-from twin.gate.run import write_verdict
-from twin.gate.table import CHECKS
+from twin.gate.check import Check, GateVerdict
+from twin.gate.run import CHECKS, write_verdict
 from twin.recording import write_episode
 from twin.rendering.video import write_video
 from twin.report.report import write_report
@@ -154,10 +153,10 @@ def make_calibration(folder: Path) -> Path:
 def make_gate(folder: Path) -> Path:
     """Write the verdict of a gate that one check speaks against."""
     folder.mkdir(parents=True, exist_ok=True)
-    checks = [Check(spec.name, f"{spec.question} Yes.", 0.5, 1.0, holds=True) for spec in CHECKS]
+    checks = [Check(f"{spec.claim} Yes.", 0.5, 1.0, holds=True, name=spec.name) for spec in CHECKS]
     rows = ({"what": "Gaussian", "rival_deg": 1.0, "low_deg": -0.1, "difference_deg": 0.1, "high_deg": 0.2},)
     place = next(k for k, spec in enumerate(CHECKS) if "held-out" in spec.name)
-    checks[place] = Check(CHECKS[place].name, "it is worse", 2.0, 1.0, holds=False, rows=rows)
+    checks[place] = Check("it is worse", 2.0, 1.0, holds=False, rows=rows, name=CHECKS[place].name)
     subject = {
         "policy": "policy.onnx",
         "sha256": "0" * 64,

@@ -11,7 +11,7 @@ from twin.control.condition import ControlCondition
 from twin.control.registry import is_oracle
 from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
-from twin.gate.paired import reduction_interval
+from twin.gate.trial import reduction_interval
 
 Array = NDArray[np.float64]
 MEASURES = (

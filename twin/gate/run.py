@@ -1,4 +1,4 @@
-"""The gate: all checks of the table on one policy, and the verdict."""
+"""The gate: all checks on one policy, and the verdict."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -10,60 +10,43 @@ from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
 from twin.files.bounded import sha256_of
 from twin.files.shown import cut
-from twin.gate.material import WHOLE, GateMaterial
-from twin.gate.result import Check, GateVerdict
-from twin.gate.table import CHECKS
+from twin.gate import accuracy, identity, stream, sufficiency
+from twin.gate.check import DECLARED, PARTS, Check, CheckSpec, GateVerdict
+from twin.gate.evidence import WHOLE, GateMaterial
 
 THOUSANDTHS = 1000
 OnProgress = Callable[[int, int, str], None]
-"""Told how many of how many thousandths are done, and what is done now."""
+"""Called with the number of thousandths that are done, their number, and the running check."""
+
+
+_MODULES = accuracy, identity, stream, sufficiency  # which declare them
+CHECKS = tuple(sorted(DECLARED, key=lambda spec: PARTS.index(spec.part)))
+"""All of them, in the order of the argument."""
 
 
 def run_gate(material: GateMaterial, on_progress: OnProgress | None = None) -> GateVerdict:
-    """Make every check of the table.
+    """Make every check of the table on the material from `gather`.
 
-    A check that cannot come to its end, as a simulation diverges or the runtime refuses the file, does not
-    hold.
-
-    Args:
-        material: from `gather`.
-        on_progress: told how far it is.
+    A check that cannot be completed, as a simulation diverges or the runtime refuses the file, does not hold.
     """
-    whole, before = sum(spec.cost for spec in CHECKS), 0.0
+    total, before = sum(spec.cost for spec in CHECKS), 0.0
     checks = []
     for spec in CHECKS:
 
-        def tell(share: float, begin: float = before, cost: float = spec.cost, name: str = spec.name) -> None:
+        def progress(share: float, begin: float = before, of: CheckSpec = spec) -> None:
             if on_progress:
-                on_progress(int(THOUSANDTHS * (begin + cost * share) / whole), THOUSANDTHS, name)
+                on_progress(int(THOUSANDTHS * (begin + of.cost * share) / total), THOUSANDTHS, of.name)
 
-        material.tell = tell
-        tell(0.0)
+        material.on_progress = progress
+        progress(0.0)
         try:
             checks.append(spec.run(material))
         except (DivergedError, InputError) as error:
-            checks.append(Check(spec.name, f"it came to no end: {cut(error)}", holds=False))
+            checks.append(Check(f"it could not be completed: {cut(error)}", holds=False, name=spec.name))
         before += spec.cost
     if on_progress:
         on_progress(THOUSANDTHS, THOUSANDTHS, "")
-    return GateVerdict(tuple(checks), _subject(material))
-
-
-def write_verdict(verdict: GateVerdict, path: Path, origin: Mapping[str, Any]) -> None:
-    """Write `gate.json`, whole or not at all.
-
-    Args:
-        verdict: of the gate.
-        path: of the file.
-        origin: command, versions and hashes of the data.
-    """
-    values = verdict.to_dict() | {"origin": dict(origin)}
-    write_whole(path, json.dumps(values, indent=2, allow_nan=False) + "\n")
-
-
-def _subject(material: GateMaterial) -> dict[str, object]:
-    """Return what was judged, as plain values."""
-    return {
+    subject = {
         "policy": str(material.path),
         "sha256": sha256_of(material.path),
         "agent": material.file.agent,
@@ -71,10 +54,16 @@ def _subject(material: GateMaterial) -> dict[str, object]:
         "stroke_mm": list(material.stroke_mm),
         "sample_time_s": material.sample_time,
         "logs": [
-            {"name": log.record.name, "samples": len(log.record.pull_mm), "measured": log.is_measured}
-            for log in material.logs
+            {"name": log.name, "samples": len(log.time), "measured": log.is_measured} for log in material.logs
         ],
         "seed": material.seed,
         "quick": material.size != WHOLE,
         "version": __version__,
     }
+    return GateVerdict(tuple(checks), subject)
+
+
+def write_verdict(verdict: GateVerdict, path: Path, origin: Mapping[str, Any]) -> None:
+    """Write `gate.json` with its origin (command, versions, hashes of the data), completely or not at all."""
+    values = verdict.to_dict() | {"origin": dict(origin)}
+    write_whole(path, json.dumps(values, indent=2, allow_nan=False) + "\n")

@@ -1,4 +1,10 @@
-"""Trials: a policy and its rival on the same runs under one noise, sample by sample."""
+"""Trials: two estimators on the same runs under one noise, and the paired comparison of their errors.
+
+Runs are nested: a twin (or log) along its command, and draws of the noise on it. Intervals are those of a
+hierarchical bootstrap: twins are drawn with replacement, and draws within each (Davison and Hinkley 1997,
+section 3.8; Saravanan et al. 2020). Both estimators see the same runs, so that their difference is free of
+what twin and noise have in common.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -9,12 +15,62 @@ from numpy.typing import NDArray
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case
-from twin.gate.cases import Condition
 
 Array = NDArray[np.float64]
 WORST_DEG2 = 1e8
-"""Square error of an estimate that is no number [deg^2]."""
-_TOLD_EVERY = 10  # samples between two tellings of progress
+"""Square error of an estimate that is not a number [deg^2]."""
+RESAMPLES = 2000
+LOW, HIGH = 2.5, 97.5  # percentiles of a 95 % interval
+_PROGRESS_SAMPLES = 10
+
+
+class Paired(NamedTuple):
+    """Root mean square errors of two estimators, and the 95 % interval of their difference.
+
+    Attributes:
+        rmse_deg: of the first [deg].
+        rival_deg: of the second [deg].
+        difference_deg: first minus second [deg].
+        low_deg: lower end of the interval of that [deg].
+        high_deg: upper end of it [deg].
+    """
+
+    rmse_deg: float
+    rival_deg: float
+    difference_deg: float
+    low_deg: float
+    high_deg: float
+
+    @property
+    def relative_high(self) -> float:
+        """Upper end of the interval in units of the second's error: below 0, the first is better."""
+        return self.high_deg / max(self.rival_deg, 1e-9)
+
+
+def compare_paired(squares: Array, rival: Array, rng: np.random.Generator) -> Paired:
+    """Compare two estimators by their (units, draws) mean square errors [deg^2] on the same runs."""
+    first, second = _resampled(squares, rival, rng)
+    low, high = np.percentile(first - second, [LOW, HIGH])
+    mine, other = (float(np.sqrt(of.mean())) for of in (squares, rival))
+    return Paired(mine, other, mine - other, float(low), float(high))
+
+
+def reduction_interval(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of how much smaller the first's error is, as a share of the second's."""
+    first, second = _resampled(squares, rival, rng)
+    low, high = np.percentile(1 - first / np.maximum(second, 1e-9), [LOW, HIGH])
+    return float(low), float(high)
+
+
+def _resampled(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return root mean square errors of both, (RESAMPLES,) each."""
+    if squares.shape != rival.shape or squares.ndim != 2 or not squares.size:
+        raise ValueError(f"runs of shapes {squares.shape} and {rival.shape}: must be the same, and not empty")
+    units, draws = squares.shape
+    unit = rng.integers(units, size=(RESAMPLES, units, 1))
+    draw = rng.integers(draws, size=(RESAMPLES, units, draws))
+    first, second = (np.sqrt(of[unit, draw].mean(axis=(1, 2))) for of in (squares, rival))
+    return first, second
 
 
 class PairedTrial(NamedTuple):
@@ -22,17 +78,17 @@ class PairedTrial(NamedTuple):
 
     Attributes:
         noise: kind and level.
-        units: (U,) what each unit is of: the stroke of a twin, the name of a log.
+        units: (U,) the stroke of each twin, or the name of each log.
         squares: (U, D) mean square error of the policy [deg^2].
         rival: the same of its rival [deg^2].
-        inside: (U, D) share of samples whose stated 95 % interval held the truth; None where none is stated.
+        inside: (U, D) share of samples whose 95 % interval covers the truth; None where none is stated.
         nees: (U, D) mean square error in units of the variance that the interval states; likewise.
         half_width_deg: (U, D) mean half width of the interval [deg]; likewise.
         left_out: twins that found no equilibrium.
         finite: whether every estimate was a number.
     """
 
-    noise: Condition
+    noise: tuple[str, float]
     units: tuple[Any, ...]
     squares: Array
     rival: Array
@@ -43,86 +99,87 @@ class PairedTrial(NamedTuple):
     finite: bool
 
 
+def joined_cases(cases: Sequence[Case]) -> Case:
+    """Return the runs of several cases, with the truth, as one."""
+
+    def joined(of: Callable[[Case], Any]) -> Any:
+        return np.concatenate([np.asarray(of(case)) for case in cases])
+
+    return Case(
+        pull_mm=joined(lambda case: case.pull_mm),
+        measurement_deg=joined(lambda case: case.measurement_deg),
+        initial_bend_deg=joined(lambda case: case.initial_bend_deg),
+        sensor=Sensor(joined(lambda case: case.sensor.variance), joined(lambda case: case.sensor.bound)),
+        noises=tuple(noise for case in cases for noise in case.noises),
+        truth_deg=joined(lambda case: case.truth_deg),
+    )
+
+
 def run_trials(
     policy: Estimator[Any],
-    rival: Estimator[Any],
+    rival: Estimator[Any] | None,
     cases: Sequence[Case],
     units: Sequence[Any],
     left_out: int,
     on_progress: Callable[[int, int], None],
-    *,
-    once: bool = False,
 ) -> list[PairedTrial]:
-    """Run both estimators on all noises at once; the first sample, which is given, is not scored.
+    """Run two estimators on all noises at once; the first sample, which is given, is not scored.
 
     Args:
-        policy: not told of a sensor yet.
-        rival: likewise.
-        cases: one for each noise, each with the same units in the same order; truths are with them.
+        policy: without a sensor.
+        rival: likewise; the policy itself, if None.
+        cases: one for each noise, with the truth, each with the same units in the same order.
         units: what each is of.
         left_out: twins that found no equilibrium.
-        on_progress: told how many of how many samples are done.
-        once: both are one estimator, which is run once.
+        on_progress: called with the number of samples done, and of all.
     """
-    pull, measured, initial, truth, variance = (
-        np.concatenate(parts)
-        for parts in zip(
-            *(
-                (c.pull_mm, c.measurement_deg, c.initial_bend_deg, c.truth_deg, c.sensor.variance)
-                for c in cases
-            ),
-            strict=True,
-        )
-    )
-    sensor = Sensor(variance, np.concatenate([np.asarray(c.sensor.bound) for c in cases]))
-    bend, half = follow(policy.with_sensor(sensor), pull, measured, initial, on_progress)
-    other = bend if once else follow(rival.with_sensor(sensor), pull, measured, initial)[0]
+    case = joined_cases(cases)
+    measured, truth = case.measurement_deg, np.asarray(case.truth_deg)
+    bend, half = follow(policy.with_sensor(case.sensor), case, on_progress)
+    other = follow(rival.with_sensor(case.sensor), case)[0] if rival else bend
     scored = ~np.isnan(measured)
     scored[:, 0] = False
     shape = len(cases), len(units), -1
 
     def mean(values: Array) -> Array:
-        whole = np.where(scored, values, 0.0).sum(axis=1) / np.maximum(scored.sum(axis=1), 1)
-        by_case: Array = whole.reshape(shape)
+        by_run = np.where(scored, values, 0.0).sum(axis=1) / np.maximum(scored.sum(axis=1), 1)
+        by_case: Array = by_run.reshape(shape)
         return by_case
 
-    finite = np.asarray(np.isfinite(bend).all(axis=1)).reshape(shape)
     with np.errstate(all="ignore"):
         square, rivals = (
             np.nan_to_num((of - truth) ** 2, nan=WORST_DEG2, posinf=WORST_DEG2).clip(max=WORST_DEG2)
             for of in (bend, other)
         )
-        inside = nees = width = None
-        if half is not None:
-            inside = mean(np.abs(bend - truth) <= half)
-            nees = mean((square / np.maximum(half / DEVIATIONS_OF_95, 1e-9) ** 2).clip(max=1e6))
-            width = mean(np.nan_to_num(half, nan=1e6, posinf=1e6))
         errors, rival_errors = mean(square), mean(rivals)
+        stated: list[Any] = [(None, None, None)] * len(cases)
+        if half is not None:
+            normalised = (square / np.maximum(half / DEVIATIONS_OF_95, 1e-9) ** 2).clip(max=1e6)
+            covered = (np.abs(bend - truth) <= half).astype(float)
+            widths = np.nan_to_num(half, nan=1e6, posinf=1e6)
+            stated = list(zip(mean(covered), mean(normalised), mean(widths), strict=True))
+    finite = np.asarray(np.isfinite(bend).all(axis=1)).reshape(shape)
     return [
         PairedTrial(
             case.noises[0],
             tuple(units),
             errors[place],
             rival_errors[place],
-            None if inside is None else inside[place],
-            None if nees is None else nees[place],
-            None if width is None else width[place],
+            inside,
+            nees,
+            width,
             left_out,
             bool(finite[place].all()),
         )
-        for place, case in enumerate(cases)
+        for place, (case, (inside, nees, width)) in enumerate(zip(cases, stated, strict=True))
     ]
 
 
 def follow(
-    estimator: Estimator[Any],
-    pull_mm: Array,
-    measurement_deg: Array,
-    initial_bend_deg: Array,
-    on_progress: Callable[[int, int], None] | None = None,
+    estimator: Estimator[Any], case: Case, on_progress: Callable[[int, int], None] | None = None
 ) -> tuple[Array, Array | None]:
     """Return (B, N) estimates and half of their 95 % intervals [deg], or None, sample by sample."""
-    pull, measured, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
+    pull, measured, initial = time_first(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
     state = estimator.start(pull[0], initial)
     bend = np.empty_like(measured)
     half = np.empty_like(measured) if estimator.states_interval else None
@@ -135,6 +192,6 @@ def follow(
             bend[k] = estimator.bend_deg(state)
             if half is not None:
                 half[k] = estimator.half_width_deg(state)
-            if on_progress and (k % _TOLD_EVERY == 0 or k == len(measured) - 1):
+            if on_progress and (k % _PROGRESS_SAMPLES == 0 or k == len(measured) - 1):
                 on_progress(k, len(measured) - 1)
     return bend.T, None if half is None else half.T

@@ -1,14 +1,28 @@
 """Results of the gate: checks that hold, do not hold or show nothing, and the verdict that follows."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from twin.gate.evidence import GateMaterial
+
+    MakeCheck = Callable[[GateMaterial], "Check"]
+
 GO, NO_GO = "go", "no-go"
+IDENTITY, TWIN, ACCURACY, CALIBRATION, SAFETY = PARTS = (
+    "Identity of the policy",
+    "Relevance of the twin",
+    "Accuracy",
+    "Calibration of the stated interval",
+    "Safety of its running",
+)
+"""Parts of the argument, in their order."""
 Array = NDArray[np.float64]
 Curve = tuple[str, Array, Array, Array]
 
@@ -18,20 +32,19 @@ class Check:
     """Result of one check: a figure against its bar.
 
     Attributes:
-        name: of the check, as in the table of checks.
-        said: what was found, in one sentence; it is the reason where the check does not hold.
+        said: result in one sentence; it is the reason where the check does not hold.
         figure: what was measured; None where nothing could be.
-        bar: what it is held against; None where there is no number to hold it against.
-        relation: `at most`, `at least` or `equal`: how the figure must stand to the bar.
+        bar: limit of the figure; None where there is none.
+        relation: `at most`, `at least` or `equal`: how the figure must relate to the bar.
         unit: of both.
         holds: whether it does; None where the check showed nothing.
         required: whether a go needs it: what is required and shows nothing is a no-go.
         rows: evidence, one row of a table each.
-        notes: what the evidence rests on, and what it does not say.
+        notes: basis and limits of the evidence.
+        name: of the check; its declaration sets it.
         curves: for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg].
     """
 
-    name: str
     said: str
     figure: float | None = None
     bar: float | None = None
@@ -41,11 +54,12 @@ class Check:
     required: bool = True
     rows: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
+    name: str = ""
     curves: tuple[Curve, ...] = ()
 
     @property
     def passes(self) -> bool:
-        """True where nothing of it speaks against a go."""
+        """True where nothing of it prevents a go."""
         return bool(self.holds) or (self.holds is None and not self.required)
 
     @property
@@ -54,7 +68,7 @@ class Check:
         return {True: "holds", False: "does not hold", None: "not shown"}[self.holds]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as `gate.json` holds them."""
+        """Return plain values, as `gate.json` contains them."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "curves"]
         return {name: _plain(getattr(self, name)) for name in names}
 
@@ -83,12 +97,12 @@ class GateVerdict:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons of a no-go, or what a go rests on."""
+        """Reasons of a no-go, or the basis of a go."""
         if self.go:
             held = sum(check.holds is True for check in self.checks)
-            open_ = [check.name for check in self.checks if check.holds is None]
+            unknown = [check.name for check in self.checks if check.holds is None]
             first = f"{held} of {len(self.checks)} checks hold, none fails"
-            return (first, *(f"not shown: {name}" for name in open_))
+            return (first, *(f"not shown: {name}" for name in unknown))
         return tuple(f"{check.name}: {check.said}" for check in self.checks if not check.passes)
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,34 +115,49 @@ class GateVerdict:
         }
 
 
-def none_of(
-    name: str,
-    failed: Sequence[Any],
-    good: str,
-    bad: str,
-    unit: str,
-    *,
-    rows: Sequence[dict[str, Any]] = (),
-    notes: Sequence[str] = (),
-) -> Check:
-    """Return the result of a check that holds where nothing has failed; `good` or `bad` is then said."""
-    holds = not failed
-    return Check(
-        name,
-        good if holds else bad,
-        figure=float(len(failed)),
-        bar=0.0,
-        relation="equal",
-        unit=unit,
-        holds=holds,
-        rows=tuple(rows),
-        notes=tuple(notes),
-    )
+def none_of(failed: Sequence[Any], good: str, bad: str, unit: str, **evidence: Any) -> Check:
+    """Return the result of a check that holds where nothing has failed; `good` or `bad` is the sentence."""
+    count = float(len(failed))
+    return Check(bad if failed else good, count, 0.0, "equal", unit, holds=not failed, **evidence)
 
 
-def not_shown(name: str, why: str, *, required: bool = False, notes: Sequence[str] = ()) -> Check:
-    """Return the result of a check that could show nothing."""
-    return Check(name, why, required=required, notes=tuple(notes))
+def not_shown(why: str) -> Check:
+    """Return the result of a check that could show nothing, and that a go does not need."""
+    return Check(why, required=False)
+
+
+class CheckSpec(NamedTuple):
+    """Declaration of one check: its name, part of the argument, and share of the gate's time.
+
+    A go claims the first line of the function's docstring.
+    """
+
+    name: str
+    part: str
+    cost: float
+    run: "MakeCheck"
+
+    @property
+    def claim(self) -> str:
+        """What a go claims by it."""
+        return (self.run.__doc__ or "").splitlines()[0]
+
+
+DECLARED: list[CheckSpec] = []
+
+
+def declare(name: str, part: str, cost: float = 1.0) -> "Callable[[MakeCheck], MakeCheck]":
+    """Declare a function as a check."""
+
+    def declared(make: "MakeCheck") -> "MakeCheck":
+        @functools.wraps(make)
+        def run(material: "GateMaterial") -> Check:
+            return dataclasses.replace(make(material), name=name)
+
+        DECLARED.append(CheckSpec(name, part, cost, run))
+        return run
+
+    return declared
 
 
 def _plain(value: Any) -> Any:

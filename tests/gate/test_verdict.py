@@ -1,0 +1,67 @@
+"""A verdict follows from its checks; the paired comparison recognises the better estimator."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from twin.gate.check import Check, GateVerdict, not_shown
+from twin.gate.trial import compare_paired
+
+
+@pytest.mark.parametrize(
+    ("holds", "required", "passes"),
+    [
+        (True, True, True),
+        (False, True, False),
+        (False, False, False),
+        (None, True, False),
+        (None, False, True),
+    ],
+)
+def test_what_passes(holds, required, passes):
+    assert Check("a", holds=holds, required=required).passes is passes
+
+
+def test_one_check_that_fails_is_a_no_go_with_its_reason():
+    good, bad = Check("fine", holds=True, name="good"), Check("too slow", holds=False, name="bad")
+    verdict = GateVerdict((good, not_shown("none given")), {})
+    assert verdict.word == "go"
+    assert any("not shown" in reason for reason in verdict.reasons)
+    verdict = GateVerdict((good, bad), {})
+    assert (verdict.word, verdict.reasons) == ("no-go", ("bad: too slow",))
+
+
+def test_no_number_of_gate_json_is_infinite():
+    check = Check("a", figure=math.inf, bar=1.0, holds=False, rows=({"x": math.nan},))
+    assert json.loads(json.dumps(check.to_dict(), allow_nan=False))["figure"] is None
+
+
+def runs(rng, units=40, draws=3, twin=1.0, noise=0.3):
+    """Mean square errors that differ from twin to twin and from draw to draw."""
+    level = np.exp(twin * rng.standard_normal((units, 1)))
+    return level * np.exp(noise * rng.standard_normal((units, draws)))
+
+
+def test_pairing_recognises_a_difference_far_smaller_than_that_between_twins():
+    rng = np.random.default_rng(2)
+    rival = runs(rng)
+    same = compare_paired(rival, rival, np.random.default_rng(1))
+    assert (same.difference_deg, same.low_deg, same.high_deg) == (0, 0, 0)
+    assert same.rmse_deg == pytest.approx(np.sqrt(rival.mean()))
+    assert compare_paired(0.9 * rival, rival, np.random.default_rng(1)).high_deg < 0
+    assert compare_paired(rival, 0.9 * rival, np.random.default_rng(1)).low_deg > 0
+    shuffled = rng.permutation(rival)
+    assert compare_paired(0.9 * shuffled, rival, np.random.default_rng(1)).high_deg > 0
+
+
+def test_interval_covers_the_true_difference_nearly_as_often_as_stated():
+    rng, inside = np.random.default_rng(3), 0
+    for _ in range(100):
+        rival = runs(rng, twin=0.3)
+        mine = 0.8 * rival * np.exp(0.2 * rng.standard_normal((40, 1)) - 0.02)
+        found = compare_paired(mine, rival, rng)
+        truth = (np.sqrt(0.8) - 1) * np.sqrt(np.exp(0.3**2 / 2 + 0.3**2 / 2))
+        inside += found.low_deg <= truth <= found.high_deg
+    assert 84 <= inside <= 100

@@ -1,0 +1,253 @@
+"""Accuracy and calibration of the policy, on unseen twins and on the logs.
+
+Accuracy is compared with the tuned active model's; the stated 95 % interval is tested by its coverage, the
+NEES of the estimate and the NIS of the prediction (Bar-Shalom et al. 2001).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Estimator, Sensor
+from twin.estimation.learned.policy import PolicyEstimator
+from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.learned.ram_twins import FILTER_ALONE, RamTwins
+from twin.evaluation.innovations import squared_innovations
+from twin.evaluation.paper import noise_label
+from twin.gate.check import ACCURACY, CALIBRATION, Check, declare, not_shown
+from twin.gate.evidence import OTHER_STREAMS, RIVAL, WIDER, GateMaterial, noisy
+from twin.gate.trial import PairedTrial, compare_paired
+
+BAR = 0.0
+"""Upper end of the difference's interval, relative to the rival: at most 0, it is not worse."""
+WORTH = -0.10
+"""The same of what was learned, which must be worth something: an untrained policy is as good as none."""
+LEAST_COVERAGE = 0.90
+"""Least share of samples in a 95 % interval, under each noise."""
+MOST_NEES = MOST_NIS = 2.0
+"""Normalised squares beyond which errors are 1.4 times as large as stated."""
+NIS_NOISES = (("gaussian", 1.0), ("laplace", 1.0), ("uniform", 1.0))
+"""Noises without a mean."""
+_STREAM = OTHER_STREAMS + 1
+_SETTLING_S = 5.0  # before which a prediction is that of a filter that has seen nothing
+_NOT_STATED = "this method states no interval of its own"
+
+
+@declare("accuracy on held-out twins", ACCURACY, 35)
+def on_held_out_twins(material: GateMaterial) -> Check:
+    """On endoscopes of this kind the policy is not worse than the trusted filter."""
+    return _compared(material.held_out, material, "twins drawn from the preset's ranges")
+
+
+@declare("accuracy on wider twins", ACCURACY, 25)
+def on_wider_twins(material: GateMaterial) -> Check:
+    """Nor on endoscopes that differ more than the ranges."""
+    return _compared(material.wider, material, f"twins drawn from ranges {WIDER:g} times wider")
+
+
+@declare("accuracy on the logs", ACCURACY, 10)
+def on_logs(material: GateMaterial) -> Check:
+    """On the logs of this endoscope it is not worse either."""
+    if not material.logs:
+        return not_shown("no log was given: nothing is known about the real endoscope")
+    check = _compared(material.on_logs, material, "the logs")
+    kind = "measured" if any(log.is_measured for log in material.logs) else "true"
+    notes = [f"Noise is drawn on the {kind} angles of the logs, which count as the truth."]
+    if len(material.logs) < 5:
+        notes.append(f"With {len(material.logs)} of them the interval says little about other logs.")
+    return dataclasses.replace(check, notes=(*check.notes, *notes))
+
+
+def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) -> Check:
+    """Return the check of a set of trials: by noise over all units, and by kind of unit over all noises."""
+    rng = material.resampling
+    rows = [_row("noise", noise_label(*of.noise), of.squares, of.rival, rng) for of in trials]
+    for unit in dict.fromkeys(trials[0].units):
+        mine = [place for place, of in enumerate(trials[0].units) if of == unit]
+        squares = np.concatenate([trial.squares[mine] for trial in trials], axis=1)
+        rival = np.concatenate([trial.rival[mine] for trial in trials], axis=1)
+        if isinstance(unit, str):
+            rows.append(_row("log", unit, squares, rival, rng))
+        else:
+            rows.append(_row("stroke", f"[{unit[0]:g}, {unit[1]:g}] mm", squares, rival, rng))
+    # The interval of a single log is that of the noise alone: it is shown, the noises decide.
+    judged = [row for row in rows if row["of"] != "log"]
+    worst = max(judged, key=lambda row: row["relative_high"])
+    finite = all(trial.finite for trial in trials)
+    failed = sum(row["relative_high"] > BAR for row in judged)
+    figures = f"{worst['what']}: {worst['rmse_deg']:.2f} against {worst['rival_deg']:.2f} deg"
+    if not finite:
+        said = f"on {what} an estimate is not a number"
+    elif not failed:
+        said = f"on {what} its RMSE is below that of {RIVAL} under every noise; nearest under {figures}"
+    else:
+        said = (
+            f"on {what} it is not shown to be better than {RIVAL} in {failed} of {len(judged)} comparisons; "
+            f"worst with {figures}"
+        )
+    units, draws = trials[0].squares.shape
+    notes = [
+        f"{units} units and {draws} draws of each noise; intervals by a hierarchical bootstrap over both.",
+        f"{RIVAL}: Coleman-Hodgdon identified on simulated records of the preset, Q and P by likelihood, R "
+        "known.",
+    ]
+    if trials[0].left_out:
+        notes.append(f"{trials[0].left_out} twins found no equilibrium and were left out.")
+    return Check(
+        said,
+        figure=worst["relative_high"],
+        bar=BAR,
+        unit="of the rival's RMSE, upper end",
+        holds=finite and not failed,
+        rows=tuple(rows),
+        notes=tuple(notes),
+    )
+
+
+def _row(kind: str, what: str, squares: Any, rival: Any, rng: np.random.Generator) -> dict[str, Any]:
+    found = compare_paired(squares, rival, rng)
+    return {"of": kind, "what": what, **found._asdict(), "relative_high": found.relative_high}
+
+
+@declare("worth of what was learned", ACCURACY, 13)
+def learning_helps(material: GateMaterial) -> Check:
+    """What was learned is worth its risk."""
+    alone = without_learning(material.estimator)
+    if alone is None:
+        return not_shown("nothing is left of this method without what it has learned")
+    trials = material.against(alone)
+    squares, rival = (
+        np.concatenate([getattr(trial, of) for trial in trials], axis=1) for of in ("squares", "rival")
+    )
+    found = compare_paired(squares, rival, material.resampling)
+    holds = found.relative_high <= WORTH
+    said = (
+        f"over all noises {found.rmse_deg:.2f} deg with what was learned, {found.rival_deg:.2f} deg without"
+        if holds
+        else f"what was learned is worth nothing, or hardly anything: {found.rmse_deg:.2f} deg with it, "
+        f"{found.rival_deg:.2f} deg without: is the policy untrained?"
+    )
+    return Check(
+        said,
+        figure=found.relative_high,
+        bar=WORTH,
+        unit="of the RMSE without it, upper end",
+        holds=holds,
+        rows=tuple(
+            _row("noise", noise_label(*of.noise), of.squares, of.rival, material.resampling) for of in trials
+        ),
+        notes=("The same filter in the same file, with policy and noise classifier off.",),
+    )
+
+
+@declare("coverage of the interval", CALIBRATION)
+def coverage(material: GateMaterial) -> Check:
+    """The stated 95 % interval covers the truth as often as it should."""
+    rows = _stated(material, "inside")
+    if not rows:
+        return not_shown(_NOT_STATED)
+    worst = min(rows, key=lambda row: row["inside"])
+    holds = worst["inside"] >= LEAST_COVERAGE
+    least = "or more; least" if holds else "only,"
+    return Check(
+        f"its 95 % interval covers the truth in {worst['inside']:.1%} of the samples {least} on "
+        f"{worst['set']} under {worst['what']}",
+        figure=worst["inside"],
+        bar=LEAST_COVERAGE,
+        relation="at least",
+        unit="share of samples",
+        holds=holds,
+        rows=rows,
+        notes=("Samples of one run are not independent: the share is a mean over runs.",),
+    )
+
+
+@declare("NEES of the interval", CALIBRATION)
+def nees(material: GateMaterial) -> Check:
+    """Errors are as large as the interval states."""
+    rows = _stated(material, "nees")
+    if not rows:
+        return not_shown(_NOT_STATED)
+    worst = max(rows, key=lambda row: row["nees"])
+    what = f"on {worst['set']} under {worst['what']}"
+    return _normalised(worst["nees"], MOST_NEES, what, "errors", "its interval states", rows)
+
+
+def _stated(material: GateMaterial, of: str) -> tuple[dict[str, Any], ...]:
+    """Return a statistic of the stated interval by set of runs and noise; none where none is stated."""
+    sets = {"held-out twins": material.held_out, "wider twins": material.wider, "the logs": material.on_logs}
+    return tuple(
+        {
+            "set": name,
+            "what": noise_label(*trial.noise),
+            of: float(getattr(trial, of).mean()),
+            "half_width_deg": float(trial.half_width_deg.mean()),
+        }
+        for name, trials in sets.items()
+        for trial in trials
+        if trial.half_width_deg is not None
+    )
+
+
+@declare("NIS of the prediction", CALIBRATION, 4)
+def nis(material: GateMaterial) -> Check:
+    """Innovations are as large as prediction and sensor state."""
+    estimator = material.estimator
+    if not estimator.states_interval:
+        return not_shown(_NOT_STATED)
+    rng, first = material.random(_STREAM), max(round(_SETTLING_S / material.sample_time), 1)
+    records, _ = material.twins(material.ranges, rng, seconds=material.size.seconds, kinds=2, count=2)
+    rows: list[dict[str, Any]] = []
+    for noise in NIS_NOISES:
+        case = noisy(records, noise, 1, rng)
+        variance = np.asarray(case.sensor.variance)
+        squares = squared_innovations(
+            estimator.with_sensor(Sensor(variance)),
+            case.pull_mm.T,
+            case.measurement_deg.T,
+            np.asarray(case.initial_bend_deg),
+            variance,
+            first,
+        )
+        rows.append({"what": noise_label(*noise), "nis": float(np.mean(squares))})
+        material.on_progress(len(rows) / len(NIS_NOISES))
+    worst = max(rows, key=lambda row: row["nis"])
+    what, notes = f"under {worst['what']}", ("Without a measurement the estimator states its prediction.",)
+    stated = "prediction and sensor state"
+    return _normalised(worst["nis"], MOST_NIS, what, "its innovations", stated, rows, notes)
+
+
+def _normalised(
+    found: float,
+    bar: float,
+    what: str,
+    errors: str,
+    stated: str,
+    rows: Sequence[dict[str, Any]],
+    notes: tuple[str, ...] = (),
+) -> Check:
+    holds = found <= bar
+    return Check(
+        f"at most {found:.2f}, {what}; 1 is right"
+        if holds
+        else f"{errors} are {np.sqrt(found):.1f} times as large as {stated}, {what}",
+        figure=found,
+        bar=bar,
+        unit="stated variances",
+        holds=holds,
+        rows=tuple(rows),
+        notes=notes,
+    )
+
+
+def without_learning(estimator: Estimator[Any]) -> Estimator[Any] | None:
+    """Return the filter that is left of an estimator without what it has learned; None, where none is."""
+    if isinstance(estimator, RamTwins):
+        return dataclasses.replace(estimator, parts=FILTER_ALONE)
+    if isinstance(estimator, PolicyEstimator) and estimator.make_agent is ReinforcementActiveModel:
+        of_policy: ActiveModel = estimator.active_model
+        return of_policy
+    return None

@@ -1,0 +1,269 @@
+"""Behaviour on a live stream: planted faults through the runtime that is deployed, and its latency."""
+
+import functools
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.estimation.estimator import Sensor
+from twin.gate.check import SAFETY, Check, declare, none_of
+from twin.gate.evidence import OTHER_STREAMS, RIVAL, GateMaterial
+from twin.live import Alarm, AssuredEstimator, load_runtime, prepare_runtime
+from twin.live.online import OnlineEstimator
+from twin.live.reading import flag_names
+
+Array = NDArray[np.float64]
+Sample = tuple[float, float, float]
+"""Time [s], pull [mm] and measurement [deg]."""
+ALLOWED = 1.1
+"""Times the error of the fallback alone that an error under faults may be."""
+VARIANCE = 0.25  # of the sensor [deg^2]
+ALLOWED_DEG = 0.5 * math.sqrt(VARIANCE)
+"""Difference that counts as none: half of the deviation of a single measurement [deg]."""
+LATENCY_SHARE = 0.1
+"""Share of the sample time that one sample may take."""
+PERCENTILE = 99
+SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
+_FAULTS, _LATENCY = OTHER_STREAMS + 3, OTHER_STREAMS + 4
+_BEFORE_S, _AFTER_S = 15.0, 3.0  # of good samples
+_FLAGGED_WITHIN_S = 1.0  # after a fault: a gap is known when it ends
+_TWINS = 3
+_BUSY = 1.5  # times its processor time: a longer wait is for other work
+_WARM_UP = 20  # samples before the clock counts
+
+
+class Fault(NamedTuple):
+    """One kind of fault.
+
+    Attributes:
+        name: of it.
+        seconds: that it lasts.
+        plant: yields what comes in the place of good samples, given those before them.
+        must_flag: whether the runtime must flag it; a sensor that is a few degrees off cannot be recognised.
+    """
+
+    name: str
+    seconds: float
+    plant: Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
+    must_flag: bool = True
+
+
+def _spikes(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
+    for number, (at, pull, measured) in enumerate(good):
+        yield at, pull, measured + (SPIKE_DEG * (1 if number % 8 else -1) if number % 4 == 0 else 0.0)
+
+
+def _out_of_order(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
+    """Each pair of samples in the wrong order, and every third sample twice."""
+    for number in range(0, len(good) - 1, 2):
+        yield good[number + 1]
+        yield good[number]
+        if number % 3 == 0:
+            yield good[number]
+
+
+def _wrong_pull(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
+    for number, (at, pull, measured) in enumerate(good):
+        yield at, pull + (WRONG_PULL_MM if number % 2 else -WRONG_PULL_MM), measured
+
+
+FAULTS = (
+    Fault("no measurement", 3.0, lambda good, _: ((at, pull, math.nan) for at, pull, _y in good)),
+    Fault("spikes of the sensor", 3.0, _spikes),
+    Fault("stuck sensor", 4.0, lambda good, before: ((at, pull, before[-1][2]) for at, pull, _ in good)),
+    Fault("samples late", 1.0, lambda good, before: iter(before[-len(good) :])),
+    Fault("samples twice and out of order", 3.0, _out_of_order),
+    Fault("gap", 3.0, lambda good, before: iter(())),
+    Fault("jump of the clock", 0.5, lambda good, _: ((at - CLOCK_S, pull, y) for at, pull, y in good)),
+    Fault("wrong pull", 0.4, _wrong_pull),
+    Fault("no pull", 0.5, lambda good, _: ((at, math.nan, y) for at, _pull, y in good)),
+    Fault(
+        "sensor off by 8 deg",
+        3.0,
+        lambda good, _: ((at, pull, y + SHIFT_DEG) for at, pull, y in good),
+        must_flag=False,
+    ),
+)
+"""Kinds of fault, each planted by itself."""
+
+
+@declare("a number under faults", SAFETY, 12)
+def no_nan(material: GateMaterial) -> Check:
+    """No fault of a stream makes an estimate that is not a number."""
+    rows = _fault_rows(material)
+    broken = [row["fault"] for row in rows if not row["finite"]]
+    return none_of(
+        broken,
+        f"every estimate and interval is a number under {len(rows)} kinds of fault",
+        f"an estimate is not a number under: {', '.join(broken)}",
+        "kinds of fault",
+    )
+
+
+@declare("planted faults are flagged", SAFETY)
+def flagged(material: GateMaterial) -> Check:
+    """A fault of a stream is noticed."""
+    rows = _fault_rows(material)
+    missed = [row["fault"] for row in rows if row["must_flag"] and row["flagged"] < 1]
+    false = float(np.mean([row["flagged_before"] for row in rows]))
+    return none_of(
+        missed,
+        f"each of {sum(row['must_flag'] for row in rows)} kinds of planted fault is flagged",
+        f"not flagged: {', '.join(missed)}",
+        "kinds of fault missed",
+        rows=tuple({name: row[name] for name in ("fault", "flagged", "said")} for row in rows),
+        notes=(
+            f"Of good samples before the faults {false:.1%} are flagged.",
+            "A sensor that is some degrees off cannot be recognised: it need not be flagged.",
+        ),
+    )
+
+
+@declare("error under faults", SAFETY)
+def errors(material: GateMaterial) -> Check:
+    """A fault costs no more than it would cost the trusted filter."""
+    rows = _fault_rows(material)
+    worst = max(rows, key=lambda row: row["ratio"])
+    holds = worst["ratio"] <= ALLOWED
+    return Check(
+        f"at most {worst['ratio']:.2f} times that of {RIVAL} alone: {worst['fault']}"
+        if holds
+        else f"{worst['rmse_deg']:.2f} deg under {worst['fault']}, {RIVAL} alone has "
+        f"{worst['fallback_deg']:.2f}",
+        figure=worst["ratio"],
+        bar=ALLOWED,
+        unit="of the fallback's error",
+        holds=holds,
+        rows=tuple(
+            {name: row[name] for name in ("fault", "rmse_deg", "fallback_deg", "ratio")} for row in rows
+        ),
+        notes=(
+            f"During the fault and {_AFTER_S:g} s after; {_TWINS} twins, Gaussian noise, R = {VARIANCE:g}.",
+            f"An error up to {ALLOWED_DEG:g} deg above the fallback's, half of the noise, counts as equal.",
+        ),
+    )
+
+
+@functools.lru_cache(maxsize=1)
+def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
+    """Return one row for each kind of fault; three checks share them."""
+    rng, T = material.random(_FAULTS), material.sample_time
+    longest = _BEFORE_S + max(fault.seconds for fault in FAULTS) + _AFTER_S
+    records, _ = material.twins(material.ranges, rng, seconds=longest + 2 * T)
+    streams = []
+    for record in records:
+        bend = record.truth_deg[0]
+        measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
+        streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
+    begun = prepare_runtime(material.path, sample_time=T, noise_variance=VARIANCE)
+    rows = []
+    for number, fault in enumerate(FAULTS):
+        found = [_run(material, begun, fault, *stream) for stream in streams[:_TWINS]]
+        mine, alone = (float(np.sqrt(np.mean([of[name] for of in found]))) for name in ("square", "fallback"))
+        rows.append(
+            {
+                "fault": fault.name,
+                "must_flag": fault.must_flag,
+                "finite": all(of["finite"] for of in found),
+                "flagged": float(np.mean([of["flagged"] for of in found])),
+                "flagged_before": float(np.mean([of["flagged_before"] for of in found])),
+                "said": ", ".join(sorted({word for of in found for word in of["said"]})).lower(),
+                "rmse_deg": mine,
+                "fallback_deg": alone,
+                "ratio": mine / alone if mine > alone + ALLOWED_DEG else min(mine / alone, 1.0),
+            }
+        )
+        material.on_progress((number + 1) / len(FAULTS))
+    return rows
+
+
+def _run(
+    material: GateMaterial,
+    begun: Callable[[float], AssuredEstimator],
+    fault: Fault,
+    pull: Array,
+    bend: Array,
+    measured: Array,
+    initial: float,
+) -> dict[str, Any]:
+    """Run a runtime from an initial estimate, and the fallback alone, on one stream with one fault."""
+    T = material.sample_time
+    good: list[Sample] = [(k * T, float(pull[k]), float(measured[k])) for k in range(len(pull))]
+    begin = round(_BEFORE_S / T)
+    end = begin + max(round(fault.seconds / T), 2)
+    last = min(end + round(_AFTER_S / T), len(good))
+    runtime = begun(initial)
+    alone = OnlineEstimator(material.rival.with_sensor(Sensor(VARIANCE)), T, initial)
+    planted = [*fault.plant(good[begin:end], good[:begin])]
+    back = begin + len(planted)  # number of the first good sample after the fault
+    watched = back + max(round(_FLAGGED_WITHIN_S / T), 1)
+    squares, others = [], []
+    finite, words, before = True, set[str](), 0
+    for number, sample in enumerate([*good[:begin], *planted, *good[end:last]]):
+        reading, other = runtime.push(*sample), alone.push(*sample)
+        finite &= all(math.isfinite(of) for of in (reading.bend_deg, reading.low_deg, reading.high_deg))
+        flags = {*flag_names(reading.health), *flag_names(reading.alarms & ~Alarm.BEGINNING)}
+        if number < begin:
+            before += bool(flags)
+            continue
+        if number < watched:
+            words |= flags
+        # The truth now: a sample that comes late is compared with the truth when it comes.
+        truth = float(bend[min(number if number < back else end + number - back, last - 1)])
+        squares.append((reading.bend_deg - truth) ** 2)
+        others.append((other - truth) ** 2)
+    return {
+        "finite": finite,
+        "flagged": bool(words),
+        "flagged_before": before / max(begin, 1),
+        "said": words,
+        "square": float(np.nan_to_num(np.mean(squares), nan=1e8)),
+        "fallback": float(np.mean(others)),
+    }
+
+
+@declare("latency of one sample", SAFETY, 3)
+def latency(material: GateMaterial) -> Check:
+    """An estimate is there long before the next sample."""
+    rng, T = material.random(_LATENCY), material.sample_time
+    count = material.size.pushes + _WARM_UP
+    records, _ = material.twins(None, rng, seconds=count * T)
+    pull, bend = records[-1].pull_mm[0], records[-1].truth_deg[0]
+    measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
+    runtime = load_runtime(
+        material.path, sample_time=T, noise_variance=VARIANCE, initial_bend_deg=float(bend[0])
+    )
+    clock, processor = [], []
+    for k, sample in enumerate(zip(pull.tolist(), measured.tolist(), strict=True)):
+        begin, worked = time.perf_counter(), time.process_time()
+        runtime.push(k * T, *sample)
+        clock.append((time.perf_counter() - begin) * 1e3)
+        processor.append((time.process_time() - worked) * 1e3)
+        if k % 50 == 0:
+            material.on_progress(k / count)
+    rows = [_times(*of) for of in (("clock", clock[_WARM_UP:]), ("processor", processor[_WARM_UP:]))]
+    busy = rows[0]["median_ms"] > _BUSY * max(rows[1]["median_ms"], 1e-3)
+    median, most = rows[busy]["median_ms"], rows[busy]["percentile_99_ms"]
+    bar = LATENCY_SHARE * T * 1e3
+    notes = ["On this machine: measure again where it is deployed, under its load."]
+    if busy:
+        notes.append("Other work kept this machine busy: processor time is judged, not time on the clock.")
+    return Check(
+        f"median {median:.2f} ms, {PERCENTILE}th percentile {most:.2f} ms; the sample time is {T * 1e3:g} ms"
+        + ("" if most <= bar else ": too slow here, on this machine"),
+        figure=most,
+        bar=bar,
+        unit="ms",
+        holds=most <= bar,
+        rows=tuple(rows),
+        notes=tuple(notes),
+    )
+
+
+def _times(what: str, taken_ms: list[float]) -> dict[str, Any]:
+    median, most = (float(np.percentile(taken_ms, of)) for of in (50, PERCENTILE))
+    return {"time": what, "median_ms": median, "percentile_99_ms": most, "samples": len(taken_ms)}
