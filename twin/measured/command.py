@@ -75,12 +75,6 @@ def read_command(
     The file has a header. A command that is an angle is one of the preset's pulley. Samples at one time are
     averaged; between samples the command is linear.
 
-    Args:
-        path: the file.
-        preset: of the endoscope that is driven.
-        sample_time: time between two samples [s].
-        form: columns and units.
-
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: a column is missing or has no known unit, a value is no finite number or implausible, time

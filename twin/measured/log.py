@@ -8,7 +8,7 @@ them; where its value changes, another window begins, and each becomes an episod
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from twin.measured.units import (
 from twin.signals.plausible import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
-Warn = Callable[[str], None] | None
+Warn = Callable[[str], None]
 
 SHEATH_BEND_COLUMN = "sheath_bend_deg"
 """Name of the column of the angle that the sheath is bent by."""
@@ -105,11 +105,7 @@ class LogFormat:
         return names | {self.tension_a_column or "tension_a_n", self.tension_b_column or "tension_b_n"}
 
     def check(self) -> None:
-        """Refuse numbers that cannot be, and half a bending plane.
-
-        Raises:
-            ValueError: a number is out of range, or the columns do not make one plane or two.
-        """
+        """Refuse numbers that cannot be, and half a bending plane."""
         if not 0 < self.pulley_radius <= LARGEST_RADIUS:
             raise InputError(
                 f"`pulley_radius` is {self.pulley_radius:g} m: must be positive, at most {LARGEST_RADIUS:g} m"
@@ -118,9 +114,6 @@ class LogFormat:
         bend = self.sheath_bend_deg
         if bend is not None and not 0 <= bend <= LARGEST_SHEATH_BEND_DEG:
             raise InputError(f"sheath_bend_deg = {bend:g}: must be from 0 to {LARGEST_SHEATH_BEND_DEG:g}")
-        self._check_planes()
-
-    def _check_planes(self) -> None:
         lateral = (self.lateral_command_column, self.lateral_angle_column)
         if lateral == (None, None):
             if self.reverse_lateral_angle:
@@ -142,26 +135,21 @@ def read_measured_log(
     path: Path,
     form: LogFormat | None = None,
     *,
-    on_warning: Warn = None,
+    on_warning: Warn | None = None,
 ) -> Episode:
-    """Read a measured log as an episode; rows with the same time are averaged.
+    """Read a measured log, a CSV file with a header, as an episode; rows with the same time are averaged.
 
-    A value is missing where its field is empty or says so (`numbers.MISSING`). What is dropped or held
-    is counted in a warning and in the metadata.
-
-    Args:
-        path: a CSV file with a header.
-        form: its columns and units.
-        on_warning: called with each warning, in one line.
+    A value is missing where its field is empty or one of `table.MISSING`. What is dropped or held is counted
+    in a warning (one line each, to `on_warning`) and in the metadata.
 
     Returns:
         N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
         `measured_bend` is NaN and `bend` linear between its neighbours, or level before the first and after
         the last. With two bending planes `lateral_bend` is the angle in the second one, its holes filled in
-        the same way; `measured_bend` is then NaN where either angle is missing, as nothing else can say so.
-        There are no joints and no friction; `wire_tension` is (N, 2, 1) where both tensions of one plane were
-        measured, else (N, wires, 0). The metadata tells how the file was read, so that a pulling distance can
-        become a pulley's angle again.
+        the same way; `measured_bend` is then NaN where either angle is missing. There are no joints and no
+        friction; `wire_tension` is (N, 2, 1) where both tensions of one plane were measured, else
+        (N, wires, 0). The metadata state how the file was read, so that a pulling distance can become a
+        pulley's angle again.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -170,48 +158,36 @@ def read_measured_log(
             time, or any in phase; the angle is measured at fewer than two times; the command does not move.
     """
     form = form or LogFormat()
-    return log_of(log_table(path, form), form, on_warning=on_warning)
+    return _log_of(_log_table(path, form), form, on_warning or _ignore)
 
 
-def log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
-    """Read the columns of a measured log, and `more` of that file.
+def _ignore(line: str) -> None:
+    """Drop a warning."""
 
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: a number of the form cannot be, or the file is no CSV file.
-    """
+
+def _log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
+    """Read the columns of a measured log, and `more` of that file."""
     form.check()
     if not path.name.isprintable():
         raise InputError(f"{str(path)!r:.40}: a log records the name of its file, which must be printable")
     return read_columns(path, {*form.columns, *more})
 
 
-def log_of(
-    table: CsvTable,
-    form: LogFormat,
-    *,
-    may_stand_still: bool = False,
-    on_warning: Warn = None,
-) -> Episode:
-    """Return the episode of a table, or of a part of it, as `read_measured_log` reads a whole file.
-
-    Args:
-        table: the columns of `form`.
-        form: its columns and units.
-        may_stand_still: allow a command that does not move.
-        on_warning: called with each warning, in one line.
-
-    Raises:
-        ValueError: as of `read_measured_log`.
-    """
+def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bool = False) -> Episode:
+    """Return the episode of a table, or of a part of it, as `read_measured_log` reads a complete file."""
     path = table.path
     time_column = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
     time_unit, unit = time_unit_of(table, time_column, form.time_unit, form.seconds_per_cycle)
     row_count, sha256 = len(table.lines), table.sha256
-    table, time = _in_time_order(table, time_column, unit, time_unit == "rad", on_warning)
+    table = table.timed(time_column, warn)
+    refuse_implausible_times(table, time_column, unit)
+    # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
+    if time_unit != "rad":
+        table = table.in_order(time_column, warn)
+    time = table.time(time_column)
 
     if not may_stand_still:
-        refuse_standstill(table, form.command_column)
+        _refuse_standstill(table, form.command_column)
     own = _plane(table, form, form.command_column, form.angle_column, form.reverse_angle)
     planes = [own]
     if form.lateral_command_column is not None and form.lateral_angle_column is not None:
@@ -219,15 +195,23 @@ def log_of(
         planes.append(_plane(table, form, *columns, form.reverse_lateral_angle))
     for plane in planes:
         also = "nothing is measured there" + (", in either plane" if len(planes) > 1 else "")
-        _warn_of_missing(table, plane.command_column, plane.pull, "the last one is held", on_warning)
-        _warn_of_missing(table, plane.angle_column, plane.bend, also, on_warning)
-    tension_columns, tension = tensions(table, form, on_warning)
-    sheath_bend_column, sheath_bends = sheath_bend(table, form)
+        for name, values, effect in (
+            (plane.command_column, plane.pull, "the last one is held"),
+            (plane.angle_column, plane.bend, also),
+        ):
+            if (missing := np.isnan(values)).any():
+                warn(f"{table.count(missing, f'{name} is missing')}: {effect}")
+    tension_columns, tension = _tensions(table, form, warn)
+    sheath_bend_column, sheath_bends = _sheath_bend(table, form)
 
     instants, pulls = average_repeats(time, np.column_stack([plane.pull for plane in planes]))
     if len(instants) < 2:
         raise InputError(f"{path}: all rows have the same {time_column}, a record needs two times")
-    _warn_of_gap(table, time, instants, on_warning)
+    steps = np.diff(instants)
+    longest, usual = int(steps.argmax()), float(np.median(steps))
+    if steps[longest] > GAP * usual:
+        line, times = table.lines[int(np.searchsorted(time, instants[longest + 1]))], steps[longest] / usual
+        warn(f"{path} line {line}: a gap of {times:.0f} times the usual step comes before it")
     for plane, pull in zip(planes, pulls.T, strict=True):
         if np.isnan(pull[0]):
             rule = f"{plane.command_column} is missing, and no row before it has one to hold"
@@ -298,8 +282,18 @@ class _Plane:
 
 
 def _plane(table: CsvTable, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
-    pull = commanded_pull(table, form, command)
-    return _Plane(command, *pull, angle, *measured_angle(table, form, angle, reverse=reverse))
+    """Return the command and the measured angle, turned or not, of one bending plane."""
+    pull, command_unit = pulling_distance(
+        table, command, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
+    )
+    values = table.column(angle, may_miss=True)
+    unit = column_unit(table, angle, form.angle_unit, ANGLE_UNITS, "angle_unit")
+    bend = values * ANGLE_UNITS[unit] * (-1 if reverse else 1)
+    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
+    with np.errstate(over="ignore"):
+        degrees = np.degrees(bend)
+    refuse_implausible(table, angle, degrees, "deg", limits, "check `angle_unit`")
+    return _Plane(command, pull, command_unit, angle, bend, unit)
 
 
 def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
@@ -312,46 +306,8 @@ def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
     }
 
 
-def _in_time_order(
-    table: CsvTable, name: str, unit: float, phase: bool, on_warning: Warn
-) -> tuple[CsvTable, Array]:
-    """Return the table of rows with non-decreasing time, and that time in the column's unit [`unit` s]."""
-    table = table.timed(name, on_warning)
-    refuse_implausible_times(table, name, unit)
-    # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
-    if not phase:
-        table = table.in_order(name, on_warning)
-    return table, table.time(name)
-
-
-def _warn_of_missing(table: CsvTable, name: str, values: Array, what: str, on_warning: Warn) -> None:
-    missing = np.isnan(values)
-    if on_warning and missing.any():
-        on_warning(f"{table.count(missing, f'{name} is missing')}: {what}")
-
-
-def _warn_of_gap(table: CsvTable, time: Array, instants: Array, on_warning: Warn) -> None:
-    steps = np.diff(instants)
-    longest, usual = int(steps.argmax()), float(np.median(steps))
-    if on_warning and steps[longest] > GAP * usual:
-        line = table.lines[int(np.searchsorted(time, instants[longest + 1]))]
-        times = float(steps[longest]) / usual
-        on_warning(f"{table.path} line {line}: a gap of {times:.0f} times the usual step comes before it")
-
-
-def commanded_pull(table: CsvTable, form: LogFormat, name: str) -> tuple[Array, str]:
-    """Return the pulling distance (N,) [m] that a column commands, NaN where missing, and its unit."""
-    return pulling_distance(
-        table, name, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
-    )
-
-
-def refuse_standstill(table: CsvTable, name: str) -> None:
-    """Refuse a command that does not move.
-
-    Raises:
-        ValueError: it does not, or is missing in every row.
-    """
+def _refuse_standstill(table: CsvTable, name: str) -> None:
+    """Refuse a command that does not move, or is missing in every row."""
     values = table.column(name, may_miss=True)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -360,24 +316,8 @@ def refuse_standstill(table: CsvTable, name: str) -> None:
         raise InputError(f"{table.path}: {name} is {known[0]:g} in every row: a log without motion")
 
 
-def measured_angle(table: CsvTable, form: LogFormat, name: str, *, reverse: bool) -> tuple[Array, str]:
-    """Return the measured angle (N,) [rad] of a column, turned or not, NaN where missing, and its unit."""
-    values = table.column(name, may_miss=True)
-    unit = column_unit(table, name, form.angle_unit, ANGLE_UNITS, "angle_unit")
-    bend = values * ANGLE_UNITS[unit] * (-1 if reverse else 1)
-    limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
-    with np.errstate(over="ignore"):
-        degrees = np.degrees(bend)
-    refuse_implausible(table, name, degrees, "deg", limits, "check `angle_unit`")
-    return bend, unit
-
-
-def sheath_bend(table: CsvTable, form: LogFormat) -> tuple[str | None, Array]:
-    """Return the column of the bend of the sheath, None without one, and its angles (N,) or (0,) [rad].
-
-    Raises:
-        ValueError: an angle is missing, no number or implausible.
-    """
+def _sheath_bend(table: CsvTable, form: LogFormat) -> tuple[str | None, Array]:
+    """Return the column of the bend of the sheath, None without one, and its angles (N,) or (0,) [rad]."""
     name = SHEATH_BEND_COLUMN
     if form.sheath_bend_deg is not None or name not in table.names:
         return None, np.empty(0)
@@ -387,37 +327,27 @@ def sheath_bend(table: CsvTable, form: LogFormat) -> tuple[str | None, Array]:
     return name, np.radians(bend)
 
 
-def tensions(table: CsvTable, form: LogFormat, on_warning: Warn) -> tuple[list[str], Array]:
-    """Return the names of both tension columns, and their tensions (N, 2) [N]; none of one wire alone.
-
-    Raises:
-        ValueError: a column that is asked for is not there; a tension is missing, no number or implausible.
-    """
-    names = _tension_columns(table, form, on_warning)
-    columns = [table.column(name) for name in names]
-    for name, tension in zip(names, columns, strict=True):
-        refuse_implausible(table, name, tension, "N", _TENSION_N, "a tension is read in newton")
-    return list(names), np.column_stack(columns) if columns else np.empty((len(table.lines), 0))
-
-
-def _tension_columns(table: CsvTable, form: LogFormat, on_warning: Warn) -> tuple[str, ...]:
-    """Return the names of both tension columns, or none: one wire alone is of no use."""
-    names = (form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n")
+def _tensions(table: CsvTable, form: LogFormat, warn: Warn) -> tuple[list[str], Array]:
+    """Return the names of both tension columns, and their tensions (N, 2) [N]; none of one wire alone."""
+    names = [form.tension_a_column or "tension_a_n", form.tension_b_column or "tension_b_n"]
     found = [name for name in names if name in table.names]
     asked_for = form.tension_a_column is not None or form.tension_b_column is not None
     if form.lateral_command_column is not None:
         rule = "tensions of a log of two bending planes are not read"
         if asked_for:
             raise InputError(f"{table.path}: {rule}: leave out `tension_a_column` and `tension_b_column`")
-        if found and on_warning:
-            on_warning(f"{table.path} has {' and '.join(found)}: {rule}")
-        return ()
-    if len(found) == 2 or asked_for:
-        return names
-    if found and on_warning:
-        (missing,) = set(names) - set(found)
-        on_warning(f"{table.path} has {found[0]} but no {missing}: no tension is recorded")
-    return ()
+        if found:
+            warn(f"{table.path} has {' and '.join(found)}: {rule}")
+        names = []
+    elif len(found) < 2 and not asked_for:
+        if found:
+            (missing,) = set(names) - set(found)
+            warn(f"{table.path} has {found[0]} but no {missing}: no tension is recorded")
+        names = []
+    columns = [table.column(name) for name in names]
+    for name, tension in zip(names, columns, strict=True):
+        refuse_implausible(table, name, tension, "N", _TENSION_N, "a tension is read in newton")
+    return names, np.column_stack(columns) if columns else np.empty((len(table.lines), 0))
 
 
 def read_windows(
@@ -425,19 +355,12 @@ def read_windows(
     window_column: str,
     form: LogFormat | None = None,
     *,
-    on_warning: Warn = None,
+    on_warning: Warn | None = None,
 ) -> list[Episode]:
-    """Read the windows of a measured log, each as an episode, in the order of the file.
+    """Read the windows of a measured log, in the order of the file, each as `read_measured_log` does.
 
-    Args:
-        path: a CSV file with a header.
-        window_column: column of numbers that stay the same throughout a window.
-        form: columns and units, as of `read_measured_log`.
-        on_warning: called with each warning, in one line.
-
-    Returns:
-        Episodes as of `read_measured_log`, each from time 0 on. `window` in the metadata is the number in the
-        window column, `rows` those of the window. The command of one may stand still.
+    `window_column` has numbers that stay the same throughout a window. `window` in the metadata is that
+    number, `rows` those of the window. The command of one window may stand still.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -449,7 +372,7 @@ def read_windows(
         raise InputError(
             f"window_column = {window_column}: must be a column of its own, not of time, command or angle"
         )
-    table = log_table(path, form, window_column)
+    table = _log_table(path, form, window_column)
     numbers = table.column(window_column)
     begins = np.flatnonzero(np.diff(numbers, prepend=np.nan) != 0)
     if len(begins) > MOST_WINDOWS:
@@ -457,13 +380,13 @@ def read_windows(
             f"{path}: {window_column} changes {len(begins) - 1} times, at most {MOST_WINDOWS} windows are "
             "read: check `window_column`"
         )
-    refuse_standstill(table, form.command_column)
-    warn = _Few(on_warning)
+    _refuse_standstill(table, form.command_column)
+    warn = _Few(on_warning or _ignore)
     episodes = []
     for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(numbers)], strict=True):
         window = int(numbers[begin]) if numbers[begin].is_integer() else float(numbers[begin])
         try:
-            log = log_of(table.only(slice(begin, end)), form, may_stand_still=True, on_warning=warn)
+            log = _log_of(table.only(slice(begin, end)), form, warn, may_stand_still=True)
         except InputError as error:
             if not str(error).startswith(f"{path}: "):  # it names a line, or a column that is not there
                 raise
@@ -479,66 +402,47 @@ class _Few:
     """Warnings, each once and not too many of them."""
 
     def __init__(self, on_warning: Warn) -> None:
-        self._on_warning, self._told, self._more = on_warning, set[str](), 0
+        self._on_warning, self._given, self._more = on_warning, set[str](), 0
 
     def __call__(self, line: str) -> None:
-        if line in self._told or self._on_warning is None:
-            return
-        if len(self._told) < MOST_WARNINGS:
-            self._told.add(line)
+        if line not in self._given and len(self._given) < MOST_WARNINGS:
+            self._given.add(line)
             self._on_warning(line)
-        else:
+        elif line not in self._given:
             self._more += 1
 
     def finish(self, path: Path) -> None:
-        """Tell how many warnings were not told."""
-        if self._more and self._on_warning:
+        """Give the number of the other warnings."""
+        if self._more:
             self._on_warning(f"{path}: {self._more} more warnings like these")
 
 
 def oddities(*logs: Episode) -> list[str]:
     """Return a warning, in one line, for each of command, angle and time that is hardly an endoscope's.
 
-    Args:
-        logs: one from `read_measured_log`, whose metadata name columns and units; or all windows from
-            `read_windows`, which are judged together, as one may hardly move.
+    Windows of `read_windows` are judged together, as one may hardly move.
     """
-    return [line for line in (_odd_command(logs), _odd_bend(logs), _odd_time(logs)) if line]
-
-
-def _odd_command(logs: Sequence[Episode]) -> str | None:
-    name, radius = logs[0].metadata["command_column"], logs[0].metadata["pulley_radius"]
-    advice = "check `command_unit`"
-    span = float(np.ptp(np.concatenate([log.pull for log in logs])))
-    if radius is not None:
-        odd = _outside(float(np.degrees(span / radius)), PULLEY_RANGE_DEG, "deg")
-        if odd:
-            return f"{name} ranges over {odd}: {advice}"
-        advice += " and `pulley_radius`"
-    odd = _outside(span * 1e3, PULL_RANGE_MM, "mm", " of pulling distance")
-    return f"{name} ranges over {odd}: {advice}" if odd else None
-
-
-def _odd_bend(logs: Sequence[Episode]) -> str | None:
-    span = float(np.ptp(np.concatenate([log.truth_deg for log in logs])))
-    odd = _outside(span, BEND_RANGE_DEG, "deg")
-    return f"{logs[0].metadata['angle_column']} ranges over {odd}: check `angle_unit`" if odd else None
-
-
-def _odd_time(logs: Sequence[Episode]) -> str | None:
     facts = logs[0].metadata
-    name, is_phase = facts["time_column"], facts["seconds_per_cycle"] is not None
-    advice = "check `time_unit`" + (" and `seconds_per_cycle`" if is_phase else "")
-    if odd := _outside(float(np.median([log.sample_time for log in logs])), SAMPLE_TIMES_S, "s"):
-        return f"{name} steps by {odd}: {advice}"
-    odd = _outside(float(sum(log.time[-1] for log in logs)), LENGTHS_S, "s")
-    return f"{name} ranges over {odd}: {advice}" if odd else None
-
-
-def _outside(value: float, usual: tuple[float, float], unit: str, what: str = "") -> str | None:
-    """Return a value out of its usual limits in words; None for one within them."""
-    low, high = usual
-    if low <= value <= high:
-        return None
-    odd = f"little (less than {low:g}" if value < low else f"much (more than {high:g}"
-    return f"{value:.3g} {unit}{what}, unusually {odd} {unit})"
+    command, angle, time = facts["command_column"], facts["angle_column"], facts["time_column"]
+    radius = facts["pulley_radius"]
+    pull = float(np.ptp(np.concatenate([log.pull for log in logs])))
+    bend = float(np.ptp(np.concatenate([log.truth_deg for log in logs])))
+    check_command = "check `command_unit`" + (" and `pulley_radius`" if radius is not None else "")
+    check_time = "check `time_unit`" + (" and `seconds_per_cycle`" if facts["seconds_per_cycle"] else "")
+    step = float(np.median([log.sample_time for log in logs]))
+    seconds = float(sum(log.time[-1] for log in logs))
+    turn = float(np.degrees(pull / radius)) if radius is not None else PULLEY_RANGE_DEG[0]
+    checks = (
+        (command, "ranges over", turn, PULLEY_RANGE_DEG, "deg", "", "check `command_unit`"),
+        (command, "ranges over", pull * 1e3, PULL_RANGE_MM, "mm", " of pulling distance", check_command),
+        (angle, "ranges over", bend, BEND_RANGE_DEG, "deg", "", "check `angle_unit`"),
+        (time, "steps by", step, SAMPLE_TIMES_S, "s", "", check_time),
+        (time, "ranges over", seconds, LENGTHS_S, "s", "", check_time),
+    )
+    lines: dict[str, str] = {}
+    for name, verb, value, (low, high), unit, of, advice in checks:
+        if not low <= value <= high:
+            odd = f"little (less than {low:g}" if value < low else f"much (more than {high:g}"
+            line = f"{name} {verb} {value:.3g} {unit}{of}, unusually {odd} {unit}): {advice}"
+            lines.setdefault(name, line)
+    return list(lines.values())

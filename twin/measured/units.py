@@ -24,11 +24,7 @@ LARGEST_CYCLE = 1e6
 
 
 def check_cycle(seconds_per_cycle: float) -> None:
-    """Refuse a duration of a phase of 2 pi [s] that cannot be.
-
-    Raises:
-        ValueError: it is out of range.
-    """
+    """Refuse a duration of a phase of 2 pi [s] that is out of range."""
     if not 0 < seconds_per_cycle <= LARGEST_CYCLE:
         raise InputError(
             f"seconds_per_cycle = {seconds_per_cycle:g}: must be positive, at most {LARGEST_CYCLE:g}"
@@ -38,18 +34,7 @@ def check_cycle(seconds_per_cycle: float) -> None:
 def column_unit(
     table: CsvTable, name: str, given: str | None, units: Mapping[str, float], parameter: str
 ) -> str:
-    """Return the unit of a column: the one given, or the ending of its name.
-
-    Args:
-        table: of the column, for messages.
-        name: of the column.
-        given: the unit that was given, if any.
-        units: the valid ones.
-        parameter: name of the parameter that gives it, for messages.
-
-    Raises:
-        ValueError: it is none of the valid ones.
-    """
+    """Return the unit of a column: the one given by a parameter, or the ending of its name."""
     *most, last = units
     valid = f"{', '.join(most)} or {last}"
     if given is not None:
@@ -65,22 +50,14 @@ def column_unit(
 def time_unit_of(
     table: CsvTable, name: str, given: str | None, seconds_per_cycle: float
 ) -> tuple[str, float]:
-    """Return the unit of a column of times or phases, and what it is in seconds.
-
-    Raises:
-        ValueError: it is none of the valid ones.
-    """
+    """Return the unit of a column of times or phases, and what it is in seconds."""
     units = TIME_UNITS | {"rad": seconds_per_cycle / (2 * np.pi)}
     unit = column_unit(table, name, given, units, "time_unit")
     return unit, units[unit]
 
 
 def refuse_implausible_times(table: CsvTable, name: str, unit: float) -> None:
-    """Refuse a column of times in units of `unit` seconds that is out of any clock's range.
-
-    Raises:
-        ValueError: it is, or a value is no finite number.
-    """
+    """Refuse a column of times in units of `unit` seconds that is out of any clock's range."""
     with np.errstate(over="ignore"):
         seconds = table.column(name) * unit
     refuse_implausible(table, name, seconds, "s", (-LARGEST_TIME_S, LARGEST_TIME_S), "check `time_unit`")
@@ -91,16 +68,8 @@ def pulling_distance(
 ) -> tuple[Array, str]:
     """Return a command as a pulling distance (N,) [m], NaN where it is missing, and the unit of its column.
 
-    Args:
-        table: of the column.
-        name: of the column.
-        given: its unit, if its name does not end in it: an angle of the pulley or a distance.
-        pulley_radius: what makes a distance of an angle [m].
-        advice: what to check where the radius makes the distance implausible.
-        may_miss: allow missing values.
-
-    Raises:
-        ValueError: there is no such column or unit; a value is missing, no number or implausible.
+    The radius of the pulley [m] makes a distance of an angle; `advice` is what to check where that is
+    implausible.
     """
     values = table.column(name, may_miss=may_miss)
     lengths = LENGTH_UNITS | {unit: size * pulley_radius for unit, size in ANGLE_UNITS.items()}
@@ -117,11 +86,7 @@ def pulling_distance(
 def refuse_implausible(
     table: CsvTable, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
 ) -> None:
-    """Refuse values (N,) of a column that are out of their limits; the line names the first.
-
-    Raises:
-        ValueError: one is.
-    """
+    """Refuse values (N,) of a column that are out of their limits; the message names the first line."""
     low, high = limits
     wrong = (values < low) | (values > high)
     if wrong.any():
