@@ -69,7 +69,7 @@ def test_each_camera_states_its_calibration_and_its_pictures(folder):
 
 @needs_gl
 def test_projections_of_the_calibration_triangulate_the_tip(folder):
-    """As ROS says it: P projects what R turned; equal rows in both, the shift tells the depth."""
+    """As in ROS: P projects what R turned; equal rows in both, the shift gives the depth."""
     path = folder / "episode_0000.mcap"
     sensor, seen = sensor_before(read_episode(path), RIG), messages(path)
     point = np.array([SMALL.section_length, 0.002, 0.001])  # of space; below, in the left camera's axes
@@ -120,7 +120,7 @@ def test_an_episode_that_is_never_seen_is_refused(tmp_path):
         ("sensor: {stereo: false, variance_deg2: 0.3}", None),
     ],
 )
-def test_a_recipe_says_which_cameras(text, rig):
+def test_a_recipe_states_its_cameras(text, rig):
     assert resolve(parse_recipe(text), Path()).stereo == rig
 
 

@@ -1,4 +1,4 @@
-"""Cameras: the lens bends as OpenCV says, the shutter exposes row by row, pixels are as noisy as told."""
+"""Cameras: distortion as in OpenCV, exposure row by row, and the noise of the pixels as given."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from seen import needs_gl
 
 from twin.preset.file import load_preset
-from twin.vision.bench import Bench
-from twin.vision.cameras import mounted_cameras
-from twin.vision.exposure import develop, expose, instants, row_weights
-from twin.vision.optics import Lens
+from twin.vision.bench import Bench, develop, expose, instants, row_weights
+from twin.vision.calibration import _corners
+from twin.vision.optics import Lens, cv2, mounted_cameras
 from twin.vision.rig import StereoRig, parse_rig, stereo_rig
+from twin.vision.targets import board_square, charuco_board
 
 PRESET = load_preset("ureteroscope")
 
@@ -40,10 +40,6 @@ def test_the_two_cameras_look_at_the_section_from_either_side():
 @needs_gl
 def test_a_corner_is_seen_where_the_true_camera_projects_it():
     """Renderer, lens and projection agree to a twentieth of a pixel, distortion and all."""
-    from twin.vision.calibration import _corners
-    from twin.vision.opencv import cv2
-    from twin.vision.targets import board_square, charuco_board
-
     rig = StereoRig(pixel_noise=0.0, distortion=2.0, width=960, height=720)
     bench = Bench(PRESET, rig)
     square = board_square(PRESET)
@@ -106,7 +102,7 @@ def test_motion_is_smeared_over_its_way():
 
 
 @pytest.mark.parametrize("noise", [0.0, 3.0, 8.0])
-def test_pixels_are_as_noisy_as_told_and_more_in_the_light(noise):
+def test_the_noise_of_pixels_is_as_given_and_more_in_the_light(noise):
     rig = StereoRig(pixel_noise=noise, blur_px=0.0)
     rng = np.random.default_rng(0)
     dark, grey, light = (

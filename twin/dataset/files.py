@@ -104,8 +104,7 @@ def _write(recipe: Recipe, key: EpisodeKey, path: Path, episode: Episode) -> Non
     with EpisodeWriter(path) as writer:
         writer.write(episode)
         if recipe.stereo is not None:
-            from twin.vision.messages import calibration_messages, picture_messages
-            from twin.vision.sensor import sensor_before
+            from twin.vision.sensor import calibration_messages, picture_messages, sensor_before
 
             sensor = sensor_before(episode, recipe.stereo)
             for topic, message in calibration_messages(sensor.calibration, nanoseconds[0]):

@@ -1,7 +1,7 @@
 """Noise of the stereo sensor: errors that it made on a grid of angles, and gaps where instruments hid it.
 
-`assets/stereo_noise.json` holds what was measured (`python -m scripts.measure_stereo`). An error depends on
-the angle, and less on chance: as the endoscope moves slowly, errors of neighbouring samples are alike.
+`assets/stereo_noise.json` is measured by `python -m scripts.studies.measure_stereo`. An error depends more on
+the angle than on noise: as the endoscope moves slowly, errors of neighbouring samples are alike.
 """
 
 import dataclasses

@@ -1,30 +1,40 @@
-"""Bench before the cameras: the endoscope with its markers, the calibration board, a rod that passes by."""
+"""Bench in front of the cameras: endoscope, calibration board, a passing rod, exposure of pictures."""
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.episode import Episode
 from twin.physics.drawing.drawn import DrawnEndoscope
-from twin.physics.drawing.frames import Frames, sheath_frames
+from twin.physics.drawing.frames import Frames, link_frames, sheath_frames
 from twin.physics.drawing.targets import AWAY, add_plate, add_rod
 from twin.preset.preset import Preset
-from twin.vision.cameras import mounted_cameras
-from twin.vision.exposure import Grey, develop, expose, instants, row_weights
-from twin.vision.optics import Lens
+from twin.rendering.actor import hinge_angles_of
+from twin.vision.optics import Lens, cv2, mounted_cameras
 from twin.vision.rig import StereoRig
 from twin.vision.targets import board_plate, board_square, marker_plates
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 """(height, width) grey levels."""
+Grey = NDArray[np.float32]
 Pair = tuple[Picture, Picture]
 """Left and right picture."""
 
 _BACKDROP = 190.0  # grey level behind everything
 _ROD = (0.06, 4.0)  # radius and length, in lengths of the section
 _LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+MOST_INSTANTS = 12
+"""Most instants at which a moving scene is drawn for one picture."""
+_STILL_PX = 0.25  # motion that is not seen
+_SHOT_SHARE = 0.7  # of the variance at mid-grey that grows with the light; the rest is that of reading
+_SECONDS = (0.4, 2.5)  # that a pass takes
+_NEARNESS = (0.1, 0.5)  # of the rod, from what it hides to the cameras
+_SWEEP = 0.8  # half of its path, in lengths of the section
+_OFF_TARGET = 0.12  # by which it misses the middle of what it hides, likewise
 
 
 class Bench:
@@ -35,11 +45,7 @@ class Bench:
     """
 
     def __init__(self, preset: Preset, rig: StereoRig) -> None:
-        """Build the scene and mount the cameras.
-
-        Args:
-            preset: the endoscope.
-            rig: of the cameras; its seed draws the tolerances of their mounting.
+        """Build the scene and mount the cameras; the seed of the rig draws the tolerances of the mounting.
 
         Raises:
             OSError: nothing on this system can draw without a screen.
@@ -63,9 +69,9 @@ class Bench:
         """Take a picture with each camera, at the same time.
 
         Args:
-            scene: places everything as it is at an instant about that of the picture [s].
-            speed: of what moves, in the picture [pixels / s].
-            rng: noise of the pixels.
+            scene: places everything as at a time relative to that of the picture [s].
+            speed: of the motion in the picture [pixels / s].
+            rng: of the noise of the pixels.
         """
         when = instants(self.rig, speed)
         weights = row_weights(self.rig, when)
@@ -80,7 +86,7 @@ class Bench:
         return pictures[0], pictures[1]
 
     def stand(self, links: Frames, index: int) -> None:
-        """Place the endoscope in a pose, as of `frames.link_frames`, without board and rod."""
+        """Place the endoscope in a pose, see `frames.link_frames`, without board and rod."""
         self._drawn.stand(links, index)
         self._drawn.place("rod", AWAY, np.eye(3))
 
@@ -91,13 +97,13 @@ class Bench:
         self._drawn.place_sheath(sheath_frames(self.preset, 0.0))
 
     def pass_rod(self, middle: Array, along: Array) -> None:
-        """Hold the rod before the cameras: its middle (3,) [m], and the unit vector (3,) along it."""
+        """Place the rod: its middle (3,) [m], and the unit vector (3,) along it."""
         across = np.cross(along, [0.0, 1.0, 0.0])
         across /= np.linalg.norm(across)
         self._drawn.place("rod", middle, np.column_stack([along, across, np.cross(along, across)]))
 
     def show_board(self, position: Array, rotation: Array) -> None:
-        """Hold the calibration board alone before the cameras: its middle (3,) [m], and its axes (3, 3)."""
+        """Show the calibration board alone: its middle (3,) [m], and its axes (3, 3)."""
         self._drawn.hide()
         self._drawn.place("board", position, rotation)
 
@@ -107,3 +113,145 @@ class Bench:
         through = 1 - layer[..., 3].astype(np.float32) / 255
         picture = layer[..., :3].astype(np.float32) @ _LUMA + np.float32(_BACKDROP) * through
         return picture.astype(np.float32)
+
+
+def instants(rig: StereoRig, speed: float) -> Array:
+    """Return the instants (n,) at which a scene is drawn for one picture, relative to its time [s].
+
+    At a speed [pixels / s], nothing moves by more than a pixel between two of them.
+    """
+    span = rig.exposure_s + rig.rolling_shutter_s
+    moved = speed * span
+    count = 1 if moved < _STILL_PX else min(int(np.ceil(moved)) + 1, MOST_INSTANTS)
+    return np.linspace(-span / 2, span / 2, count) if count > 1 else np.zeros(1)
+
+
+def row_weights(rig: StereoRig, when: Array) -> Array:
+    """Return the share that the scene at each instant has in each row of a picture, (instants, rows).
+
+    Row r is open from t_r - exposure / 2 to t_r + exposure / 2, where t_r goes from - rolling / 2 to
+    + rolling / 2 down the picture. The scene is taken to be linear between two instants.
+    """
+    middle = (np.arange(rig.height) / max(rig.height - 1, 1) - 0.5) * rig.rolling_shutter_s
+    if len(when) == 1:
+        return np.ones((1, rig.height))
+    fine = np.linspace(-0.5, 0.5, 33) * rig.exposure_s
+    place = np.interp(middle[:, None] + fine, when, np.arange(len(when)))
+    hats = np.clip(1 - np.abs(place[..., None] - np.arange(len(when))), 0, 1)
+    weights: Array = hats.mean(axis=1).T
+    weights /= weights.sum(axis=0)
+    return weights
+
+
+def expose(scene: Callable[[float], Grey], when: Sequence[float] | Array, weights: Array) -> Grey:
+    """Return the mean of a scene (height, width) over instants, row by row."""
+    picture: Grey | None = None
+    for instant, rows in zip(when, weights, strict=True):
+        part = scene(float(instant)) * rows[:, None].astype(np.float32)
+        picture = part if picture is None else picture + part
+    assert picture is not None
+    return picture
+
+
+def develop(picture: Grey, rig: StereoRig, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Return the grey levels that a sensor gives for light (height, width), 0 to 255.
+
+    Blur, gain, noise and saturation; the variance of the noise is that of reading and that of counting
+    photons, which grows with the light.
+    """
+    if rig.blur_px > 0:
+        picture = cv2.GaussianBlur(picture, (0, 0), rig.blur_px)
+    light = rig.brightness * np.clip(picture, 0, None)
+    variance = rig.pixel_noise**2 * (1 - _SHOT_SHARE + _SHOT_SHARE * light / 128)
+    noisy = light + np.sqrt(variance) * rng.standard_normal(light.shape, dtype=np.float32)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+class Motion:
+    """Poses of an episode at any time, linear between samples; without hinge angles, an even arc.
+
+    Attributes:
+        tip: (N, 3) place of the tip at each sample [m].
+    """
+
+    def __init__(self, episode: Episode, preset: Preset) -> None:
+        """Compute the path of the tip."""
+        self._time, self._length = episode.time, preset.section_length
+        self._own, self._lateral = hinge_angles_of(episode), episode.lateral_joint_angle
+        self.tip = link_frames(self._own, self._lateral, self._length).position[:, -1]
+
+    def links_at(self, time: float) -> Frames:
+        """Return the frames of the links at a time [s], (1, vertebrae + 1)."""
+        own = self._at(self._own, time)
+        lateral = self._at(self._lateral, time) if len(self._lateral) else self._lateral
+        return link_frames(own, lateral, self._length)
+
+    def speed(self, sample: int) -> float:
+        """Return the speed of the tip about a sample [m / s]."""
+        before, after = max(sample - 1, 0), min(sample + 1, len(self._time) - 1)
+        travel = np.linalg.norm(self.tip[after] - self.tip[before])
+        return float(travel / (self._time[after] - self._time[before]))
+
+    def _at(self, values: Array, instant: float) -> Array:
+        """Return values (N, columns) at an instant, (1, columns); outside, those of the ends."""
+        time = self._time
+        after = int(np.clip(np.searchsorted(time, instant), 1, len(time) - 1))
+        share = np.clip((instant - time[after - 1]) / (time[after] - time[after - 1]), 0.0, 1.0)
+        between: Array = (1 - share) * values[after - 1 : after] + share * values[after : after + 1]
+        return between
+
+
+@dataclasses.dataclass(frozen=True)
+class Pass:
+    """Pass of the rod.
+
+    Attributes:
+        start: when it comes into sight [s].
+        end: when it is gone [s].
+        entry: (3,) place of its middle at the start [m].
+        exit: (3,) place of its middle at the end [m].
+        along: (3,) unit vector along it.
+    """
+
+    start: float
+    end: float
+    entry: Array
+    exit: Array
+    along: Array
+
+    def middle(self, time: float) -> Array | None:
+        """Return the place of its middle at a time [s]; None where it is not in sight."""
+        if not self.start <= time <= self.end:
+            return None
+        share = (time - self.start) / (self.end - self.start)
+        place: Array = self.entry + share * (self.exit - self.entry)
+        return place
+
+
+def draw_passes(
+    rig: StereoRig, time: Array, tip: Array, section_length: float, rng: np.random.Generator
+) -> list[Pass]:
+    """Draw the passes of an episode, a Poisson process; each crosses in front of the tip or of the shaft.
+
+    Args:
+        rig: rate of passes, and distance of the cameras.
+        time: (N,) time of the samples [s].
+        tip: (N, 3) place of the tip [m].
+        section_length: of the bending section [m].
+        rng: source of random numbers.
+    """
+    seconds = float(time[-1] - time[0])
+    count = int(rng.poisson(rig.occlusions_per_minute * seconds / 60))
+    passes = []
+    for start in np.sort(rng.uniform(0, seconds, count)) + time[0]:
+        end = start + rng.uniform(*_SECONDS)
+        at = int(np.clip(np.searchsorted(time, (start + end) / 2), 0, len(time) - 1))
+        hidden = tip[at] if rng.uniform() < 0.7 else np.array([-0.2 * section_length, 0.0, 0.0])
+        hidden = hidden + _OFF_TARGET * section_length * rng.standard_normal(3)
+        towards = np.array([0.0, -rig.distance * section_length, 0.0])
+        centre = hidden + rng.uniform(*_NEARNESS) * towards
+        angle = rng.uniform(0, 2 * np.pi)
+        along = np.array([np.cos(angle), 0.0, np.sin(angle)])
+        travel = _SWEEP * section_length * np.array([-along[2], 0.0, along[0]])
+        passes.append(Pass(float(start), float(end), centre - travel, centre + travel, along))
+    return passes

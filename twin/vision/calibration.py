@@ -1,4 +1,4 @@
-"""Calibration of two cameras by OpenCV, from pictures of a board that is held before them."""
+"""Calibration of two cameras by OpenCV, from pictures of a board."""
 
 import dataclasses
 
@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from twin.errors import InputError
 from twin.vision.bench import Bench, Picture
-from twin.vision.opencv import cv2
-from twin.vision.optics import Optics
+from twin.vision.optics import Optics, cv2
 from twin.vision.targets import board_square, charuco_board
 
 Array = NDArray[np.float64]
@@ -22,7 +21,7 @@ _FLAGS = cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_ASPECT_RATIO
 
 @dataclasses.dataclass(frozen=True)
 class StereoCalibration:
-    """Two cameras as their calibration found them; the left one's axes are those of space.
+    """Calibrated cameras in the axes of the left one.
 
     Attributes:
         left: camera, at the origin.
@@ -40,10 +39,10 @@ class StereoCalibration:
 def calibrate(bench: Bench) -> StereoCalibration:
     """Calibrate the cameras of a bench: take pictures of the board in many poses, and find its corners.
 
-    Each camera is calibrated alone, then the one beside the other (Zhang 2000, as OpenCV has it).
+    Each camera is calibrated alone, then the pair (Zhang 2000, as in OpenCV).
 
     Raises:
-        ValueError: the board is found in too few pictures, as where they are too dark or blurred.
+        ValueError: the board is found in too few pictures.
     """
     rig, preset = bench.rig, bench.preset
     rng = np.random.default_rng([rig.seed, 1])

@@ -1,4 +1,4 @@
-"""Characteristic of a stereo sensor: its errors on a grid of angles, and how long instruments hide a tip."""
+"""Characteristic of a stereo sensor: errors on a grid of angles, and stretches hidden by instruments."""
 
 import dataclasses
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Progress = Callable[[int, int], None]
 
 @dataclasses.dataclass(frozen=True)
 class Occluded:
-    """Long record before which instruments pass.
+    """Long episode during which instruments pass.
 
     Attributes:
         error_deg: (frames,) error of each pair of pictures; NaN where no angle is known [deg].
@@ -41,7 +41,7 @@ def grid_errors(
 ) -> Array:
     """Return errors of the angle at bends (n,) [deg] held still, (n, repeats); NaN where none is known [deg].
 
-    The curvature is spread over the section in another way each time.
+    Each repeat has another distribution of the curvature along the section.
     """
     rng = np.random.default_rng([rig.seed, 3])
     bends = np.repeat(np.asarray(bends_deg, dtype=float), repeats)
@@ -53,7 +53,7 @@ def grid_errors(
 
 
 def occluded(preset: Preset, rig: StereoRig, frames: int, on_progress: Progress | None = None) -> Occluded:
-    """Measure a long record that sweeps over all angles while instruments pass."""
+    """Measure a long episode that sweeps over all angles while instruments pass."""
     seconds = frames / rig.frames_per_second
     time = np.arange(round(seconds / _SAMPLE_TIME), dtype=np.float64) * _SAMPLE_TIME
     bend = np.radians(FURTHEST_DEG) * np.sin(2 * np.pi * time / _SWEEP_SECONDS)
@@ -70,7 +70,7 @@ def occluded(preset: Preset, rig: StereoRig, frames: int, on_progress: Progress 
 def _record(
     preset: Preset, time: Array, bend: Array, rng: np.random.Generator, *, even: bool = False
 ) -> Episode:
-    """Return a record of poses that nothing simulated, whose curvature tapers along the section."""
+    """Return an episode of given poses, whose curvature tapers along the section."""
     count = len(time)
     taper = np.full(count, rng.uniform(*_TAPERS)) if even else rng.uniform(*_TAPERS, count)
     share = 1 + taper[:, None] * np.linspace(1, -1, preset.vertebrae)

@@ -1,35 +1,91 @@
 """Bending angle from markers: found in both pictures, placed in space, and turned against one another."""
 
 from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.vision.bench import Pair, Picture
 from twin.vision.calibration import StereoCalibration
-from twin.vision.opencv import cv2
-from twin.vision.rigid import Pose, fitted_pose, mean_rotation, reprojection, triangulate
+from twin.vision.optics import cv2
 from twin.vision.targets import BASE, DICTIONARY, TIP, marker_corners
 
 Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL = 0.4
-"""Largest reprojection of a marker that is believed, root mean square [pixels]."""
+"""Largest reprojection of a marker that is used, root mean square [pixels]."""
+
+
+class Meter(Protocol):
+    """Meter of the bending angle in pairs of pictures, from the calibration of the cameras."""
+
+    def zero(self, pairs: list[Pair]) -> int:
+        """Set the zero from pictures of the straight endoscope; returns the number of measured pairs."""
+
+    def forget(self) -> None:
+        """Forget the last picture: another episode begins."""
+
+    def angle(self, pair: Pair) -> float:
+        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is unknown."""
+
+
+class Pose(NamedTuple):
+    """Pose of a known shape.
+
+    Attributes:
+        rotation: (3, 3) its axes, as columns.
+        position: (3,) its origin [m].
+    """
+
+    rotation: Array
+    position: Array
+
+
+def triangulate(left: Array, right: Array, calibration: StereoCalibration) -> Array:
+    """Return points (n, 3) [m] in the axes of the left camera, from their pixels (n, 2) in both pictures."""
+    places = [
+        camera.normalised(pixels) for camera, pixels in ((calibration.left, left), (calibration.right, right))
+    ]
+    projections = calibration.left.projection, calibration.right.projection
+    homogeneous = cv2.triangulatePoints(*projections, places[0].T, places[1].T).astype(float)
+    points: Array = (homogeneous[:3] / homogeneous[3]).T
+    return points
+
+
+def fitted_pose(shape: Array, points: Array) -> Pose:
+    """Return the pose in which a shape (n, 3) is nearest to points (n, 3), in least squares (Kabsch 1976)."""
+    centre, middle = shape.mean(axis=0), points.mean(axis=0)
+    left, _, right = np.linalg.svd((shape - centre).T @ (points - middle))
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    rotation = (left @ flip @ right).T
+    return Pose(rotation, middle - rotation @ centre)
+
+
+def reprojection(
+    shape: Array, pose: Pose, left: Array, right: Array, calibration: StereoCalibration
+) -> float:
+    """Return the root mean square distance of a shape in a pose from its pixels in both pictures [pixels]."""
+    points = shape @ pose.rotation.T + pose.position
+    off = [calibration.left.project(points) - left, calibration.right.project(points) - right]
+    return float(np.sqrt(np.mean(np.square(off)) * 2))
+
+
+def mean_rotation(rotations: list[Array]) -> Array:
+    """Return the rotation (3, 3) that is nearest to the mean of rotations, in least squares."""
+    left, _, right = np.linalg.svd(np.mean(rotations, axis=0))
+    mean: Array = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return mean
 
 
 class MarkerFinder:
     """Finder of the markers in pairs of pictures, and of their poses in the axes of the left camera.
 
-    A marker that is not seen whole by both cameras, or is not as square as it should be, is not found.
+    A marker that one camera does not see completely, or that is not square enough, is not found.
     """
 
     def __init__(self, calibration: StereoCalibration, side: float) -> None:
-        """Make the detector.
-
-        Args:
-            calibration: of the cameras.
-            side: of a marker's black border [m].
-        """
+        """Make the detector; `side` is that of a marker's black border [m]."""
         self._calibration = calibration
         self._shapes = {number: marker_corners(side) for number in (BASE, TIP)}
         parameters = cv2.aruco.DetectorParameters()
@@ -82,18 +138,12 @@ class MarkerMeter:
     """Meter of the bending angle by a marker on the shaft and one on the tip."""
 
     def __init__(self, calibration: StereoCalibration, side: float, planes: int = 1) -> None:
-        """Make the finder.
-
-        Args:
-            calibration: of the cameras.
-            side: of a marker's black border [m].
-            planes: bending planes of the endoscope.
-        """
+        """Make the finder; `side` is that of a marker's black border [m]."""
         self._finder, self._planes = MarkerFinder(calibration, side), planes
         self._straight = np.eye(3)
 
     def zero(self, pairs: Sequence[Pair]) -> int:
-        """Take the endoscope for straight in pairs of pictures; returns in how many it is seen."""
+        """Set the zero from pictures of the straight endoscope; returns the number of measured pairs."""
         self._finder.measure_sizes(pairs)
         turns = [turn for turn in map(self._turn, pairs) if turn is not None]
         if turns:
@@ -101,10 +151,10 @@ class MarkerMeter:
         return len(turns)
 
     def forget(self) -> None:
-        """Do nothing: each pair of pictures stands for itself."""
+        """Do nothing: pairs of pictures are measured independently."""
 
     def angle(self, pair: Pair) -> float:
-        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is not known."""
+        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is unknown."""
         turn = self._turn(pair)
         if turn is None:
             return float("nan")

@@ -1,4 +1,4 @@
-"""Optics of a camera: pinhole, lens distortion and pose, in OpenCV's conventions.
+"""Optics of two cameras in OpenCV's conventions: pinhole, lens distortion, pose, and mounting.
 
 A camera's own axes are x to the right, y down and z forward. A point X of the world is at R X + t there; its
 normalised place (x / z, y / z) is distorted radially and tangentially (Brown 1966) and becomes a pixel by the
@@ -6,14 +6,26 @@ matrix K, whose origin is the middle of the upper left pixel.
 """
 
 import dataclasses
+from typing import Any
 
+import cv2 as _cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from twin.physics.drawing.canvas import View
-from twin.vision.opencv import cv2
+from twin.preset.preset import Preset
+from twin.vision.rig import StereoRig
+
+cv2: Any = _cv2  # its own annotations are of arrays of every type, ours of floats
+_cv2.setNumThreads(1)  # a worker has one core
 
 Array = NDArray[np.float64]
+
+_UP = np.array([-1.0, 0.0, 0.0])  # of the pictures: the endoscope hangs into them, its tip below
+_CENTRE = 0.43  # of what is seen, ahead of the base [section lengths]
+_TURN_DEG, _PLACE, _FOCUS, _AXIS_PX, _TANGENTIAL = 0.5, 0.005, 0.01, 3.0, 3e-4  # tolerances
+_K1, _K2 = -0.10, 0.05
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +74,7 @@ class Optics:
 
 
 class Lens:
-    """Lens of a camera: it bends the picture of a pinhole, which the renderer draws.
+    """Lens of a camera: it distorts the picture of a pinhole, which the renderer draws.
 
     Attributes:
         view: of the pinhole, a little wider than what is kept.
@@ -71,12 +83,7 @@ class Lens:
     """
 
     def __init__(self, optics: Optics, margin: float = 0.06) -> None:
-        """Compute where each pixel looks.
-
-        Args:
-            optics: of the camera.
-            margin: by which the pinhole sees more on each side, in shares of the width.
-        """
+        """Compute the direction of each pixel; the pinhole sees more by `margin`, in shares of the width."""
         focal = float(optics.matrix[0, 0])
         extra = round(margin * optics.width)
         self.width, self.height = optics.width + 2 * extra, optics.height + 2 * extra
@@ -97,3 +104,34 @@ class Lens:
             picture, *self._maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
         return bent
+
+
+def mounted_cameras(preset: Preset, rig: StereoRig) -> tuple[Optics, Optics]:
+    """Return the true left and right camera, with the tolerances of real ones; a measurement knows neither.
+
+    They are on either side of the shaft. A shaft along their baseline would look alike at any distance.
+    """
+    rng = np.random.default_rng([rig.seed, 0])
+    length = preset.section_length
+    centre = np.array([_CENTRE * length, 0.0, 0.0])
+    focal = rig.height / 2 / (rig.half_height / rig.distance)
+    cameras = []
+    for side in (-0.5, 0.5):
+        angle = side * np.radians(rig.angle_deg)
+        away = rig.distance * length * np.array([0.0, -np.cos(angle), np.sin(angle)])
+        position = centre + away * (1 + _PLACE * rng.standard_normal())
+        forward = (centre - position) / np.linalg.norm(centre - position)
+        right = np.cross(forward, _UP)
+        right /= np.linalg.norm(right)
+        aligned = np.array([right, np.cross(forward, right), forward])  # x right, y down, z forward
+        tilt = Rotation.from_rotvec(np.radians(_TURN_DEG) * rng.standard_normal(3)).as_matrix()
+        rotation = tilt @ aligned
+        own = focal * (1 + _FOCUS * rng.standard_normal())
+        axis = np.array([rig.width, rig.height]) / 2 - 0.5 + _AXIS_PX * rng.standard_normal(2)
+        radial = rig.distortion * np.array([_K1, _K2]) * (1 + 0.1 * rng.standard_normal(2))
+        tangential = rig.distortion * _TANGENTIAL * rng.standard_normal(2)
+        matrix = np.array([[own, 0.0, axis[0]], [0.0, own, axis[1]], [0.0, 0.0, 1.0]])
+        distortion = np.array([*radial, *tangential, 0.0])
+        translation = -rotation @ position
+        cameras.append(Optics(matrix, distortion, rotation, translation, rig.width, rig.height))
+    return cameras[0], cameras[1]

@@ -1,4 +1,4 @@
-"""Rig of two cameras: their parameters, and where they stand before the bending section."""
+"""Rig of two cameras: their parameters, and their place in front of the bending section."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from twin.files.shown import shown
 from twin.preset.preset import suggestion
 
 METHODS = ("markers", "silhouette")
-"""Ways from two pictures to the angle: markers on tip and shaft, or the centre line of the silhouette."""
+"""Methods of measurement: markers on tip and shaft, or the centre line of the silhouette."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,11 +59,7 @@ class StereoRig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a rig that cannot be.
-
-        Raises:
-            ValueError: the method is unknown, or a number is out of range.
-        """
+        """Refuse an unknown method, and a number out of range."""
         if self.method not in METHODS:
             raise InputError(f"stereo method {self.method!r}: must be one of {', '.join(METHODS)}")
         for name, (low, high) in LIMITS.items():
@@ -73,11 +69,7 @@ class StereoRig:
 
 
 def stereo_rig(parameters: Mapping[str, Any]) -> StereoRig:
-    """Return a rig with some parameters changed.
-
-    Raises:
-        ValueError: a name is unknown, or a value is of another kind or out of range.
-    """
+    """Return a rig with some parameters changed; refuses names, types and values that are not valid."""
     usual = StereoRig()
     fields = [field.name for field in dataclasses.fields(usual)]
     values: dict[str, Any] = {}
@@ -96,11 +88,7 @@ def stereo_rig(parameters: Mapping[str, Any]) -> StereoRig:
 
 
 def parse_rig(words: Sequence[str]) -> dict[str, Any]:
-    """Parse words such as `blur_px=1.5` into parameters of a rig by name.
-
-    Raises:
-        ValueError: a word is not `name=value`.
-    """
+    """Parse words such as `blur_px=1.5` into parameters of a rig by name."""
     parsed: dict[str, Any] = {}
     for word in words:
         name, sign, text = word.partition("=")

@@ -1,37 +1,42 @@
-"""Stereo sensor: the bending angle of a record as two calibrated cameras measure it."""
+"""Stereo sensor: the bending angle of an episode as two calibrated cameras measure it, and their messages."""
 
 import dataclasses
 import functools
+import io
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.physics.drawing.frames import link_frames
 from twin.preset.preset import Preset
+from twin.recording.camera import STEREO_SIDES, calibration_message, picture_message, stereo_topics
 from twin.rendering.actor import shape_of
-from twin.vision.bench import Bench, Pair
+from twin.vision.bench import Bench, Motion, Pair, Pass, draw_passes
 from twin.vision.calibration import StereoCalibration, calibrate
-from twin.vision.markers import MarkerMeter
-from twin.vision.meter import Meter
-from twin.vision.motion import Motion
-from twin.vision.passes import Pass, draw_passes
+from twin.vision.markers import MarkerMeter, Meter
+from twin.vision.optics import cv2
 from twin.vision.rig import StereoRig
 from twin.vision.silhouette import SilhouetteMeter
 from twin.vision.targets import marker_side
 
 Array = NDArray[np.float64]
 
+QUALITY = 92
+"""JPEG quality of recorded pictures, out of 100."""
 _ZERO_PICTURES = 20
-"""Pairs of pictures of the straight endoscope, before a record."""
-_PASSES, _PIXELS = 0, 1  # children of a record's seed: what passes by, and the noise of each picture
+"""Pairs of pictures of the straight endoscope, before an episode."""
+_MOST_CALIBRATIONS = 16
+_PASSES, _PIXELS = 0, 1  # children of an episode's seed: passes, and the noise of each picture
 
 
 class StereoSensor:
-    """Two cameras before an endoscope, calibrated, and zeroed on the straight endoscope.
+    """Two cameras in front of an endoscope, calibrated, and zeroed on the straight endoscope.
 
     Attributes:
         rig: the cameras.
@@ -41,12 +46,8 @@ class StereoSensor:
     def __init__(self, preset: Preset, rig: StereoRig) -> None:
         """Set up the rig: calibrate the cameras, and take pictures of the straight endoscope.
 
-        Args:
-            preset: the endoscope.
-            rig: the cameras.
-
         Raises:
-            ValueError: board or endoscope are not seen well enough, as where it is too dark or blurred.
+            ValueError: board or endoscope are not seen well enough.
             OSError: nothing on this system can draw without a screen.
         """
         self.rig, self._preset = rig, preset
@@ -80,9 +81,9 @@ class StereoSensor:
         """Return the measured bending angle (N,) [rad], NaN where there is no picture or no angle in it.
 
         Args:
-            episode: the record.
-            seed: of what passes before the cameras, and of the noise of each picture.
-            on_progress: told how many of how many pairs of pictures are measured.
+            episode: to measure.
+            seed: of the passing instruments, and of the noise of each picture.
+            on_progress: called with the number of measured pairs of pictures, and of all.
         """
         measured = np.full(len(episode.time), np.nan)
         count = len(frame_samples(episode.time, self.rig.frames_per_second))
@@ -94,7 +95,7 @@ class StereoSensor:
         return measured
 
     def passes(self, episode: Episode, seed: np.random.SeedSequence) -> list[Pass]:
-        """Return what passes before the cameras during a record, as of `measure`."""
+        """Return the passes of instruments during an episode, with the seed of `measure`."""
         tip = Motion(episode, self._preset).tip
         rng = np.random.default_rng(_child(seed, _PASSES))
         return draw_passes(self.rig, episode.time, tip, self._preset.section_length, rng)
@@ -104,10 +105,7 @@ class StereoSensor:
     ) -> Iterator[tuple[int, Pair]]:
         """Yield samples and their pairs of pictures; a picture does not depend on which others are taken.
 
-        Args:
-            episode: the record.
-            seed: as of `measure`.
-            frames_per_second: rate of the pairs [1 / s]; that of the rig, if not given.
+        The rate is that of the rig, if not given [1 / s].
         """
         motion, bench = Motion(episode, self._preset), self._bench
         taken = frame_samples(episode.time, self.rig.frames_per_second)
@@ -128,7 +126,7 @@ class StereoSensor:
 
 
 def _pass_by(bench: Bench, passes: Sequence[Pass], time: float) -> None:
-    """Hold the rod where it is at a time, if it is in sight."""
+    """Place the rod as at a time, if it is in sight."""
     for one in passes:
         middle = one.middle(time)
         if middle is not None:
@@ -140,12 +138,7 @@ def _child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
 
 
 def frame_samples(time: Array, frames_per_second: float) -> list[int]:
-    """Return the samples at which pictures are taken: the latest at the time of each picture.
-
-    Args:
-        time: (N,) of the record [s].
-        frames_per_second: rate of the pictures [1 / s].
-    """
+    """Return the samples of times (N,) [s] at which pictures are taken: the latest at each picture."""
     since = time - time[0]
     taken = np.arange(int(since[-1] * frames_per_second + 1e-9) + 1) / frames_per_second
     samples: list[int] = np.unique(np.searchsorted(since, taken + 1e-9, side="right") - 1).tolist()
@@ -153,12 +146,12 @@ def frame_samples(time: Array, frames_per_second: float) -> list[int]:
 
 
 def sensor_before(episode: Episode, rig: StereoRig) -> StereoSensor:
-    """Return the sensor before the endoscope of a record; it is set up once for endoscopes of one shape."""
+    """Return the sensor of the endoscope of an episode; it is set up once for endoscopes of one shape."""
     return _READY.sensor(shape_of(episode, max(episode.joint_angle.shape[1], 1)), rig)
 
 
 class _Ready(threading.local):
-    """Sensors that are set up, of each thread: a renderer belongs to the thread that opened it."""
+    """Sensors of each thread: a renderer belongs to the thread that opened it."""
 
     def __init__(self) -> None:
         self.sensor = functools.lru_cache(maxsize=2)(StereoSensor)
@@ -168,11 +161,10 @@ _READY = _Ready()
 
 
 _CALIBRATIONS: dict[tuple[StereoRig, float], StereoCalibration] = {}
-_MOST_CALIBRATIONS = 16
 
 
 def _of_the_board(rig: StereoRig) -> StereoRig:
-    """Return a rig with all that is not seen of a board that stands still before the cameras as usual."""
+    """Return a rig whose parameters without influence on pictures of the still board are the usual ones."""
     usual = StereoRig()
     return dataclasses.replace(
         rig,
@@ -187,10 +179,53 @@ def _of_the_board(rig: StereoRig) -> StereoRig:
 
 
 def _calibrated(bench: Bench) -> StereoCalibration:
-    """Return the calibration of a bench's cameras: it is the same before every endoscope of one length."""
+    """Return the calibration of a bench's cameras, which all endoscopes of one length share."""
     key = _of_the_board(bench.rig), bench.preset.section_length
     if key not in _CALIBRATIONS:
         if len(_CALIBRATIONS) >= _MOST_CALIBRATIONS:
             _CALIBRATIONS.clear()
         _CALIBRATIONS[key] = calibrate(bench)
     return _CALIBRATIONS[key]
+
+
+def calibration_messages(calibration: StereoCalibration, nanoseconds: int) -> Iterator[tuple[str, Any]]:
+    """Yield topic and message of each camera's calibration.
+
+    R turns a camera to the pair's common plane, and P projects there (OpenCV's `stereoRectify`): P of the
+    right camera holds the baseline.
+    """
+    left, right = calibration.left, calibration.right
+    size = (left.width, left.height)
+    optics = left.matrix, left.distortion, right.matrix, right.distortion
+    rectified = cv2.stereoRectify(*optics, size, right.rotation, right.translation.reshape(3, 1))
+    for place, (side, camera) in enumerate(zip(STEREO_SIDES, (left, right), strict=True)):
+        parts = camera.distortion, camera.matrix, rectified[place], rectified[place + 2]
+        message = calibration_message(
+            size, [np.ravel(part).tolist() for part in parts], nanoseconds, _frame(side)
+        )
+        yield stereo_topics(side)[1], message
+
+
+def picture_messages(
+    sensor: StereoSensor, episode: Episode, seed: np.random.SeedSequence, nanoseconds: list[int]
+) -> Iterator[tuple[str, Any, int]]:
+    """Yield topic, message and time of each recorded picture, at N times of samples [ns].
+
+    With the seed of the measurement, the pictures are those that were measured.
+    """
+    if sensor.rig.pictures_per_second == 0:
+        return
+    for sample, pair in sensor.pictures(episode, seed, sensor.rig.pictures_per_second):
+        for side, picture in zip(STEREO_SIDES, pair, strict=True):
+            time = nanoseconds[sample]
+            yield stereo_topics(side)[0], picture_message(_jpeg(picture), time, _frame(side)), time
+
+
+def _frame(side: str) -> str:
+    return f"camera_{side}"
+
+
+def _jpeg(picture: NDArray[np.uint8]) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=QUALITY)
+    return buffer.getvalue()

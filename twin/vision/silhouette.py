@@ -1,7 +1,7 @@
-"""Bending angle without a marker on the tip: a bent line in space, laid along the middle of both silhouettes.
+"""Bending angle without a marker on the tip: a bent line in space, fitted to the middle of both silhouettes.
 
-A marker on the shaft says where the section begins. From there the angle of the line is a polynomial of the
-length; its coefficients are those for which both pictures of the line run midway between the edges of the
+A marker on the shaft gives the beginning of the section. From there the angle of the line is a polynomial of
+the length; its coefficients are those for which both pictures of the line run midway between the edges of the
 silhouette (Gauss-Newton).
 """
 
@@ -16,11 +16,9 @@ from twin.physics.drawing.targets import Plate
 from twin.preset.preset import Preset
 from twin.vision.bench import Pair
 from twin.vision.calibration import StereoCalibration
-from twin.vision.markers import MarkerFinder
-from twin.vision.opencv import cv2
-from twin.vision.optics import Optics
+from twin.vision.markers import MarkerFinder, Pose, mean_rotation
+from twin.vision.optics import Optics, cv2
 from twin.vision.rig import StereoRig
-from twin.vision.rigid import Pose, mean_rotation
 from twin.vision.targets import BASE, marker_plates, marker_side
 
 Array = NDArray[np.float64]
@@ -29,8 +27,8 @@ Smooth = NDArray[np.float32]
 LARGEST_RESIDUAL = 0.6
 """Largest root mean square by which the line may miss the middle of the silhouettes [pixels]."""
 _DEGREE = 4  # of the polynomial
-_PLACES, _END = 30, 2  # along the section, at which the silhouette is looked at; and at the tip, where not
-_REACH, _STEPS = 2.4, 41  # to either side, in half thicknesses, and steps on the way across
+_PLACES, _END = 30, 2  # along the section, at which the silhouette is measured; and at the tip, where not
+_REACH, _STEPS = 2.4, 41  # to either side, in half thicknesses, and steps across
 _THICKNESS = (0.75, 1.3)  # of a silhouette, of what it should be
 _ROUNDS, _FIRST_ROUNDS = 15, 6
 _STILL, _LARGEST_STEP = np.radians(0.003), np.radians(15)  # of the line's angle in one round
@@ -41,7 +39,7 @@ _BLUR = 0.8  # of the pictures, before edges are sought [pixels]
 
 @dataclasses.dataclass(frozen=True)
 class _Fit:
-    """Line that was laid along the silhouettes.
+    """Line fitted to the silhouettes.
 
     Attributes:
         coefficients: of its angle in each plane, (planes, degree) [rad].
@@ -59,16 +57,10 @@ class _Fit:
 
 
 class SilhouetteMeter:
-    """Meter of the bending angle by the silhouette of the section; it goes on from the last picture."""
+    """Meter of the bending angle by the silhouette of the section; it starts from the last picture."""
 
     def __init__(self, calibration: StereoCalibration, preset: Preset, rig: StereoRig) -> None:
-        """Prepare the line.
-
-        Args:
-            calibration: of the cameras.
-            preset: length and thickness of the section, and its bending planes.
-            rig: size of the marker on the shaft.
-        """
+        """Prepare the line for the section of a preset."""
         self._cameras = calibration.left, calibration.right
         self._length, self._radius = preset.section_length, OUTER * preset.wire_offset
         self._planes = preset.bending_planes
@@ -84,7 +76,7 @@ class SilhouetteMeter:
         self._steps = np.diff(powers, prepend=0.0)  # by which the line turns before each place
 
     def zero(self, pairs: list[Pair]) -> int:
-        """Take the endoscope for straight in pairs of pictures; returns in how many it is seen."""
+        """Set the zero from pictures of the straight endoscope; returns the number of measured pairs."""
         self._finder.measure_sizes(pairs)
         poses = [pose for pose in (self._finder.poses(pair).get(BASE) for pair in pairs) if pose is not None]
         if not poses:
@@ -97,11 +89,11 @@ class SilhouetteMeter:
         return int(seen.sum())
 
     def forget(self) -> None:
-        """Forget where the line was: another record begins."""
+        """Forget the line: another episode begins."""
         self._last = None
 
     def angle(self, pair: Pair) -> float:
-        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is not known."""
+        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is unknown."""
         smooth = [cv2.GaussianBlur(picture, (0, 0), _BLUR).astype(np.float32) for picture in pair]
         fit = None if self._last is None else self._laid(smooth, self._last, _ROUNDS)
         if fit is None or not fit.is_good:
@@ -112,7 +104,7 @@ class SilhouetteMeter:
         return float(fit.coefficients[0].sum()) - self._offset
 
     def _sought(self, smooth: list[Smooth]) -> _Fit:
-        """Lay the line from one arc after the other, until it lies well."""
+        """Fit the line from one arc after the other, until the fit is good."""
         best: _Fit | None = None
         for bend in np.radians(_STARTS_DEG):
             fit = self._laid(smooth, self._arc(bend), _FIRST_ROUNDS)
@@ -129,7 +121,7 @@ class SilhouetteMeter:
         return coefficients
 
     def _laid(self, smooth: list[Smooth], start: Array, rounds: int) -> _Fit:
-        """Lay the line along the silhouettes, from coefficients on."""
+        """Fit the line to the silhouettes, from coefficients on (Gauss-Newton)."""
         coefficients = start.copy()
         for _ in range(rounds):
             off, seen, normals = self._offsets(smooth, coefficients)
@@ -155,7 +147,7 @@ class SilhouetteMeter:
         return points[: _PLACES + 1] @ self._base.rotation.T + self._base.position
 
     def _slopes(self, coefficients: Array, normals: Array) -> Array:
-        """Return how the line's pictures move along their normals with each coefficient, (2 places, all)."""
+        """Return the motion of the line's pictures along their normals per coefficient, (2 places, all)."""
         columns, small = [], 1e-5
         for index in np.ndindex(coefficients.shape):
             step = np.zeros_like(coefficients)
@@ -168,11 +160,10 @@ class SilhouetteMeter:
         return np.stack(columns, axis=1)
 
     def _offsets(self, smooth: list[Smooth], coefficients: Array) -> tuple[Array, NDArray[np.bool_], Array]:
-        """Return how far the middle of the silhouettes is from the line, along its normals.
+        """Return the offsets of the middle of the silhouettes from the line, along its normals.
 
-        Returns:
-            (2 places) offsets in the left and then in the right picture [pixels]; whether both edges are
-            seen; and the normals (2 places, 2).
+        (2 places) offsets in the left and then in the right picture [pixels]; whether both edges are seen;
+        normals (2 places, 2).
         """
         points = self._points(coefficients)
         parts = [
@@ -186,7 +177,7 @@ class SilhouetteMeter:
 def _middles(
     picture: Smooth, camera: Optics, points: Array, radius: float
 ) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Return where the silhouette's middle is beside each place but the first, if seen, and the normals."""
+    """Return offsets of the silhouette's middle at each place but the first, if seen, and the normals."""
     pixels = camera.project(points)
     along = np.gradient(pixels, axis=0)[1:]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -194,11 +185,11 @@ def _middles(
     depth = (points[1:] @ camera.rotation.T + camera.translation)[:, 2]
     half = camera.matrix[0, 0] * radius / depth
     steps = np.linspace(-_REACH, _REACH, _STEPS)
-    ways = pixels[1:, None] + (half[:, None] * steps)[..., None] * normals[:, None]
+    paths = pixels[1:, None] + (half[:, None] * steps)[..., None] * normals[:, None]
     across = cv2.remap(
         picture,
-        ways[..., 0].astype(np.float32),
-        ways[..., 1].astype(np.float32),
+        paths[..., 0].astype(np.float32),
+        paths[..., 1].astype(np.float32),
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=0,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from twin.physics.drawing.parts import OUTER
 from twin.physics.drawing.targets import Plate
 from twin.preset.preset import Preset
-from twin.vision.opencv import cv2
+from twin.vision.optics import cv2
 from twin.vision.rig import StereoRig
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ _MODULE_PIXELS = 32  # printed
 _SQUARES, _SQUARE_PIXELS, _SQUARE = (9, 7), 64, 0.125  # of the board; the last in lengths of the section
 _INK, _PAPER = 25, 235  # grey levels of print
 _FIRST_OF_BOARD = 10  # number of the board's first marker
-_STANDOFF = OUTER + 0.35  # of the markers before the axis, in distances of the wires
+_STANDOFF = OUTER + 0.35  # of the markers in front of the axis, in distances of the wires
 
 
 def marker_side(preset: Preset, rig: StereoRig) -> float:
@@ -37,7 +37,7 @@ def marker_corners(side: float) -> Array:
 
 
 def marker_plates(preset: Preset, rig: StereoRig) -> list[Plate]:
-    """Return the plates of the markers that a rig's method needs, before the shaft and before the tip.
+    """Return the plates of the markers of a rig's method, in front of the shaft and of the tip.
 
     In a straight endoscope both look alike: rows along the shaft, columns towards wire b.
     """
@@ -62,11 +62,7 @@ def board_square(preset: Preset) -> float:
 
 
 def charuco_board(square: float) -> "cv2.aruco.CharucoBoard":
-    """Return the calibration board of OpenCV: a chessboard with markers in its white squares.
-
-    Args:
-        square: side of a square [m].
-    """
+    """Return the calibration board of OpenCV: a chessboard of squares [m] with markers in the white ones."""
     count = _SQUARES[0] * _SQUARES[1] // 2
     numbers = np.arange(_FIRST_OF_BOARD, _FIRST_OF_BOARD + count)
     return cv2.aruco.CharucoBoard(_SQUARES, square, 0.72 * square, DICTIONARY, numbers)
@@ -79,8 +75,7 @@ def board_plate(square: float) -> Plate:
     picture = charuco_board(square).generateImage(size)
     margin = _SQUARE_PIXELS // 2
     framed = np.pad(picture, margin, constant_values=255)
-    whole = (across + 1) * square, (down + 1) * square
-    return Plate("board", _in_print(framed), whole)
+    return Plate("board", _in_print(framed), ((across + 1) * square, (down + 1) * square))
 
 
 def _printed_marker(number: int) -> NDArray[np.uint8]:

@@ -1,6 +1,6 @@
-"""Measure the noise `stereo-vision` of the benchmark on a grid, as `python -m scripts.measure_stereo` does.
+"""Measure the noise `stereo-vision` of the comparison on a grid: `python -m scripts.studies.measure_stereo`.
 
-It is run when the stereo sensor changes; `assets/stereo_noise.json` is what it wrote.
+It is run when the stereo sensor changes, and writes `assets/stereo_noise.json`.
 """
 
 import dataclasses
@@ -27,13 +27,13 @@ class MeasureStereo:
     out: Path
     """File to write, a .json."""
     preset: str = "ureteroscope"
-    """Endoscope before the cameras."""
+    """Endoscope in front of the cameras."""
     rigs: int = 6
-    """Rigs, which differ in their tolerances and in their calibration."""
+    """Number of rigs, which differ in their tolerances and in their calibration."""
     step: float = 1.0
     """Of the grid [deg]."""
     repeats: int = 4
-    """Pairs of pictures at each angle, each with the curvature spread in another way."""
+    """Pairs of pictures at each angle, each with another distribution of the curvature."""
     frames: int = 6000
     """Pairs of pictures while instruments pass."""
     seed: int = 0

@@ -1,0 +1,1 @@
+"""Our own studies, which are no part of the wheel."""
