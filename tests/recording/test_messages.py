@@ -19,7 +19,7 @@ from recorded import LINK, assert_equal, make_episode, messages
 from twin.episode import Episode
 from twin.recording import endotwin_pb2 as schema
 from twin.recording import read_episode, write_episode
-from twin.recording.layout import Stream, find_layout, varint_sizes, varints
+from twin.recording.chunks import Stream, find_layout, varint_sizes, varints
 from twin.recording.messages import SCHEMAS, decode, to_nanoseconds
 from twin.recording.scene import scene
 

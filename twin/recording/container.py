@@ -1,7 +1,7 @@
 """Writer of MCAP files whose bytes depend on nothing but what is written into them.
 
-The format is that of the MCAP specification (https://mcap.dev/spec): messages in zstd chunks and where they
-are in them, CRCs over each chunk, the whole data section and the summary, and an index of all at the end.
+The format is that of the MCAP specification (https://mcap.dev/spec): messages in zstd chunks with an index of
+each, CRCs over each chunk, the data section and the summary, and an index of everything at the end.
 """
 
 import zlib
@@ -45,19 +45,14 @@ class Writable(Protocol):
     """File that bytes are appended to."""
 
     def write(self, data: bytes, /) -> int:
-        """Append bytes, all of them; returns their number."""
+        """Append all of the bytes; returns their number."""
 
 
 class Container:
     """MCAP file that is being written, front to back."""
 
     def __init__(self, file: Writable, library: str) -> None:
-        """Write the start of the file.
-
-        Args:
-            file: open for writing, and empty.
-            library: who writes; without a version, so that all versions write the same.
-        """
+        """Write the start of the file, which is empty; no version in `library`: all write the same bytes."""
         self._file = file
         self._offset = 0
         self._crc = 0
@@ -85,49 +80,42 @@ class Container:
         self._attachments.append(AttachmentIndex(offset, length, 0, 0, len(data), name, media_type))
 
     def add_channel(self, topic: str, descriptor: Any) -> int:
-        """Add the channel of a topic, before the chunks rather than inside one, as a chunk may be lost.
+        """Add the channel of a topic and the schema of its Protobuf messages, unless they are there.
 
-        Args:
-            topic: its name; nothing is added for one that is there.
-            descriptor: of the Protobuf messages on it.
+        They stand before the chunks rather than inside one, as a chunk may be lost.
 
         Returns:
             The channel that messages of the topic are on.
         """
         if topic not in self._channels:
-            channel = Channel(len(self._channels) + 1, topic, "protobuf", {}, self._schema(descriptor))
+            name = descriptor.full_name
+            if name not in self._schemas:
+                data = schema_data(descriptor)
+                self._schemas[name] = Schema(len(self._schemas) + 1, data, "protobuf", name)
+                self._add(self._schemas[name])
+            channel = Channel(len(self._channels) + 1, topic, "protobuf", {}, self._schemas[name].id)
             self._add(channel)
             self._channels[topic] = channel
         return int(self._channels[topic].id)
 
     def add_chunk(self, content: ChunkContent) -> None:
         """Add messages as one chunk, followed by its message indexes."""
-        data = self._compressor.compress(content.records)
-        times = [(int(rows[0, 0]), int(rows[-1, 0])) for rows in content.index.values()]
-        start, end = min(first for first, _ in times), max(last for _, last in times)
-        chunk = Chunk(
-            compression="zstd",
-            data=data,
-            message_end_time=end,
-            message_start_time=start,
-            uncompressed_crc=zlib.crc32(content.records),
-            uncompressed_size=len(content.records),
-        )
-        offset, length = self._add(chunk)
+        data, size = self._compressor.compress(content.records), len(content.records)
+        start = min(int(rows[0, 0]) for rows in content.index.values())
+        end = max(int(rows[-1, 0]) for rows in content.index.values())
+        offset, length = self._add(Chunk("zstd", data, end, start, zlib.crc32(content.records), size))
         index_start = self._offset
-        index_offsets = {
-            channel: self._add_message_index(channel, rows) for channel, rows in content.index.items()
-        }
+        offsets = {channel: self._add_message_index(channel, rows) for channel, rows in content.index.items()}
         ChunkIndex(
             chunk_length=length,
             chunk_start_offset=offset,
-            compression=chunk.compression,
+            compression="zstd",
             compressed_size=len(data),
             message_end_time=end,
             message_index_length=self._offset - index_start,
-            message_index_offsets=index_offsets,
+            message_index_offsets=offsets,
             message_start_time=start,
-            uncompressed_size=chunk.uncompressed_size,
+            uncompressed_size=size,
         ).write(self._chunk_indexes)
         self._chunk_count += 1
         first, last = self._times or (start, end)
@@ -149,28 +137,8 @@ class Container:
         """Complete the file: the end of the data, the summary and the footer."""
         self._add(DataEnd(self._crc))
         start = self._offset
-        summary, offsets = RecordBuilder(), RecordBuilder()
-        for opcode, records in (
-            (Opcode.SCHEMA, _joined(self._schemas.values())),
-            (Opcode.CHANNEL, _joined(self._channels.values())),
-            (Opcode.STATISTICS, _joined([self._statistics()])),
-            (Opcode.CHUNK_INDEX, self._chunk_indexes.end()),
-            (Opcode.ATTACHMENT_INDEX, _joined(self._attachments)),
-            (Opcode.METADATA_INDEX, _joined(self._metadata)),
-        ):
-            if records:
-                SummaryOffset(opcode, start + summary.count, len(records)).write(offsets)
-                summary.write(records)
-        offset_start = start + summary.count
-        section = summary.end() + offsets.end()
-        # The CRC covers the footer too, up to itself: its last field.
-        unsigned = _bytes_of(Footer(start, offset_start, 0))[:-_CRC]
-        crc = zlib.crc32(section + unsigned)
-        self._write(section + _bytes_of(Footer(start, offset_start, crc)) + MAGIC)
-
-    def _statistics(self) -> Statistics:
         first, last = self._times or (0, 0)
-        return Statistics(
+        statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
@@ -181,19 +149,28 @@ class Container:
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-
-    def _schema(self, descriptor: Any) -> int:
-        name = descriptor.full_name
-        if name not in self._schemas:
-            data = schema_data(descriptor)
-            self._schemas[name] = Schema(len(self._schemas) + 1, data, "protobuf", name)
-            self._add(self._schemas[name])
-        return int(self._schemas[name].id)
+        summary, offsets = RecordBuilder(), RecordBuilder()
+        for opcode, records in (
+            (Opcode.SCHEMA, _bytes_of(self._schemas.values())),
+            (Opcode.CHANNEL, _bytes_of(self._channels.values())),
+            (Opcode.STATISTICS, _bytes_of([statistics])),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes.end()),
+            (Opcode.ATTACHMENT_INDEX, _bytes_of(self._attachments)),
+            (Opcode.METADATA_INDEX, _bytes_of(self._metadata)),
+        ):
+            if records:
+                SummaryOffset(opcode, start + summary.count, len(records)).write(offsets)
+                summary.write(records)
+        offset_start = start + summary.count
+        section = summary.end() + offsets.end()
+        # The CRC covers the footer too, up to itself: its last field.
+        crc = zlib.crc32(section + _bytes_of([Footer(start, offset_start, 0)])[:-_CRC])
+        self._write(section + _bytes_of([Footer(start, offset_start, crc)]) + MAGIC)
 
     def _add(self, record: McapRecord) -> tuple[int, int]:
         """Write a record of the data section; returns its offset and length [bytes]."""
         offset = self._offset
-        self._write(_bytes_of(record))
+        self._write(_bytes_of([record]))
         return offset, self._offset - offset
 
     def _write(self, data: bytes) -> None:
@@ -202,33 +179,24 @@ class Container:
         self._offset += len(data)
 
 
-def _joined(records: Iterable[McapRecord]) -> bytes:
-    return b"".join(map(_bytes_of, records))
-
-
-def _bytes_of(record: McapRecord) -> bytes:
+def _bytes_of(records: Iterable[McapRecord]) -> bytes:
     builder = RecordBuilder()
-    record.write(builder)
+    for record in records:
+        record.write(builder)
     data: bytes = builder.end()
     return data
 
 
 def schema_data(descriptor: Any) -> bytes:
-    """Return the schema of a message as a serialised FileDescriptorSet; it needs no other file.
+    """Return the schema of a Protobuf message as a serialised FileDescriptorSet, with all that it imports."""
+    files, known = FileDescriptorSet(), set()
 
-    Args:
-        descriptor: of the message.
-    """
-    files = FileDescriptorSet()
-    _add_file(files, descriptor.file, set())
+    def add(file: Any) -> None:
+        if file.name not in known:
+            known.add(file.name)
+            for dependency in file.dependencies:
+                add(dependency)
+            file.CopyToProto(files.file.add())
+
+    add(descriptor.file)
     return files.SerializeToString(deterministic=True)
-
-
-def _add_file(files: FileDescriptorSet, file: Any, known: set[str]) -> None:
-    """Add the descriptor of a .proto file after those of its imports: the schema is self-contained."""
-    if file.name in known:
-        return
-    known.add(file.name)
-    for dependency in file.dependencies:
-        _add_file(files, dependency, known)
-    file.CopyToProto(files.file.add())

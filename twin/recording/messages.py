@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.episode import OPTIONAL, WIRES, Episode, without_holes
 from twin.errors import InputError
+from twin.recording.chunks import Stream
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
-from twin.recording.layout import Stream
 from twin.recording.scene import (
     LATERAL_HINGE,
     hinge_angles,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twin.episode import WIRES, Episode
 from twin.errors import InputError
-from twin.recording.layout import SECOND
+from twin.recording.chunks import SECOND
 
 Array = NDArray[np.float64]
 

@@ -40,11 +40,7 @@ class EpisodeWriter:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Name the file; nothing is opened yet.
-
-        Args:
-            path: the final name.
-        """
+        """Set the final name; nothing is opened yet."""
         self.path = Path(path)
         self._file = WholeFile(self.path)
         self._others: list[tuple[int, str, bytes]] = []
@@ -52,11 +48,7 @@ class EpisodeWriter:
         self._complete = False
 
     def __enter__(self) -> "EpisodeWriter":
-        """Open the file, which has no name yet.
-
-        Raises:
-            FileNotFoundError: the folder does not exist.
-        """
+        """Open the file, which has no name yet."""
         # Without a version of any library: the same episode would differ between two machines.
         self._container = Container(self._file.__enter__(), library=METADATA_RECORD)
         return self
@@ -67,11 +59,7 @@ class EpisodeWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Complete the file and give it its final name, or remove it after an exception.
-
-        Raises:
-            ValueError: the block ended well, but no whole episode was written.
-        """
+        """Complete the file and give it its final name, or remove it after an exception."""
         if kind is None:
             try:
                 if not self._complete:
@@ -86,13 +74,11 @@ class EpisodeWriter:
     def write(self, episode: Episode) -> None:
         """Add the metadata, the attachments and every message of an episode; one episode makes one file.
 
-        What says where the messages come from and what they are stands in front of them: if the file is cut
-        later, that is still known.
+        Metadata and channels precede the messages: if the file is cut later, they are still there.
 
         Raises:
             ValueError: metadata is not JSON or a known key is not of its kind, times or shapes do not fit
-                (see `messages.to_nanoseconds` and `streams.streams_of`), or the file holds an episode
-                already.
+                (see `messages.to_nanoseconds` and `streams_of`), or the file holds an episode already.
         """
         if self._complete:
             raise InputError(f"{self.path} already holds an episode: one file, one episode")
@@ -114,16 +100,8 @@ class EpisodeWriter:
     def add_message(self, topic: str, message: Any, time: int) -> None:
         """Add one message on a topic that is not part of the episode: `/estimate/METHOD`, `/camera/...`.
 
-        Such messages may come in any order. They are kept in memory and written when the block ends, into
-        chunks of their own, in the order of time; their sequence numbers count those of a topic.
-
-        Args:
-            topic: name of the topic; its schema is that of the first message on it.
-            message: any Protobuf message.
-            time: nanoseconds of simulation; both log time and publish time.
-
-        Raises:
-            ValueError: the time is negative or beyond 292 years.
+        Such Protobuf messages may come in any order. They are kept in memory and written when the block ends,
+        into chunks of their own, in the order of time [ns]; their sequence numbers count those of a topic.
         """
         if not 0 <= time <= LARGEST_TIME:
             raise InputError(f"{topic}: time {time} ns: a log time is from 0 to {LARGEST_TIME} ns")
@@ -151,9 +129,6 @@ class EpisodeWriter:
 def write_episode(path: str | Path, episode: Episode) -> Path:
     """Write an episode as one MCAP file; the same episode gives the same bytes.
 
-    Returns:
-        The path of the file.
-
     Raises:
         FileNotFoundError: the folder does not exist.
         ValueError: the episode does not fit the format (see `EpisodeWriter.write`); nothing is left behind.
@@ -164,11 +139,7 @@ def write_episode(path: str | Path, episode: Episode) -> Path:
 
 
 def metadata_texts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return metadata as it is stored: each item as JSON, in the order of the names.
-
-    Raises:
-        ValueError: an item is not JSON, or a known key is not of its kind.
-    """
+    """Return metadata as it is stored: each item as JSON, in the order of the names."""
     texts = {name: _to_json(name, metadata[name]) for name in sorted(metadata)}
     from twin.recording.facts import check_facts  # pydantic: loaded when a file is written
 
