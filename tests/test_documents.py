@@ -1,6 +1,7 @@
 """Every command and every snippet of README and docs is parsed as printed; `make validate` runs them.
 
-They run at a small size: `documented.SMALLER` states by what each long one is shortened.
+They run at a small size: `documented.SMALLER` states by what each long one is shortened. Besides, trained
+files are exported by tracing, filters are tuned by 150 evaluations, and members are chosen from a few.
 """
 
 import contextlib
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 from unittest import mock
 
+import briefly
 import documented
 import pytest
 import tyro
@@ -141,9 +143,20 @@ def run_all(names: tuple[str, ...], folder: Path) -> None:
         print(f"{time.monotonic() - begin:6.1f} s  {snippet.name}: {snippet.small[:90]!r}", flush=True)
 
 
+@pytest.fixture
+def shortened(monkeypatch):
+    """Searches cut short, and exports by tracing."""
+    import quick_export
+
+    quick_export.take(monkeypatch)
+    briefly.tune_filters(monkeypatch)
+    briefly.choose_members(monkeypatch)
+    briefly.work_in_place(monkeypatch)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [TOGETHER, ALONE], ids=["documents", "quick start"])
-def test_commands_and_snippets_run_in_their_order_at_a_small_size(names, tmp_path):
+def test_commands_and_snippets_run_in_their_order_at_a_small_size(names, tmp_path, shortened):
     run_all(names, tmp_path)
 
 
