@@ -42,14 +42,14 @@ types: install
 docs: install
 	$(BIN)/python docs/site/build.py out
 
-# The real demo, and the figures that it must reach.
+# Half an hour: the real demo and its figures, documented commands, tutorials, browser, wheel, site.
 validate: install
-	$(BIN)/python -m pytest -m slow -n 0 --durations=0
+	$(BIN)/python -m pytest -m slow --durations=0
 
 benchmark: install
 	$(BIN)/endotwin benchmark --out $(BENCHMARK)
 
-# Commands killed four hundred times, disks that fill up, five thousand hostile runs, ten thousand damaged files.
+# Commands killed 300 times, disks that fill up, 5,000 hostile runs, 10,000 damaged files.
 endurance: install
 	$(BIN)/python -m pytest -m endurance -n 0 -s
 
