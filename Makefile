@@ -63,7 +63,7 @@ schema: install
 
 # Sample logs and a tiny dataset, which `endotwin samples` copies.
 samples: install
-	$(BIN)/python -m twin.samples.make
+	$(BIN)/python -m scripts.studies.make_samples
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -22,8 +22,7 @@ from rl.sweep import Shares, TrainingRun, train_side_by_side
 from rl.trainers import Material, OnProgress, all_trainers, find_trainer
 from twin.errors import InputError
 from twin.files.atomic import write_whole
-from twin.files.progress_csv import read_progress
-from twin.files.run_folder import CURVE_FILE
+from twin.files.run_folder import CURVE_FILE, read_progress
 
 FOLDER, FILE = "search", "search.csv"
 SHORTER = 4

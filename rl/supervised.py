@@ -19,8 +19,7 @@ from rl.run import run_configuration, with_deployment, write_curve
 from rl.trainers import Records
 from twin.errors import DivergedError
 from twin.estimation.active_model import ActiveModel
-from twin.files.run_cost import counted_cost
-from twin.files.run_folder import open_run
+from twin.files.run_folder import counted_cost, open_run
 
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int, float], None]

@@ -28,8 +28,7 @@ from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.direct import DIRECT
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.learned.ram import RAM
-from twin.files.run_cost import counted_cost
-from twin.files.run_folder import CHECKPOINT_FILE, open_run, write_configuration
+from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run, write_configuration
 from twin.files.state_file import state_key
 
 Array = NDArray[np.float64]

@@ -59,8 +59,7 @@ def ablate(args: Ablate) -> Summary:
     from twin.preset import load_preset, load_ranges
     from twin.report.ablation import ablation_figure, ablation_table
     from twin.report.figures import to_png_bytes
-    from twin.workers.choice import choose_workers
-    from twin.workers.processes import shared_table
+    from twin.workers.processes import choose_workers, shared_table
 
     check_between("draws", args.draws, 1, MOST_SEEDS)
     check_between("episodes", args.episodes, *LIMITS["episodes"])

@@ -94,7 +94,7 @@ def control(args: Control) -> Summary:
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
     from twin.report.control_page import FIGURES, control_page
-    from twin.workers.choice import choose_workers
+    from twin.workers.processes import choose_workers
 
     conditions = find_conditions(args.suite)
     if args.physics == "reduced" and any(condition.tip_force for condition in conditions):

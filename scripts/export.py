@@ -43,8 +43,7 @@ class Export:
 
 def export(args: Export) -> Summary:
     """Write the folder."""
-    from twin.export.export import Plan, export_records
-    from twin.export.names import named_files
+    from twin.export.export import Plan, export_records, named_files
     from twin.files.atomic import WholeFolder
 
     if args.columns == "all" and args.format != "csv":

@@ -110,7 +110,7 @@ def generate(args: Generate) -> Summary:
 def _write(args: Generate, out: Path) -> Summary:
     from twin.dataset.recipe_file import change_recipe, read_recipe_file, resolve
     from twin.dataset.write import write_dataset
-    from twin.workers.choice import choose_workers
+    from twin.workers.processes import choose_workers
 
     if args.episodes is not None and args.episodes < 1:
         raise ValueError(f"--episodes {args.episodes}: must be at least 1")

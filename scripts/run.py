@@ -179,7 +179,7 @@ def _stream(args: Run) -> Summary:
 
 def _log(args: Run) -> Summary:
     """Stream each episode of a log through a runtime of its own."""
-    from twin.export.names import named_files
+    from twin.export.export import named_files
     from twin.live.log_run import SIGN, log_targets, read_logs, run_log
     from twin.live.reading import RunCounts
 

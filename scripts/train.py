@@ -138,8 +138,7 @@ def _train_seeds(
     from rl.search import FOLDER as SEARCH_FOLDER
     from rl.search import grid_of, search_settings, trials_table, with_settings
     from rl.sweep import folder_of, seeds_from, train_seeds
-    from twin.workers.choice import choose_workers
-    from twin.workers.processes import shared_table
+    from twin.workers.processes import choose_workers, shared_table
 
     seeds = seeds_from(args.seed, count)
     if find_training(options.agent).on_twins:

@@ -27,9 +27,9 @@ from typed import done, typed
 
 from scripts.__main__ import VERBS
 from scripts.command import MODULES
+from scripts.samples import copy_samples
 from twin.dataset.recipe_file import load_recipe
 from twin.live.lines import ReadingLine, SampleLine, read_sample
-from twin.samples.copy import copy_samples
 
 sys.path.insert(0, str(REPOSITORY / "docs/site"))
 

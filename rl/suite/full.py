@@ -41,7 +41,7 @@ from twin.suite.intervals import containment
 from twin.suite.limit import bounds
 from twin.suite.scenarios import SAMPLE_TIME, scenarios, write_scenarios
 from twin.suite.untrained import untrained_scenarios
-from twin.workers.choice import choose_workers
+from twin.workers.processes import choose_workers
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from twin.evaluation.recorded import write_estimates
 from twin.evaluation.runs import save_runs
 from twin.evaluation.score import Score, to_rows
 from twin.evaluation.track import Track, save_tracks
-from twin.export.names import named_files
+from twin.export.export import named_files
 from twin.files.atomic import write_whole
 from twin.hysteresis import ColemanHodgdon
 

@@ -24,8 +24,7 @@ from twin.dataset.farthest import check_reached
 from twin.estimation.deployment import KEY as DEPLOYMENT
 from twin.estimation.deployment import prepare_deployment
 from twin.estimation.registry import Training
-from twin.files.run_cost import counted_cost
-from twin.files.run_folder import CHECKPOINT_FILE, open_run
+from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run
 from twin.files.state_file import state_key
 from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps

@@ -25,7 +25,7 @@ from twin.evaluation.recorded import (
     recorded_variance,
     write_estimates,
 )
-from twin.export.names import named_files
+from twin.export.export import named_files
 from twin.measured.folder import write_measured
 from twin.recording import episode_files, read_episode
 from twin.recording.estimate import estimate_topic

@@ -14,8 +14,7 @@ PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 @pytest.fixture(scope="module")
 def exported(whole_dataset, tmp_path_factory):
     folder = tmp_path_factory.mktemp("cards") / "lerobot"
-    from twin.export.export import Plan, export_records
-    from twin.export.names import named_files
+    from twin.export.export import Plan, export_records, named_files
 
     folder.mkdir()
     export_records(named_files((whole_dataset,)), folder, Plan("parquet"))
@@ -54,6 +53,7 @@ def test_every_snippet_of_a_card_runs_in_its_folder(whole_dataset, exported, pla
         assert len([line for line in code.splitlines() if line and "import" not in line]) <= 5
 
 
+@pytest.mark.slow
 def test_the_commands_of_a_card_run_in_its_folder(dataset_copy):
     text = (dataset_copy / "README.md").read_text()
     commands = re.findall(r"^(endotwin [^#\n]*[^#\s])", text, re.MULTILINE)

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 from exporting import make_records, run
 from recorded import assert_equal, make_episode
-from repository import REPOSITORY
+from repository import REPOSITORY, endotwin
 
+import twin.export.export
 from twin.measured.folder import write_measured
 from twin.measured.log import read_measured_log
 from twin.recording import read_episode, write_episode
@@ -67,7 +69,7 @@ def test_csv_reads_back_as_the_same_doubles_and_all_of_it_if_wanted(data, tmp_pa
     assert len(header) == len(set(header)) == 5 + 3 + 2 * (3 + 2 + 3) + 3
 
 
-def test_whole_mcap_files_stay_as_they_are_and_thinned_ones_are_written_anew(data, tmp_path, capsys):
+def test_whole_mcap_files_stay_as_they_are_and_thinned_ones_are_rewritten(data, tmp_path, capsys):
     assert run(capsys, data, "--out", tmp_path / "same", "--format", "mcap")[0] == 0
     for path in data.iterdir():
         assert (tmp_path / "same" / path.name).read_bytes() == path.read_bytes()
@@ -77,7 +79,7 @@ def test_whole_mcap_files_stay_as_they_are_and_thinned_ones_are_written_anew(dat
     assert_equal(thin, read_episode(data / "episode_0000.mcap").resampled(0.1))
 
 
-def test_files_of_one_name_are_told_apart_by_their_folders(data, tmp_path, capsys):
+def test_files_of_one_name_get_those_of_their_folders(data, tmp_path, capsys):
     other = tmp_path / "other"
     other.mkdir()
     write_episode(other / "episode_0000.mcap", make_episode(seed=5, drive=True))
@@ -154,7 +156,7 @@ def test_records_of_two_kinds_are_refused_by_name(data, tmp_path, capsys):
     assert err.startswith("endotwin export: odd has 100 samples per second, episode_0000 has 50")
 
 
-def test_without_pyarrow_one_line_tells_what_to_install_before_any_work(data, tmp_path, capsys, monkeypatch):
+def test_without_pyarrow_one_line_names_what_to_install_before_any_work(data, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)  # what Python holds of a module that is not there
     code, _, err = run(capsys, data, "--out", tmp_path / "le")
     assert (code, err) == (
@@ -166,3 +168,29 @@ def test_without_pyarrow_one_line_tells_what_to_install_before_any_work(data, tm
     imported = "import twin.export.export, sys; print([name for name in sys.modules if 'pyarrow' in name])"
     done = subprocess.run([sys.executable, "-c", imported], cwd=REPOSITORY, capture_output=True, text=True)
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv"])
+def test_a_disk_that_fills_up_leaves_nothing_and_one_line(tmp_path, form):
+    write_episode(tmp_path / "long.mcap", make_episode(3000, vertebrae=16, elements=10))
+
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    words = ["export", "long.mcap", "--out", "le", "--format", form]
+    done = endotwin(*words, cwd=tmp_path, preexec_fn=little_room)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"endotwin export: {tmp_path / 'le'}: File too large"
+    assert "Traceback" not in done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["long.mcap"]
+
+
+def test_a_stopped_export_leaves_nothing(data, tmp_path, capsys, monkeypatch):
+    def stop(path: Path, episode: object, everything: bool) -> None:
+        Path(path).write_text("half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(twin.export.export, "write_csv", stop)
+    code, _, err = run(capsys, data, "--out", tmp_path / "le", "--format", "csv")
+    assert (code, err) == (130, "endotwin export: stopped")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]

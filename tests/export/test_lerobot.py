@@ -10,10 +10,10 @@ from exporting import make_full
 from recorded import make_episode
 
 from twin.episode import Episode
-from twin.export.statistics import BINS, QUANTILES
 
 pq = pytest.importorskip("pyarrow.parquet")
 
+from twin.export.columns import QUANTILES, colour_statistics, frames_per_second, statistics  # noqa: E402
 from twin.export.lerobot import write_lerobot  # noqa: E402
 
 PREFIXES = {"observation.state", "action", "truth"}
@@ -65,9 +65,9 @@ def test_labels_are_the_doubles_of_the_episodes(dataset):
 def test_what_a_robot_knows_and_does_is_rounded_to_float32_and_a_missing_angle_is_nan(dataset):
     folder, episodes = dataset
     seen = [np.column_stack([np.degrees(e.measured_bend), e.wire_tension[:, :, 0]]) for e in episodes]
-    told = [np.column_stack([e.pull, e.lateral_pull]) * 1e3 for e in episodes]
+    commands = [np.column_stack([e.pull, e.lateral_pull]) * 1e3 for e in episodes]
     np.testing.assert_array_equal(column(folder, "observation.state"), np.concatenate(seen).astype("f4"))
-    np.testing.assert_array_equal(column(folder, "action"), np.concatenate(told).astype("f4"))
+    np.testing.assert_array_equal(column(folder, "action"), np.concatenate(commands).astype("f4"))
     assert np.isnan(column(folder, "observation.state")[:, 0]).sum() == 3
     assert pq.read_table(folder / "data")["observation.state"].null_count == 0
     features = info_of(folder)["features"]
@@ -138,22 +138,36 @@ def test_statistics_are_those_of_numpy_over_the_dataset_and_over_each_episode(da
     stats = json.loads((folder / "meta" / "stats.json").read_text())
     rows = rows_of(folder)
     assert set(stats) == set(info_of(folder)["features"])
-    for name, told in stats.items():
+    for name, stated in stats.items():
         values = column(folder, name).astype(float)
-        assert set(told) == {"min", "max", "mean", "std", "count", *QUANTILES}
-        for key, wanted in numpy_statistics(values).items():
-            np.testing.assert_allclose(told[key], wanted, rtol=1e-12, atol=1e-12, strict=True)
-        width_of_bin = 2 * np.ptp(values[~np.isnan(values).any(axis=1)], axis=0) / (BINS - 2) + 1e-12
-        for key, share in QUANTILES.items():
-            assert (np.abs(told[key] - np.nanquantile(values, share, axis=0)) <= width_of_bin).all()
-        for row in rows:
-            part = values[row["dataset_from_index"] : row["dataset_to_index"]]
+        parts = [values[row["dataset_from_index"] : row["dataset_to_index"]] for row in rows]
+        of_rows = [{key: row[f"stats/{name}/{key}"] for key in stated} for row in rows]
+        for part, found in zip([values, *parts], [stated, *of_rows], strict=True):
             wanted = numpy_statistics(part)
             wanted |= {key: np.nanquantile(part, share, axis=0) for key, share in QUANTILES.items()}
+            assert set(found) == set(wanted)
             for key in wanted:
-                np.testing.assert_allclose(
-                    row[f"stats/{name}/{key}"], wanted[key], rtol=1e-12, atol=1e-12, strict=True
-                )
+                np.testing.assert_allclose(found[key], wanted[key], rtol=1e-12, atol=1e-12, strict=True)
+
+
+def test_statistics_of_colours_are_those_of_their_pixels():
+    pixels = np.random.default_rng(0).integers(0, 256, (301, 3))
+    counts = np.stack([np.bincount(colour, minlength=256) for colour in pixels.T], axis=1)
+    found = colour_statistics(counts)
+    for key, wanted in statistics(pixels / 255).items():
+        assert np.shape(found[key]) == ((1,) if key == "count" else (3, 1, 1))
+        np.testing.assert_allclose(np.ravel(found[key]), wanted, atol=1e-12)
+
+
+def test_uneven_samples_are_no_frames_and_a_sample_time_is_named():
+    time = np.arange(12) * 0.02
+    assert frames_per_second(dataclasses.replace(make_episode(), time=time + 3)) == 50
+    time[5] += 0.003
+    with pytest.raises(ValueError, match=r"0\.017 s to 0\.023 s apart: .* such as 0\.02 s"):
+        frames_per_second(dataclasses.replace(make_episode(), time=time))
+    drifting = np.arange(12) * 0.02 * 1.002
+    with pytest.raises(ValueError, match="must be evenly apart, a whole number per second"):
+        frames_per_second(dataclasses.replace(make_episode(), time=drifting))
 
 
 def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
@@ -176,22 +190,15 @@ def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
 
 
 def test_a_chunk_holds_a_thousand_files(tmp_path, monkeypatch):
-    monkeypatch.setattr("twin.export.parts.CHUNK_FILES", 2)
+    monkeypatch.setattr("twin.export.lerobot.CHUNK_FILES", 2)
+    monkeypatch.setattr("twin.export.lerobot._ROWS_AT_ONCE", 3)
     write_lerobot(tmp_path, ((str(seed), make_full(9, seed), {}) for seed in range(5)), file_megabytes=1e-9)
     files = sorted(str(file.relative_to(tmp_path / "data")) for file in (tmp_path / "data").glob("*/*"))
     assert files == [f"chunk-{k // 2:03d}/file-{k % 2:03d}.parquet" for k in range(5)]
     places = [(row["data/chunk_index"], row["data/file_index"]) for row in rows_of(tmp_path)]
     assert places == [divmod(k, 2) for k in range(5)]
-
-
-def test_many_episodes_are_described_each_where_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("twin.export.lerobot._ROWS_AT_ONCE", 3)
-    write_lerobot(
-        tmp_path, ((str(seed), make_episode(5, seed=seed), {}) for seed in range(8)), file_megabytes=0.01
-    )
-    rows = rows_of(tmp_path)
-    assert [row["episode_index"] for row in rows] == list(range(8))
-    assert [row["meta/episodes/file_index"] for row in rows] == [0, 0, 0, 1, 1, 1, 2, 2]
+    assert [row["episode_index"] for row in rows_of(tmp_path)] == list(range(5))
+    assert [row["meta/episodes/chunk_index"] for row in rows_of(tmp_path)] == [0] * 5
 
 
 @pytest.mark.parametrize(
@@ -225,7 +232,7 @@ def test_episodes_that_differ_are_refused_by_name(tmp_path, other, fault):
         write_lerobot(tmp_path, [("a", make_episode(), {}), ("b", other, {})])
 
 
-def test_an_angle_that_nobody_has_measured_and_no_episode_are_refused(tmp_path):
+def test_an_angle_that_was_never_measured_and_no_episode_are_refused(tmp_path):
     blind = dataclasses.replace(make_episode(), measured_bend=np.full(12, np.nan))
     with pytest.raises(ValueError, match="measured_deg is missing at every sample of all episodes"):
         write_lerobot(tmp_path / "a", [("a", blind, {})])

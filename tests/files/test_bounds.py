@@ -11,7 +11,7 @@ from twin.benchmark.measurements import Size
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import check_between
 from twin.identification import check_options
-from twin.workers.choice import choose_workers
+from twin.workers.processes import choose_workers
 
 
 @given(

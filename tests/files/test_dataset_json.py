@@ -129,7 +129,7 @@ def test_what_does_not_fit_is_not_written(tmp_path):
         ("twin.files.dataset_json", {"numpy", "mujoco", "mcap", "scipy", "matplotlib"}),
         ("twin", {"pydantic"}),
         ("twin.recording", {"pydantic"}),
-        ("twin.export.frames", {"pydantic"}),
+        ("twin.export.columns", {"pydantic"}),
     ],
 )
 def test_schema_is_light_and_loaded_only_where_it_is_needed(module, unwanted):

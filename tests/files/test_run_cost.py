@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from twin.files.run_cost import COST_FILE, counted_cost, read_cost
+from twin.files.run_folder import COST_FILE, counted_cost, read_cost
 
 
 def work(seconds):

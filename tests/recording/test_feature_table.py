@@ -115,7 +115,7 @@ def test_columns_of_a_table_are_those_of_the_quantities_that_it_names(tmp_path):
 
 
 def test_columns_of_parquet_files_are_the_quantities_each_once():
-    frames = pytest.importorskip("twin.export.frames")
+    frames = pytest.importorskip("twin.export.columns")
     episode = make_episode(planes=2, drive=True)
     columns = frames.frame_columns(episode, per_second=50, episode_index=0, first_index=0, task_index=0)
     own = {"timestamp", "frame_index", "episode_index", "index", "task_index"}  # LeRobot's

@@ -18,7 +18,7 @@ from rl.twins.graph import export_memory, export_recurrent_step
 from rl.twins.settings import NetworkTraining
 from twin.estimation.learned import ram_memory
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.files.progress_csv import read_progress
+from twin.files.run_folder import read_progress
 from twin.hysteresis import model_to_dict
 
 OPTIONS = TrainingOptions(agent="gru-twins", episodes=1, seed=2)

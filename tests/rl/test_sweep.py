@@ -19,7 +19,7 @@ from twin.evaluation.case import make_case
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.evaluation.record import EvaluationRecord
-from twin.files.run_cost import COST_FILE
+from twin.files.run_folder import COST_FILE
 from twin.workers.processes import local_workers, shared_table
 
 OPTIONS = TrainingOptions(agent="gru", episodes=7)

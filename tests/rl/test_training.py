@@ -16,7 +16,7 @@ from rl.policy import AGENTS, export_policy, load_policy
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
-from twin.files.run_cost import COST_FILE, read_cost
+from twin.files.run_folder import COST_FILE, read_cost
 
 SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
 

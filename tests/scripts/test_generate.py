@@ -144,7 +144,7 @@ def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
         ("recipe.yaml", "--out: name the folder"),
         ("--preset ureteroscope --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
         ("--command-column x --out x", "--command-column tells how --command-csv is read: name its file"),
-        ("recipe.yaml --time-unit ms --out x", "must be a CSV file, or with columns, as in {file: log.csv"),
+        ("recipe.yaml --time-unit ms --out x", "command_csv.file is missing"),
         ("recipe.yaml --workers -1 --out x", "--workers -1: must not be negative"),
         ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),
         ("recipe.yaml --dask tcp --out x", "--dask 'tcp': must be as in tcp://192.168.0.7:8786"),

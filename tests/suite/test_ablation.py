@@ -17,7 +17,7 @@ from twin.estimation.learned import ram_twins
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.report.ablation import ablation_figure, ablation_table
 from twin.suite.scenarios import scenarios, write_scenarios
-from twin.workers.choice import choose_workers
+from twin.workers.processes import choose_workers
 
 SMALL = {
     name: getattr(TINY, name)

@@ -12,7 +12,7 @@ from twin.estimation.estimator import Sensor
 from twin.estimation.learned.trained_file import learned_parameters, read_trained_file
 from twin.evaluation.method import Filtering, Method
 from twin.evaluation.record import EvaluationRecord
-from twin.files.run_cost import read_cost
+from twin.files.run_folder import read_cost
 
 SAMPLES = 200
 """Samples that are timed of a record."""

@@ -1,18 +1,24 @@
-"""Exporting records: read or recovered, thinned, and written anew as Parquet, CSV or MCAP files."""
+"""Exporting records: read or recovered, thinned, written as a LeRobot dataset, CSV tables or MCAP files."""
 
+import collections
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from twin.episode import Episode
-from twin.errors import InputError, require_extra
-from twin.export.tally import Tally
+from twin.errors import InputError, MissingFileError, require_extra
 from twin.files.atomic import write_whole
-from twin.recording import read_episode, recover_episode, write_csv, write_episode
+from twin.recording import Recovered, episode_files, read_episode, recover_episode, write_csv, write_episode
 from twin.recording.camera import Pictures, has_pictures, read_pictures
 
 FORMATS = ("parquet", "csv", "mcap")
 """Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
+
+
+_NOT_ITS_NAME = re.compile(r"\.mcap(\.partial(\.\d+)?)?$")  # a killed recording is NAME.mcap.partial
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +30,7 @@ class Plan:
         all_columns: of a CSV table: also the measured angle and the hidden state.
         sample_time: simulated records are thinned to it, measured logs put on an even grid of it [s]; None
             keeps their own samples.
-        recover: take what is whole of damaged files; else they are refused.
+        recover: take what is whole of damaged files, which are refused otherwise.
     """
 
     form: str = "parquet"
@@ -33,12 +39,7 @@ class Plan:
     recover: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be written.
-
-        Raises:
-            ValueError: there is no such format, or it has no choice of columns.
-            ImportError: what writes it is not installed.
-        """
+        """Refuse an unknown format, a choice that it does not have, or one whose library is missing."""
         if self.form not in FORMATS:
             raise InputError(f"unknown format {self.form!r}; valid: {', '.join(FORMATS)}")
         if self.all_columns and self.form != "csv":
@@ -47,15 +48,91 @@ class Plan:
             require_extra("parquet", "the format parquet")
 
 
+@dataclasses.dataclass
+class Tally:
+    """Counts of an export, and losses of damaged files.
+
+    Attributes:
+        episodes: written.
+        samples: in all episodes.
+        seconds: in all episodes [s].
+        recovered: of each damaged file: samples that were read, how many there once were, and what is wrong.
+        lost: each file that nothing is left of, and why.
+        pictures: records whose pictures are written.
+        pictures_left_out: records whose pictures are not, as the format has none, or samples were thinned.
+    """
+
+    episodes: int = 0
+    samples: int = 0
+    seconds: float = 0.0
+    recovered: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    lost: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    pictures: int = 0
+    pictures_left_out: int = 0
+
+    def count(self, episode: Episode) -> None:
+        """Add an episode that is written."""
+        self.episodes += 1
+        self.samples += len(episode.time)
+        self.seconds = round(self.seconds + len(episode.time) * episode.sample_time, 9)
+
+    def count_recovered(self, file: Path, recovered: Recovered) -> None:
+        """Add a damaged file that something is left of."""
+        samples = {"samples": recovered.samples, "samples_expected": recovered.samples_expected}
+        self.recovered.append({"file": str(file), **samples, "faults": list(recovered.faults)})
+
+    @property
+    def damage(self) -> str:
+        """Pictures, and losses of damaged files, as the end of a sentence; empty for neither."""
+        line = ""
+        if self.pictures:
+            line += f"; with the pictures of {self.pictures} as video"
+        if self.pictures_left_out:
+            line += f"; without the pictures of {self.pictures_left_out}, which parquet would hold as video"
+        if self.recovered:
+            whole = sum(file["samples"] for file in self.recovered)
+            expected = [file["samples_expected"] for file in self.recovered]
+            if None in expected:
+                missing = f"{whole} samples are whole of an unknown number"
+            else:
+                gone, all_ = sum(expected) - whole, sum(expected)
+                missing = f"{gone} of {all_} samples ({100 * gone / all_:.1f} %) are missing"
+            line += f"; damaged files: {len(self.recovered)}, {missing}"
+        if self.lost:
+            line += f"; files of which nothing is left: {len(self.lost)}"
+        return line
+
+
+def named_files(paths: Sequence[Path]) -> dict[str, Path]:
+    """Return the MCAP files of folders and files by name, with their folders' names where needed."""
+    if not paths:
+        raise InputError("no data given: name folders of MCAP files, or files")
+    for path in paths:
+        if not path.exists():
+            raise MissingFileError(f"no file or folder {path}")
+    files = [file for path in paths for file in episode_files(path)]
+    parts = [(*Path(os.path.realpath(file)).parent.parts, _NOT_ITS_NAME.sub("", file.name)) for file in files]
+    twice = [file for file, count in collections.Counter(parts).items() if count > 1]
+    if twice:
+        raise InputError(f"{files[parts.index(twice[0])]} is given twice")
+    for depth in range(1, max(map(len, parts)) + 1):
+        names = ["_".join(part for part in path[-depth:] if part != "/") for path in parts]
+        if len(set(names)) == len(names):
+            break
+    else:
+        raise InputError("two files have the same name in folders of the same names: export them apart")
+    return dict(zip(names, files, strict=True))
+
+
 @dataclasses.dataclass(frozen=True)
-class Piece:
+class _Piece:
     """A record to write.
 
     Attributes:
         name: of the record.
         episode: its samples.
         file: where it is as it is; None where it was thinned or recovered.
-        source: file that it is from, whole; None where that is damaged.
+        source: file that it is from; None where that is damaged.
     """
 
     name: str
@@ -78,15 +155,11 @@ def export_records(
         files: MCAP files by the names of their records.
         folder: an empty one; under an exception, what is in it is not complete.
         plan: how.
-        on_progress: told how many of how many files are done.
-        on_damage: told, in one line each, what is wrong with a damaged file.
-
-    Raises:
-        ValueError: a file is damaged, nothing is left of any, or a record does not fit the plan.
-        OSError: the disk is full or fails.
+        on_progress: called with how many files are done, and how many there are.
+        on_damage: called with what is wrong with a damaged file, in one line.
     """
     tally = Tally()
-    pieces = _pieces(files, plan, tally, on_progress or _silent, on_damage or _silent)
+    pieces = _pieces(files, plan, tally, on_progress or _ignore, on_damage or _ignore)
     if plan.form == "parquet":
         from twin.export.lerobot import write_lerobot  # pyarrow may not be installed
 
@@ -94,19 +167,19 @@ def export_records(
         return tally
     for piece in pieces:
         path = folder / f"{piece.name}.{plan.form}"
+        if plan.form == "mcap" and piece.file is not None:
+            write_whole(path, piece.file.read_bytes())  # with pictures and all else
+            continue
         if plan.form == "csv":
             write_csv(path, piece.episode, everything=plan.all_columns)
-            tally.pictures_left_out += _has_pictures(piece.source)
-        elif piece.file is not None:
-            write_whole(path, piece.file.read_bytes())  # with what is not of the episode, such as pictures
         else:
             write_episode(path, _without_recipe(piece.episode))
-            tally.pictures_left_out += _has_pictures(piece.source)
+        tally.pictures_left_out += piece.source is not None and has_pictures(piece.source)
     return tally
 
 
 def _with_pictures(
-    pieces: Iterator[Piece], tally: Tally
+    pieces: Iterator[_Piece], tally: Tally
 ) -> Iterator[tuple[str, Episode, dict[str, Pictures]]]:
     """Yield records with their pictures, and count those that have some."""
     for piece in pieces:
@@ -115,27 +188,27 @@ def _with_pictures(
         yield piece.name, piece.episode, pictures
 
 
-def _has_pictures(file: Path | None) -> bool:
-    """True for a whole file that holds pictures of a camera."""
-    return file is not None and has_pictures(file)
-
-
 def _pieces(
     files: Mapping[str, Path],
     plan: Plan,
     tally: Tally,
     on_progress: Callable[[int, int], None],
     on_damage: Callable[[str], None],
-) -> Iterator[Piece]:
+) -> Iterator[_Piece]:
     """Yield one record at a time, and count it."""
     for done, (name, file) in enumerate(files.items()):
         on_progress(done, len(files))
         record, whole = _read(file, plan, tally, on_damage)
-        if record is not None:
-            episode = _at(record, plan.sample_time, file)
-            tally.count(episode)
-            same = file if whole and plan.sample_time is None else None
-            yield Piece(name, episode, same, file if whole else None)
+        if record is None:
+            continue
+        if plan.sample_time is not None:
+            try:
+                record = record.resampled(plan.sample_time)
+            except ValueError as error:
+                raise InputError(f"{file}: {error}") from error
+        tally.count(record)
+        same = file if whole and plan.sample_time is None else None
+        yield _Piece(name, record, same, file if whole else None)
     on_progress(len(files), len(files))
     if tally.episodes == 0:
         raise InputError("nothing is left of any file")
@@ -160,26 +233,13 @@ def _read(
     return recovered.episode, False
 
 
-def _at(episode: Episode, sample_time: float | None, file: Path) -> Episode:
-    """Return the record at a sample time; as it is without one."""
-    if sample_time is None:
-        return episode
-    try:
-        return episode.resampled(sample_time)
-    except ValueError as error:
-        raise InputError(f"{file}: {error}") from error
-
-
 def _without_recipe(episode: Episode) -> Episode:
-    """Return a record that does not claim to be all that a recipe made: it is not taken for a whole file."""
-    facts = {
-        name: value
-        for name, value in episode.metadata.items()
-        if name not in ("samples", "statistics", "recipe_sha256")
-    }
+    """Return a record without its recipe: it is no longer all that the recipe made."""
+    without = {"samples", "statistics", "recipe_sha256"}
+    facts = {name: value for name, value in episode.metadata.items() if name not in without}
     files = {name: data for name, data in episode.attachments.items() if name != "recipe.yaml"}
     return dataclasses.replace(episode, metadata=facts, attachments=files)
 
 
-def _silent(*_: object) -> None:
-    """Tell nobody."""
+def _ignore(*_: object) -> None:
+    """Do nothing."""

@@ -1,43 +1,51 @@
 """Writing episodes as a LeRobot dataset, format v3.0 (https://huggingface.co/docs/lerobot).
 
 ```
-data/chunk-000/file-000.parquet           frames, one row group per episode (see `frames.frame_columns`)
+data/chunk-000/file-000.parquet           frames, one row group per episode (see `columns.frame_columns`)
 meta/info.json                            frames per second, names, types and shapes of the columns, totals
-meta/stats.json                           statistics of each column over the dataset (see `statistics`)
+meta/stats.json                           statistics of each column over the dataset
 meta/tasks.parquet                        tasks in words
 README.md                                 what it holds, and how pandas, PyTorch and LeRobot load it
 meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and its statistics
-videos/observation.images.camera/chunk-000/file-000.mp4  pictures of each camera (see `videos`)
+videos/observation.images.camera/chunk-000/file-000.mp4  pictures of each camera, a film per episode
 ```
 
-Two columns of the episodes are ours beside those of LeRobot: `source`, the name of the record, and
-`metadata`, its metadata as JSON. What is one number per frame is stored as such, as LeRobot does, not as a
-list of one.
+Two columns of the episodes are ours: `source`, the name of the record, and `metadata`, its metadata as JSON.
+One number per frame is stored as such, as LeRobot does, not as a list of one.
 
 A measurement that is missing is NaN in `observation.state`, and not counted in the statistics. LeRobot's
-loader hands NaN on as it is; its normalisation keeps it, and so a loss that takes such a frame in is NaN:
-leave those frames out, or fill them. LeRobot's loader makes float32 of the float64 columns; pandas and Arrow
-do not.
+loader and its normalisation keep NaN, and so a loss over such a frame is NaN: leave those frames out, or fill
+them. LeRobot's loader makes float32 of the float64 columns; pandas and Arrow do not.
 """
 
+import contextlib
 import io
 import json
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from twin import __version__
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.export.even import frames_per_second
-from twin.export.frames import Column, frame_columns
-from twin.export.parts import CHUNK_FILES, PartWriter
-from twin.export.statistics import QUANTILES, RunningStatistics, exact_statistics
-from twin.export.videos import VIDEO_PATH, nested, video_feature, video_key, write_episode_video
+from twin.export.columns import (
+    QUANTILES,
+    VIDEO_PATH,
+    colour_statistics,
+    frame_columns,
+    frames_per_second,
+    statistics,
+    video_feature,
+    video_key,
+    write_episode_video,
+)
 from twin.files.assets import card_environment
 from twin.files.atomic import write_whole
 from twin.files.shown import in_code
@@ -46,6 +54,8 @@ from twin.recording.camera import Pictures
 VERSION = "v3.0"
 FILE_MEGABYTES = 100
 """Parquet files are about as large as this at most, LeRobot's own size [MiB]."""
+CHUNK_FILES = 1000
+"""Files in one `chunk-...` folder."""
 _ROWS_AT_ONCE = 100  # episodes whose description is held until it is written
 _PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
@@ -56,7 +66,7 @@ def write_lerobot(
     *,
     file_megabytes: float = FILE_MEGABYTES,
 ) -> dict[str, Any]:
-    """Write a dataset; one episode at a time is in memory.
+    """Write a dataset; one episode at a time is in memory, and then one column for its statistics.
 
     Args:
         folder: an empty folder; under an exception, what is in it is not complete.
@@ -66,14 +76,12 @@ def write_lerobot(
 
     Returns:
         The contents of `info.json`.
-
-    Raises:
-        ValueError: there is no episode, or one is not at even samples, or differs from the first one in
-            columns or samples per second, or a column is known nowhere.
-        OSError: the disk is full or fails.
     """
     limit = file_megabytes * 2**20
-    with PartWriter(folder / "data", limit) as data, PartWriter(folder / "meta" / "episodes", limit) as meta:
+    with (
+        _PartWriter(folder / "data", limit) as data,
+        _PartWriter(folder / "meta" / "episodes", limit) as meta,
+    ):
         dataset = _Dataset(folder, data, meta)
         for name, episode, pictures in episodes:
             dataset.add(name, episode, pictures)
@@ -86,26 +94,85 @@ def write_lerobot(
     return info
 
 
+class _PartWriter:
+    """Context manager: a Parquet table in parts, `chunk-000/file-000.parquet` and so on.
+
+    Each table becomes one row group, in a new file where it would probably make a file larger than `limit`
+    [bytes]. Under an exception, the last file is left incomplete.
+    """
+
+    def __init__(self, folder: Path, limit: float) -> None:
+        self._folder, self._limit = folder, limit
+        self._number = -1  # of the file, over all chunks
+        self._rows = 0  # in this file
+        self._writer: pq.ParquetWriter | None = None
+        self._file: BinaryIO | None = None
+
+    def __enter__(self) -> "_PartWriter":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        # Under an exception, what is left to write may fail as well, and so hide why.
+        with contextlib.suppress(OSError, ValueError) if error else contextlib.nullcontext():
+            self._finish()
+
+    def place(self, rows: int) -> tuple[int, int]:
+        """Open the file for the next table, of so many rows; returns the numbers of its chunk and itself."""
+        if self._file is None or (
+            self._rows > 0 and self._file.tell() * (1 + rows / self._rows) > self._limit
+        ):
+            self._finish()
+            self._number += 1
+            self._rows = 0
+            chunk, file = divmod(self._number, CHUNK_FILES)
+            path = self._folder / _PATH.format(chunk_index=chunk, file_index=file)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("xb")
+        return divmod(self._number, CHUNK_FILES)
+
+    def write(self, table: pa.Table) -> None:
+        """Write a table into the file that `place` has opened."""
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._file, table.schema, compression="zstd")
+        self._writer.write_table(table, row_group_size=max(len(table), 1))
+        self._rows += len(table)
+
+    def _finish(self) -> None:
+        writer, file, self._writer, self._file = self._writer, self._file, None, None
+        if file is not None:
+            with file:
+                if writer is not None:
+                    writer.close()
+                file.flush()
+                os.fsync(file.fileno())
+
+
 class _Dataset:
     """Facts of the episodes written so far."""
 
-    def __init__(self, folder: Path, data: PartWriter, meta: PartWriter) -> None:
+    def __init__(self, folder: Path, data: _PartWriter, meta: _PartWriter) -> None:
         self.tasks: dict[str, int] = {}
         self._folder = folder
         self._data, self._meta = data, meta
         self._robots: set[str] = set()
         self._features: dict[str, dict[str, Any]] = {}
-        self._running: dict[str, RunningStatistics] = {}
+        self._colours: dict[str, NDArray[np.int64]] = {}  # (256, 3) counts of each video
         self._rows: list[dict[str, Any]] = []
         self._first = ""
         self._per_second = self._episodes = self._frames = 0
 
     def add(self, name: str, episode: Episode, pictures: Mapping[str, Pictures]) -> None:
+        robot, task = _robot_and_task(episode)
+        count = len(episode.time)
         try:
             per_second = frames_per_second(episode)
         except ValueError as error:
             raise InputError(f"{name}: {error}") from error
-        robot, task = _robot_and_task(episode)
         columns = frame_columns(
             episode,
             per_second=per_second,
@@ -117,7 +184,6 @@ class _Dataset:
         features |= {video_key(camera): video_feature(seen, per_second) for camera, seen in pictures.items()}
         self._check(name, per_second, features)
         self._robots.add(robot)
-        count = len(episode.time)
         chunk, file = self._data.place(count)
         self._data.write(pa.table({key: column.array for key, column in columns.items()}))
         row = {
@@ -133,7 +199,9 @@ class _Dataset:
         }
         for camera, seen in pictures.items():
             row |= self._add_video(name, video_key(camera), episode, seen)
-        self._rows.append(row | self._statistics_of(columns))
+        for key, column in columns.items():
+            row |= {f"stats/{key}/{name}": figures for name, figures in statistics(column.values).items()}
+        self._rows.append(row)
         self._episodes += 1
         self._frames += count
         if len(self._rows) >= _ROWS_AT_ONCE:
@@ -141,15 +209,22 @@ class _Dataset:
 
     def _add_video(self, name: str, key: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
         """Write the film of an episode; returns where it is, and its statistics."""
+        chunk, file = divmod(self._episodes, CHUNK_FILES)
+        path = self._folder / VIDEO_PATH.format(video_key=key, chunk_index=chunk, file_index=file)
         try:
-            place, pixels = write_episode_video(
-                self._folder, key, self._episodes, episode, pictures, self._per_second
-            )
+            pixels = write_episode_video(path, episode, pictures, self._per_second)
         except ValueError as error:
             raise InputError(f"{name}: {error}") from error
-        self._running[key].add(pixels)
-        told = nested(exact_statistics(pixels))
-        return place | {f"stats/{key}/{statistic}": numbers for statistic, numbers in told.items()}
+        counts = np.stack([np.bincount(colour, minlength=256) for colour in pixels.T], axis=1)
+        self._colours[key] += counts
+        place = {
+            f"videos/{key}/chunk_index": chunk,
+            f"videos/{key}/file_index": file,
+            f"videos/{key}/from_timestamp": 0.0,
+            f"videos/{key}/to_timestamp": len(episode.time) / self._per_second,
+        }
+        figures = colour_statistics(counts)
+        return place | {f"stats/{key}/{statistic}": numbers for statistic, numbers in figures.items()}
 
     def flush(self) -> None:
         """Write the descriptions of episodes that are still held."""
@@ -176,32 +251,32 @@ class _Dataset:
             "fps": self._per_second,
             "splits": {"train": f"0:{self._episodes}"},
             "data_path": f"data/{_PATH}",
-            "video_path": VIDEO_PATH if self._videos else None,
+            "video_path": VIDEO_PATH if self._colours else None,
             "features": self._features,
         }
 
-    def statistics(self) -> dict[str, Mapping[str, Any]]:
-        """Return the contents of `stats.json`."""
-        told: dict[str, Mapping[str, Any]] = {
-            name: running.result() for name, running in self._running.items()
-        }
-        for name, values in told.items():
-            if np.isnan(values["mean"]).any():
-                missing = int(np.isnan(values["mean"]).argmax())
-                raise InputError(
-                    f"{self._features[name]['names'][missing]} is missing at every sample of all episodes"
-                )
-        return told | {key: nested(dict(told[key])) for key in self._videos}
-
-    @property
-    def _videos(self) -> list[str]:
-        return [key for key, feature in self._features.items() if _is_video(feature)]
+    def statistics(self) -> dict[str, Any]:
+        """Return the contents of `stats.json`: of the columns of the data files, and of the videos."""
+        found: dict[str, Any] = {}
+        for name, feature in self._features.items():
+            if name in self._colours:
+                found[name] = colour_statistics(self._colours[name])
+                continue
+            held = pq.read_table(self._folder / "data", columns=[name])[name].combine_chunks()
+            flat = held.flatten() if pa.types.is_fixed_size_list(held.type) else held
+            found[name] = statistics(flat.to_numpy(zero_copy_only=False).reshape(-1, *feature["shape"]))
+            unknown = np.isnan(found[name]["mean"])
+            if unknown.any():
+                missing = feature["names"][int(unknown.argmax())]
+                raise InputError(f"{missing} is missing at every sample of all episodes")
+        return found
 
     def _check(self, name: str, per_second: int, features: dict[str, dict[str, Any]]) -> None:
         """Take the first episode as the measure of the others."""
         if self._episodes == 0:
             self._first, self._per_second, self._features = name, per_second, features
-            self._running = {key: RunningStatistics(_columns(feature)) for key, feature in features.items()}
+            videos = (key for key, feature in features.items() if _is_video(feature))
+            self._colours = {key: np.zeros((256, 3), dtype=np.int64) for key in videos}
             return
         if per_second != self._per_second:
             raise InputError(
@@ -213,14 +288,6 @@ class _Dataset:
             if this != first:
                 raise InputError(f"{name} has {this}, {self._first} has {first}: export them apart")
 
-    def _statistics_of(self, columns: Mapping[str, Column]) -> dict[str, Any]:
-        told: dict[str, Any] = {}
-        for name, column in columns.items():
-            values = column.values.astype(np.float64)
-            self._running[name].add(values)
-            told |= {f"stats/{name}/{key}": numbers for key, numbers in exact_statistics(values).items()}
-        return told
-
     def _row_schema(self) -> pa.Schema:
         types = {
             "episode_index": pa.int64(),
@@ -231,12 +298,12 @@ class _Dataset:
             "dataset_from_index": pa.int64(),
             "dataset_to_index": pa.int64(),
         }
-        for name in self._videos:
+        for name in self._colours:
             for key in ("chunk_index", "file_index", "from_timestamp", "to_timestamp"):
                 types[f"videos/{name}/{key}"] = pa.int64() if key.endswith("index") else pa.float64()
-        for name, feature in self._features.items():
+        for name in self._features:
             numbers = pa.list_(pa.float64())
-            if _is_video(feature):
+            if name in self._colours:
                 numbers = pa.list_(pa.list_(numbers))
             for key in ("min", "max", "mean", "std", "count", *QUANTILES):
                 types[f"stats/{name}/{key}"] = pa.list_(pa.int64()) if key == "count" else numbers
@@ -245,7 +312,7 @@ class _Dataset:
 
 
 def _robot_and_task(episode: Episode) -> tuple[str, str]:
-    """Return what the robot is called, and what it does in words."""
+    """Return the name of the robot, and its task in words."""
     facts = episode.metadata
     preset = facts.get("preset")
     robot = str(preset.get("name", "endoscope") if isinstance(preset, Mapping) else preset or "endoscope")
@@ -253,11 +320,6 @@ def _robot_and_task(episode: Episode) -> tuple[str, str]:
         return robot, f"bend the {robot} as in the measured log"
     signal = facts.get("signal")
     return robot, f"bend the {robot} by a {signal} command" if signal else f"bend the {robot}"
-
-
-def _columns(feature: Mapping[str, Any]) -> int:
-    """Return how many numbers of a feature are counted apart: of a sample, or the colours of a video."""
-    return 3 if _is_video(feature) else int(feature["shape"][0])
 
 
 def _is_video(feature: Mapping[str, Any]) -> bool:

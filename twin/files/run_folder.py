@@ -1,22 +1,30 @@
-"""Run folder: belongs to one configuration, stated in its `config.yaml`."""
+"""Run folder: its configuration, its learning curve and the processor time that it took."""
 
 import contextlib
+import csv
+import io
+import json
 import os
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import numpy as np
 import yaml
+from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.atomic import claim, write_whole
+from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.json_text import read_json, validated
 from twin.files.shown import cut
 from twin.files.yaml_text import parse_yaml, read_yaml
 
 CONFIGURATION_FILE = "config.yaml"
 CURVE_FILE = "progress.csv"
 CHECKPOINT_FILE = "checkpoint.state"
+COST_FILE = "cost.json"
 _MOST_BYTES = 2**20
 _ABSENT = object()
 
@@ -28,18 +36,14 @@ def open_run(
     """Context manager: a run folder of this configuration, in which no other process is at work.
 
     Args:
-        folder: made if it is not there.
+        folder: created if it does not exist.
         configuration: what the run depends on.
-        files: that the run makes, beside `config.yaml` and `progress.csv`.
-        grows: name of a number, as in `training.episodes`: a run that has a checkpoint and differs in nothing
-            but having less of it may become this one. It stays what it is until `write_configuration`.
+        files: that the run makes, in addition to `config.yaml` and `progress.csv`.
+        grows: name of a number, as in `training.episodes`: a run that has a checkpoint and differs only in
+            less of it may become this one. It stays as it is until `write_configuration`.
 
     Yields:
         Whether it is such a shorter run.
-
-    Raises:
-        ValueError: another run is at work in it, it holds one of another configuration, or files of these
-            names that belong to no run.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
@@ -50,12 +54,12 @@ def open_run(
 
 
 def write_configuration(folder: Path, configuration: dict[str, Any]) -> None:
-    """Write the `config.yaml` of a run, which says from then on what the folder holds."""
+    """Write the `config.yaml` of a run, to which the folder belongs from then on."""
     write_whole(folder / CONFIGURATION_FILE, _text(configuration))
 
 
 def _may_grow(path: Path, configuration: dict[str, Any], name: str) -> bool:
-    """Return whether the run of a `config.yaml` is this one but for having less of a number."""
+    """Return whether the run of a `config.yaml` differs from this one only in less of a number."""
     if path.is_symlink() or not (path.is_file() and path.with_name(CHECKPOINT_FILE).is_file()):
         return False
     if _differences(path, _text(configuration)) != [name]:
@@ -67,22 +71,16 @@ def _may_grow(path: Path, configuration: dict[str, Any], name: str) -> bool:
 def claim_folder(folder: Path, configuration: dict[str, Any], files: Sequence[str] = ()) -> None:
     """Write `config.yaml` into a run folder, or check that the run already there has this configuration.
 
-    Args:
-        folder: of the run.
-        configuration: what the run depends on.
-        files: that the run will make: without a `config.yaml`, one that is there is not its own.
-
-    Raises:
-        ValueError: it has another one, or the folder holds such a file.
+    Without a `config.yaml`, none of the `files` that the run will make may exist.
     """
     path = folder / CONFIGURATION_FILE
     text = _text(configuration)
     if os.path.lexists(path):
         if _contents(path) != text.encode():
             names = cut(", ".join(_differences(path, text)))
-            told = f" ({names})" if names else ""
+            which = f" ({names})" if names else ""
             raise InputError(
-                f"{folder} holds a run of another configuration{told}: choose another `folder` or remove it"
+                f"{folder} holds a run of another configuration{which}: choose another `folder` or remove it"
             )
         return
     for name in files:
@@ -98,7 +96,7 @@ def _text(configuration: dict[str, Any]) -> str:
 
 
 def _differences(path: Path, text: str) -> list[str]:
-    """Return the names of what two configurations say otherwise, as in `training.seed`."""
+    """Return the names of the differences of two configurations, as in `training.seed`."""
     try:
         there = _flat(read_yaml(path, _MOST_BYTES))
     except ValueError:
@@ -123,3 +121,56 @@ def _contents(path: Path) -> bytes:
         raise InputError(f"{path} is no file: choose another `folder`")
     with path.open("rb") as file:
         return file.read(_MOST_BYTES)
+
+
+def read_progress(path: Path) -> dict[str, Any]:
+    """Return `samples` and `return` of a training run, as its `progress.csv` lists them."""
+    where = f"{path.parent.name}/{path.name}"
+    try:
+        lines = list(csv.DictReader(io.StringIO(read_limited(path, MEBIBYTE).decode())))
+        curve = {
+            key: np.array([float(line[name]) for line in lines])
+            for key, name in (("samples", "samples"), ("return", "mean_reward"))
+        }
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{where}: {cut(error) or 'a column is missing'}") from error
+    if not lines or not np.isfinite(curve["samples"]).all():
+        raise InputError(f"{where} has no lines of numbers")
+    return curve
+
+
+class CostFile(BaseModel):
+    """Contents of `cost.json`.
+
+    Attributes:
+        processor_s: time of one core, over all parts of a run that was stopped and went on [s].
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    processor_s: Annotated[float, Field(ge=0, le=1e12)]
+
+
+@contextlib.contextmanager
+def counted_cost(folder: Path) -> Iterator[None]:
+    """Context manager: the processor time of this process and its children is added to a run folder's.
+
+    That of a process that was killed is not counted.
+    """
+    before, begun = read_cost(folder) or 0.0, sum(os.times()[:4])
+    try:
+        yield
+    finally:
+        cost = CostFile(processor_s=round(before + sum(os.times()[:4]) - begun, 2))
+        write_whole(folder / COST_FILE, json.dumps(cost.model_dump()) + "\n")
+
+
+def read_cost(folder: Path) -> float | None:
+    """Return the processor time of a training run [s]; None where there is no `cost.json`."""
+    path = folder / COST_FILE
+    if not os.path.lexists(path):
+        return None
+    try:
+        return validated(CostFile, read_json(path, 4096)).processor_s
+    except ValueError as error:
+        raise InputError(f"{path}: {str(error).removeprefix(f'{path} ')}") from error

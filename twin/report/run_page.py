@@ -22,8 +22,7 @@ from twin.evaluation.score import read_evaluation
 from twin.files.bounded import MEBIBYTE, read_limited, sha256_of
 from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
 from twin.files.json_text import read_json
-from twin.files.progress_csv import read_progress
-from twin.files.run_folder import CURVE_FILE
+from twin.files.run_folder import CURVE_FILE, read_progress
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model

@@ -25,15 +25,11 @@ _LIBRARIES = ("distributed", "tornado", "asyncio")
 def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Iterator[tuple[Executor, int]]:
     """Context manager: an executor on a Dask cluster, and the number of tasks that it runs at a time.
 
-    A task whose worker dies is given to another one.
+    A task whose worker dies is given to another one; `BrokenExecutor` if that happens again and again.
 
     Args:
         address: of the scheduler, such as `tcp://192.168.0.7:8786`.
-        begin: what each worker that is there does first; picklable.
-
-    Raises:
-        ValueError: Dask is not installed, the address is none, no scheduler answers, or it has no workers.
-        BrokenExecutor: the cluster gave up a task, whose workers died again and again.
+        begin: first call of each worker that is there; picklable.
     """
     host, port = check_address(address)
     try:
@@ -41,8 +37,12 @@ def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Ite
     except ImportError as error:
         raise InputError("a Dask cluster needs Dask: pip install 'endotwin[cluster]'") from error
     with contextlib.ExitStack() as stack:
-        stack.enter_context(_silent())
-        _reach(address, host, port)
+        stack.enter_context(_without_logs())
+        try:  # a client would wait without end where no scheduler answers
+            socket.create_connection((host, port), timeout=REACH_SECONDS).close()
+            asyncio.run(_shake_hands(address))
+        except Exception as error:  # another server's answer, a missing certificate for tls, and so on
+            raise InputError(f"address = {address:.100}: no Dask scheduler answers there") from error
         client = stack.enter_context(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
         threads = sum(client.nthreads().values())
         if threads == 0:
@@ -54,31 +54,17 @@ def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Ite
             yield client.get_executor(pure=False), threads
         except (KilledWorker, CancelledError) as error:
             lost = "the Dask cluster lost its workers or the task"
-            raise BrokenExecutor(
-                f"{lost}; what is whole stays, the same command goes on from there"
-            ) from error
+            rest = "what is whole stays, the same command goes on from there"
+            raise BrokenExecutor(f"{lost}; {rest}") from error
 
 
 def check_address(address: str) -> tuple[str, int]:
-    """Return the host and the port of the address of a scheduler.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """Return the host and the port of the address of a scheduler."""
     found = re.fullmatch(r"(?:tcp|tls)://(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]{1,253}):([0-9]{1,5})", address)
     if not found or not 1 <= int(found[2]) <= 65535:
         example = "must be as in tcp://192.168.0.7:8786 (or tls), its port from 1 to 65535"
         raise InputError(f"address = {address!r:.60}: {example}")
     return found[1].strip("[]"), int(found[2])
-
-
-def _reach(address: str, host: str, port: int) -> None:
-    """Refuse an address where no scheduler answers, which a client would wait for without end."""
-    try:
-        socket.create_connection((host, port), timeout=REACH_SECONDS).close()
-        asyncio.run(_shake_hands(address))
-    except Exception as error:  # of no closed list: what another server answers, and no certificate for tls
-        raise InputError(f"address = {address:.100}: no Dask scheduler answers there") from error
 
 
 async def _shake_hands(address: str) -> None:
@@ -92,8 +78,8 @@ async def _shake_hands(address: str) -> None:
 
 
 @contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Context manager: the libraries of a cluster log nothing; what matters of it is said here."""
+def _without_logs() -> Iterator[None]:
+    """Context manager: the libraries of a cluster log nothing."""
     loggers = [
         logger
         for name, logger in list(logging.root.manager.loggerDict.items())

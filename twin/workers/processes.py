@@ -1,4 +1,4 @@
-"""Pool of worker processes on this machine, which end with their parent process."""
+"""Worker processes of this machine, which end with their parent process, or the workers of a Dask cluster."""
 
 import contextlib
 import multiprocessing
@@ -11,14 +11,38 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.managers import SyncManager
 from typing import Any
 
+from twin.files.bounds import MOST_WORKERS, check_between
+
+
+@contextlib.contextmanager
+def choose_workers(
+    tasks: int, processes: int = 0, dask: str | None = None, begin: Callable[[], object] | None = None
+) -> Iterator[tuple[Executor, int]]:
+    """Context manager: an executor, and how many tasks it runs at a time.
+
+    Args:
+        tasks: how many there are: no more processes are started.
+        processes: how many at most; 0 for one per core.
+        dask: address of a Dask scheduler, whose workers are used instead.
+        begin: first call of each worker; picklable.
+    """
+    check_between("workers", processes, 0, MOST_WORKERS)
+    if dask is not None:
+        from twin.workers.dask_cluster import dask_workers
+
+        with dask_workers(dask, begin) as workers:
+            yield workers
+        return
+    count = min(processes or os.cpu_count() or 1, tasks)
+    with local_workers(count, begin) as executor:
+        yield executor, count
+
 
 @contextlib.contextmanager
 def local_workers(count: int, begin: Callable[[], object] | None = None) -> Iterator[Executor]:
     """Context manager: an executor of worker processes, which end with this process however it ends.
 
-    Args:
-        count: number of processes.
-        begin: what each does first; picklable.
+    Each calls `begin` first, which must be picklable.
     """
     with ProcessPoolExecutor(
         count, _FreshContext(), initializer=_begin_worker, initargs=(begin,)
@@ -34,15 +58,15 @@ def local_workers(count: int, begin: Callable[[], object] | None = None) -> Iter
 
 @contextlib.contextmanager
 def shared_table() -> Iterator[MutableMapping[Any, Any]]:
-    """Context manager: a table that processes of this machine read and write, in one that ends with it."""
+    """Context manager: a table that processes of this machine read and write, in a process of its own."""
     manager = SyncManager(ctx=_FreshContext())
     manager.start(initializer=_begin_worker)
     with manager:
         yield manager.dict()
 
 
-class _DeafProcess(SpawnProcess):
-    """A fresh process that hears no Ctrl-C while it starts: it would show where it was."""
+class _QuietProcess(SpawnProcess):
+    """A fresh process that ignores Ctrl-C while it starts: it would print a traceback."""
 
     def start(self) -> None:
         """Start it with the signal held back."""
@@ -59,7 +83,7 @@ class _DeafProcess(SpawnProcess):
 class _FreshContext(SpawnContext):
     """Fresh processes: a fork would copy whatever threads and libraries this one has loaded."""
 
-    Process = _DeafProcess
+    Process = _QuietProcess
 
 
 def _begin_worker(begin: Callable[[], object] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Making of the samples in `assets/samples`, by `make samples`: all simulated, with the noise of a sensor."""
+"""Samples in `assets/samples`, made by `make samples`: all simulated, with the noise of a sensor."""
 
 import csv
 import io

@@ -1,1 +1,0 @@
-"""Sample logs, a stream and a tiny dataset, with which every printed command can be tried."""
