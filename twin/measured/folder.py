@@ -36,12 +36,7 @@ Entry = dict[str, Any]
 
 @dataclasses.dataclass
 class _Listing:
-    """Contents of a folder of measured logs.
-
-    Attributes:
-        files: entries of the files, by name.
-        features: topic, unit and meaning of each quantity that one of them holds.
-    """
+    """Contents of a folder of measured logs: entries of the files, and the quantities that they hold."""
 
     files: dict[str, Entry]
     features: dict[str, Any]
@@ -72,37 +67,17 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
     """Add a measured log to a folder and list it in the folder's `dataset.json`.
 
     The same CSV file may be written again, read in another way; other logs in the folder stay. Imports into
-    one folder wait for each other. What one that was killed has left unlisted is listed by the next.
-
-    Args:
-        folder: where; it exists.
-        name: of the file, without its ending.
-        episode: from `read_measured_log`.
-
-    Returns:
-        The path of the MCAP file.
+    one folder wait for each other. What a killed import has left unlisted is listed by the next.
 
     Raises:
-        ValueError: the name is none, the folder holds what no import made or a damaged `dataset.json`, the
-            log of another CSV file is under this name, or another run keeps writing into the folder.
+        ValueError: the name cannot be a file's, the folder holds what no import made or a damaged
+            `dataset.json`, the log of another CSV file has this name, or another run keeps writing there.
     """
     return _write(folder, name, {name: episode})[0]
 
 
 def write_windows(folder: Path, name: str, episodes: Sequence[Episode]) -> list[Path]:
-    """Add the windows of a measured log to a folder, as `write_measured` adds a whole log.
-
-    Args:
-        folder: where; it exists.
-        name: of the log; that of a file is `NAME_window_0000` and so on, in the order of the windows.
-        episodes: from `read_windows`, at least one.
-
-    Returns:
-        The paths of the MCAP files.
-
-    Raises:
-        ValueError: as of `write_measured`.
-    """
+    """Add the windows of a measured log to a folder as `write_measured` does, NAME_window_0000.mcap ..."""
     names = (f"{name}{_WINDOW.format(place)}" for place in range(len(episodes)))
     return _write(folder, name, dict(zip(names, episodes, strict=True)))
 
@@ -181,7 +156,7 @@ def _listed(folder: Path) -> _Listing:
 
 
 def _refuse_to_mix(paths: Sequence[Path], listing: _Listing, csv_sha256: str) -> None:
-    """Refuse to write over the log of another CSV file, or beside files that no import wrote.
+    """Refuse to write over the log of another CSV file, or next to files that no import wrote.
 
     A file that an import wrote and did not list, as it was killed between the two, is listed here, or about
     to be written again.

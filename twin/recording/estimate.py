@@ -24,13 +24,7 @@ def estimate_topic(method: str) -> str:
 
 
 def estimate_message(estimate_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:
-    """Return a message of one estimate.
-
-    Args:
-        estimate_deg: the angle [deg].
-        low_deg: lower end of its 95 % interval, left out unless it is finite [deg].
-        high_deg: upper end of it, likewise [deg].
-    """
+    """Return a message of one estimate; an end of its 95 % interval is left out unless it is finite."""
     message = Estimate(estimate_deg=estimate_deg)
     if math.isfinite(low_deg):
         message.low_deg = low_deg

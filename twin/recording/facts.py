@@ -1,4 +1,4 @@
-"""Schema of an episode's metadata: the keys that EndoTwin reads, each of its kind; others may be added."""
+"""Schema of an episode's metadata: the keys that EndoTwin reads, each of its kind."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -54,59 +54,33 @@ class PresetFacts(BaseModel):
 
 
 class EpisodeFacts(BaseModel):
-    """Metadata of an episode, as far as EndoTwin reads it.
-
-    Attributes:
-        preset: parameters of the endoscope, or its name.
-        name: of the record.
-        source: `measured` for a log of a real endoscope.
-        signal: kind of the command's signal.
-        twin: kind of the twin.
-        seed: that the episode was drawn from.
-        episode: its number within the seed.
-        samples: how many there are.
-        stroke_mm: lowest and highest pulling distance [mm].
-        sheath_bend_deg: bend of the sheath, at the start and at the end, or throughout [deg].
-        recipe_sha256: SHA-256 of the recipe.
-        statistics: of each quantity.
-        pulley_radius: by which angles of a measured drive became pulling distances [m].
-        seconds_per_cycle: length of a cycle of a log of phases [s].
-        file: name of the file that a measured log was read from.
-        file_sha256: its SHA-256.
-        window: number of a window in the file that it was cut from.
-        endotwin: version that wrote the record.
-        mujoco: version that simulated it.
-    """
+    """Metadata of an episode, as far as EndoTwin reads it; others may be added."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
-    preset: Any = None
+    preset: Any = None  # parameters of the endoscope, or its name
     name: Name | None = None
-    source: Name | None = None
+    source: Name | None = None  # `measured` for a log of a real endoscope
     signal: Name | None = None
-    twin: Name | None = None
+    twin: Name | None = None  # kind of the twin
     seed: Whole | None = None
-    episode: Whole | None = None
+    episode: Whole | None = None  # its number within the seed
     samples: Whole | None = None
-    stroke_mm: Pair | None = None
-    sheath_bend_deg: Pair | Number | None = None
+    stroke_mm: Pair | None = None  # lowest and highest pulling distance
+    sheath_bend_deg: Pair | Number | None = None  # at the start and at the end, or throughout
     recipe_sha256: Name | None = None
     statistics: Annotated[dict[str, _Figures], Field(max_length=100)] | None = None
-    pulley_radius: Positive | None = None
-    seconds_per_cycle: Positive | None = None
-    file: Text | None = None
+    pulley_radius: Positive | None = None  # [m] converts angles of a measured drive to pulling distances
+    seconds_per_cycle: Positive | None = None  # of a log of phases
+    file: Text | None = None  # that a measured log was read from
     file_sha256: Name | None = None
-    window: Number | None = None
-    endotwin: Name | None = None
-    mujoco: Name | None = None
+    window: Number | None = None  # number of a window in the file that it was cut from
+    endotwin: Name | None = None  # version that wrote the record
+    mujoco: Name | None = None  # version that simulated it
 
 
 def check_facts(metadata: Mapping[str, Any]) -> None:
-    """Refuse metadata whose known keys are not of their kind.
-
-    Raises:
-        ValueError: one is not; the text names it, its value and the rule.
-    """
+    """Refuse metadata whose known keys are not of their kind; the error names key, value and rule."""
     if len(metadata) > MOST_ITEMS:
         raise InputError(f"metadata has {len(metadata)} items: at most {MOST_ITEMS}")
     try:

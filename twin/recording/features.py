@@ -14,11 +14,8 @@ from twin.files.atomic import write_whole
 
 Array = NDArray[np.float64]
 
-
 TOLERANCE = 1e-7
-"""Relative, of statistics: nine digits of them are written."""
-
-
+"""Relative tolerance of statistics: nine digits of them are written."""
 UNITS = {"mm": "mm", "deg": "deg", "rad": "rad", "n": "N"}
 """Unit of a quantity, by what its name ends in."""
 
@@ -27,7 +24,7 @@ COMMAND_ANGLE = "command_deg"
 """The command as an angle of the preset's pulley: the one column that is no quantity of `FEATURES`."""
 
 TABLE = ("pull_mm", "bend_deg", COMMAND_ANGLE, "tension_n", "lateral_pull_mm", "lateral_bend_deg")
-"""Quantities of the table beside an episode, in the order of their columns, after `time_s`."""
+"""Quantities of the table next to an episode, in the order of their columns, after `time_s`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Feature:
         name: its name, which ends in its unit.
         topic: topic of its messages.
         field: field of the topic's message; `*` stands for each of the wires a, b (, c, d).
-        meaning: what it is, in words that the Protobuf comments and docs/dataset.md begin with.
+        meaning: what it is, as the Protobuf comments and docs/dataset.md begin.
         values: (N, ...) its numbers of an episode, in its unit; empty where it was not recorded.
     """
 
@@ -212,7 +209,7 @@ def combine(parts: Iterable[Mapping[str, Mapping[str, float]]]) -> dict[str, dic
     """Return the statistics of all records together, from those of each.
 
     Means and variances are merged pairwise (Chan, Golub and LeVeque 1979), which loses little to rounding
-    where the mean is large beside the deviation; nine digits of the result are kept.
+    where the mean is large compared with the deviation; nine digits of the result are kept.
     """
     merged: dict[str, dict[str, float]] = {}
     for part in parts:
@@ -243,15 +240,10 @@ def _rounded(value: float) -> float:
 
 
 def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
-    """Return a name for each number that a quantity has at a sample, its unit last.
+    """Return a name for each number that a quantity has in a sample of some shape, its unit last.
 
-    Args:
-        feature: the quantity; of some the first axis counts the wires.
-        shape: of one sample.
-
-    Returns:
-        Names in the order of the flattened numbers: `bend_deg`; `joint_angle_0_rad` ... from the base on;
-        `tension_a_n`, `tension_b_n`; `wire_tension_a_0_n`, `wire_tension_a_1_n` ... from the pulley on.
+    Names are in the order of the flattened numbers: `bend_deg`; `joint_angle_0_rad` ... from the base on;
+    `tension_a_n`, `tension_b_n`; `wire_tension_a_0_n`, `wire_tension_a_1_n` ... from the pulley on.
     """
     stem, unit = feature.column.rsplit("_", 1)
     axes = [[str(place) for place in range(size)] for size in shape]
@@ -261,14 +253,7 @@ def column_names(feature: Feature, shape: Sequence[int]) -> tuple[str, ...]:
 
 
 def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -> Path:
-    """Write an episode as a CSV table, one row per sample, in a file that appears only when it is whole.
-
-    Returns:
-        The path of the file.
-
-    Raises:
-        FileNotFoundError: the folder does not exist.
-    """
+    """Write an episode as a CSV table, one row per sample, in a file that appears when it is complete."""
     write_whole(path, csv_text(episode, everything=everything))
     return Path(path)
 

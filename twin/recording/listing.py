@@ -23,14 +23,7 @@ def describe_episode(path: Path, episode: Episode) -> dict[str, Any]:
 def describe_file(
     path: Path, samples: int, seconds: float, figures: Mapping[str, Mapping[str, float]]
 ) -> dict[str, Any]:
-    """Return the facts of a file.
-
-    Args:
-        path: of the file, which is there.
-        samples: number of samples in it.
-        seconds: its length [s].
-        figures: its statistics, by quantity.
-    """
+    """Return the facts of a file that is there, with its statistics by quantity."""
     return {
         "name": path.name,
         "samples": samples,
@@ -52,12 +45,7 @@ def totals(files: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def features_of(folder: Path, files: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the quantities that the files of a folder hold, each as the first file with it does.
-
-    Args:
-        folder: of the files.
-        files: facts of each; only those are read that are needed to meet every quantity.
-    """
+    """Return the quantities that the files of a folder hold; no more are read than hold every quantity."""
     features: dict[str, dict[str, Any]] = {}
     for file in files:
         if not features.keys() >= file["statistics"].keys():

@@ -4,6 +4,7 @@ Degrees and millimetres are on the side of the messages, SI units on the side of
 place of the recording that converts them.
 """
 
+import dataclasses
 import itertools
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -61,13 +62,7 @@ LARGEST_TIME = 2**63 - 1  # [ns] MCAP could hold twice that; signed clocks of it
 
 
 def to_nanoseconds(time: Array) -> list[int]:
-    """Convert times to whole nanoseconds.
-
-    Args:
-        time: (N,) seconds, increasing.
-
-    Returns:
-        N nanoseconds, increasing.
+    """Convert increasing times (N,) [s] to integers (N,) [ns].
 
     Raises:
         ValueError: a time is negative or beyond 292 years, or two samples fall on the same nanosecond.
@@ -92,7 +87,7 @@ def decode(
     """Decode the serialised messages of each topic into the arrays of an episode, by field name.
 
     Args:
-        times: nanoseconds of the messages of each topic.
+        times: log times of the messages of each topic [ns].
         payloads: the messages of each topic, in the same order.
         hidden: False leaves out the wires, as if they were not recorded.
         measured: True for a record of a real endoscope, which may have no `/truth`: `bend` is then the
@@ -162,11 +157,7 @@ def decode(
 
 
 def places_of(times: Sequence[int], commands: Sequence[int], topic: str) -> list[int]:
-    """Return the index of each message's time among those of the commands; some may have no message.
-
-    Raises:
-        ValueError: a message is at none of those times, or not after the one before.
-    """
+    """Return the index of each message's time among those of the commands; some may have no message."""
     index = {time: place for place, time in enumerate(commands)}
     places = [index.get(time, -1) for time in times]
     if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
@@ -235,10 +226,6 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     `/joint_states` without joints, and `/tf` also without a preset in the metadata that states the geometry.
     `/scene` has one message, at the first sample, where the preset states the geometry.
 
-    Args:
-        episode: N samples.
-        start: nanoseconds of the first sample.
-
     Raises:
         ValueError: shapes do not fit the messages, or no measurement is there.
     """
@@ -246,8 +233,9 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     seen = ~np.isnan(episode.measured_bend)
     if not seen.any():
         raise InputError("measured_bend is NaN at every sample: a record needs a measurement")
+    command = {"pull_mm": episode.pull_mm, "lateral_pull_mm": episode.lateral_pull * 1e3}
     streams = [
-        _scalars("/command", Command, _command_columns(episode)),
+        _scalars("/command", Command, _recorded(command)),
         _scalars("/truth", Truth, _truth_columns(episode)),
         _scalars("/measurement", Measurement, {"measured_deg": episode.measured_deg}, seen),
     ]
@@ -318,10 +306,6 @@ def _stacked(columns: Sequence[ArrayLike], count: int) -> Array:
     return np.hstack(tables) if tables else np.empty((count, 0))
 
 
-def _command_columns(episode: Episode) -> dict[str, Array]:
-    return _recorded({"pull_mm": episode.pull_mm, "lateral_pull_mm": episode.lateral_pull * 1e3})
-
-
 def _truth_columns(episode: Episode) -> dict[str, Array]:
     columns = {
         "truth_deg": episode.truth_deg,
@@ -348,26 +332,22 @@ def _indexed_wires(episode: Episode) -> list[tuple[int, str]]:
 
 
 def _check_shapes(episode: Episode) -> None:
+    """Refuse arrays whose axes are not those of their fields."""
     count, wires = len(episode.time), len(_indexed_wires(episode))
-    for field, columns, valid in (
-        ("pull", (), "(N,)"),
-        ("bend", (), "(N,)"),
-        ("measured_bend", (), "(N,)"),
-        ("joint_angle", (None,), "(N, vertebrae)"),
-        ("wire_tension", (wires, None), f"(N, {wires}, elements + 1)"),
-        ("sheath_friction", (wires, None), f"(N, {wires}, elements)"),
-        ("pulley", (), "(N,)"),
-        ("sheath_bend", (), "(N,)"),
-        ("wire_slack", (wires, None), f"(N, {wires}, elements + 1)"),
-        ("lateral_pull", (), "(N,)"),
-        ("lateral_bend", (), "(N,)"),
-        ("lateral_joint_angle", np.shape(episode.joint_angle)[1:], "as joint_angle"),
-    ):
-        shape = np.shape(getattr(episode, field))
-        if field in OPTIONAL and shape == (0,):
+    axes: dict[str, tuple[int | None, ...]] = {
+        "joint_angle": (None,),
+        "wire_tension": (wires, None),
+        "sheath_friction": (wires, None),
+        "wire_slack": (wires, None),
+        "lateral_joint_angle": np.shape(episode.joint_angle)[1:],
+    }
+    for field in dataclasses.fields(Episode)[1:]:
+        shape, wanted = np.shape(getattr(episode, field.name)), axes.get(field.name, ())
+        if field.name in ("metadata", "attachments") or (field.name in OPTIONAL and shape == (0,)):
             continue
-        fits = len(shape) == 1 + len(columns) and all(
-            wanted is None or size == wanted for size, wanted in zip(shape[1:], columns, strict=True)
+        fits = len(shape) == 1 + len(wanted) and all(
+            right is None or size == right for size, right in zip(shape[1:], wanted, strict=True)
         )
         if not fits:
-            raise InputError(f"{field} has shape {shape} for {count} samples: must be {valid}")
+            valid = ", ".join(["N", *("any" if right is None else str(right) for right in wanted)])
+            raise InputError(f"{field.name} has shape {shape} for {count} samples: must be ({valid})")

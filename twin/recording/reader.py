@@ -32,12 +32,7 @@ from twin.recording.writer import METADATA_RECORD
 
 Array = NDArray[np.float64]
 
-COMMAND_TOPIC = "/command"
-"""Topic whose messages are the samples of an episode."""
-MEASUREMENT_TOPIC = "/measurement"
-"""Topic without a message where a measurement is missing."""
-JOINTS_TOPIC = "/joint_states"
-"""Topic of the hinge angles."""
+COMMAND_TOPIC, MEASUREMENT_TOPIC, JOINTS_TOPIC = "/command", "/measurement", "/joint_states"
 
 TOPICS = frozenset(SCHEMAS) - {"/scene"}
 """Topics that an episode is read from."""
@@ -101,11 +96,7 @@ class Contents:
         return (self.items or {}).get("source") == '"measured"'
 
     def add(self, record: Any) -> None:
-        """Add one record of the file, with the records inside a chunk; other kinds are skipped.
-
-        Raises:
-            Exception: the record is damaged, in one of many ways.
-        """
+        """Add one record of the file, with the records inside a chunk; other kinds are skipped."""
         if isinstance(record, Chunk):
             self._add_chunk(record)
         elif isinstance(record, (Schema, Channel)):
@@ -178,11 +169,7 @@ class Contents:
             raise InputError(f"{kind} {record.id} is described twice, differently")
 
     def metadata(self) -> dict[str, Any]:
-        """Return the metadata of the episode.
-
-        Raises:
-            ValueError: the file has none, an item is not JSON, or a known one is not of its kind.
-        """
+        """Return the metadata of the episode; an item is JSON, a known one of its kind."""
         if self.items is None:
             raise InputError(f"metadata record {METADATA_RECORD!r} is missing")
         from twin.recording.facts import check_facts  # pydantic: loaded when a file is read
@@ -200,12 +187,7 @@ class Contents:
         return metadata
 
     def episode(self, *, hidden: bool = True) -> Episode:
-        """Return the episode of the messages, with its hidden state or without.
-
-        Raises:
-            ValueError: a topic is missing or of another schema, or messages or arrays do not fit together.
-            google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
-        """
+        """Return the episode of the messages, with its hidden state or without."""
         metadata = self.metadata()
         self.check_topics()
         # An empty joint of 2 bytes becomes an object of 100.
@@ -271,12 +253,7 @@ class _Bytes:
 
 
 def read_contents(path: Path, kept: Collection[str] = TOPICS) -> Contents:
-    """Read a file up to its first fault; only messages on the topics `kept` are kept.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is a folder, is empty or too large, or does not begin as MCAP files do.
-    """
+    """Read a file up to its first fault; only messages on the topics `kept` are kept."""
     with open(open_regular(path, "an MCAP file"), "rb") as file:
         size = os.fstat(file.fileno()).st_size
         if size > MOST_BYTES:
@@ -318,12 +295,7 @@ def _without_zeros(file: BinaryIO, size: int) -> int:
 
 
 def whole_contents(path: Path, kept: Collection[str]) -> Contents:
-    """Read a file that must be complete and undamaged; only messages on the topics `kept` are kept.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is not an MCAP file, or is cut off or damaged.
-    """
+    """Read a file that must be complete and undamaged; only messages on the topics `kept` are kept."""
     contents = read_contents(path, kept)
     if contents.fault:
         raise InputError(f"{path} {contents.fault}{HINT}")
@@ -416,9 +388,7 @@ def read_estimates(path: str | Path, topic: str) -> Array:
 def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:
     """Read all episodes of a folder, in the order of the file names, or the one of a file.
 
-    Args:
-        path: the folder or file.
-        hidden: False leaves out the hidden state, as in `read_episode`.
+    `hidden=False` leaves out the hidden state, as in `read_episode`.
 
     Raises:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.

@@ -49,7 +49,7 @@ _WIRE_THICKNESS = 0.3
 # Of the length of a link.
 _VERTEBRA_BEGINS, _VERTEBRA_ENDS, _TIP_BEGINS = 0.2, 0.8, 0.7
 _SHEATH_SHOWN = 0.5  # of the length of the bending section: the whole sheath would be out of the picture
-_TAPER = 0.94  # of the far end of a vertebra: an edge that tells it from the next one
+_TAPER = 0.94  # of the far end of a vertebra: an edge that separates it from the next one
 
 
 def hinge_angles(episode: Episode) -> dict[str, Array]:
@@ -68,11 +68,7 @@ def joint_states(names: Sequence[str], angles: Sequence[float], nanoseconds: int
 
 
 def link_length(episode: Episode) -> float | None:
-    """Return the length of one vertebra [m], or None where the metadata does not state it.
-
-    Raises:
-        ValueError: the metadata has another number of vertebrae than the joints.
-    """
+    """Return the length of one vertebra [m], or None where the metadata does not state it."""
     preset = episode.metadata.get("preset")
     if not isinstance(preset, Mapping) or not {"section_length", "vertebrae"} <= set(preset):
         return None
@@ -104,11 +100,8 @@ def rotations(episode: Episode) -> dict[str, Array]:
 def transforms(link: float, parts: Sequence[str], values: Sequence[float], nanoseconds: int) -> Any:
     """Return the `FrameTransforms` message base -> vertebra_0 -> vertebra_1 ... of one sample.
 
-    Args:
-        link: the length of a vertebra [m].
-        parts: names of those parts of the quaternions that are not zero.
-        values: these parts of each vertebra, all of the first part first.
-        nanoseconds: time of the sample.
+    `link` is the length of a vertebra [m]; `values` are those parts of the quaternions that are not zero, of
+    each vertebra, all of the first part first.
     """
     stamp, vertebrae = _stamp(nanoseconds), len(values) // len(parts)
     frames = [
@@ -130,19 +123,10 @@ def _stamp(nanoseconds: int) -> Any:
 
 
 def scene(episode: Episode, nanoseconds: int) -> SceneUpdate | None:
-    """Return the message that draws the endoscope from now on, in the pose that `/tf` gives.
+    """Return the message that draws the endoscope from a time [ns] on, in the pose that `/tf` gives.
 
-    Args:
-        episode: its metadata holds the preset: `section_length`, `vertebrae`, `wire_offset` and
-            `bending_planes`.
-        nanoseconds: time of the message.
-
-    Returns:
-        An entity for each frame, named as its frame; None without joints, or where the metadata does not
-        tell the geometry.
-
-    Raises:
-        ValueError: the metadata has another number of vertebrae than the joints.
+    It has an entity for each frame, named as its frame. None without joints, or where the preset in the
+    metadata does not state `section_length`, `vertebrae`, `wire_offset` and `bending_planes`.
     """
     preset = episode.metadata.get("preset")
     if episode.joint_angle.shape[1] == 0 or not isinstance(preset, Mapping):
