@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from twin.benchmark import recovery
-from twin.benchmark.recovery import ANGLE_NOISE, SHEATH_BENDS, SPREAD, USUAL, deviations, drawn, logs_of
+from twin.benchmark.recovery import SPREAD, USUAL, deviations, drawn, logs_of
 from twin.calibration.parameters import free_parameters
 from twin.calibration.search import Fit
 from twin.calibration.uncertainty import uncertainty
 from twin.preset.file import load_preset
-from twin.simulation import simulate
 
 BASE = load_preset("vio_com").replace(**USUAL)
 
@@ -29,16 +28,6 @@ def loops(monkeypatch):
     monkeypatch.setattr(recovery, "SECONDS", 10.0)
     monkeypatch.setattr(recovery, "PERIOD", 5.0)
     return logs_of(BASE, 9e-3, np.random.default_rng(1))
-
-
-def test_logs_are_the_endoscopes_own_with_noise_and_an_offset(loops):
-    assert tuple(loop.sheath_bend for loop in loops) == SHEATH_BENDS
-    for loop in loops:
-        clean = simulate(BASE.replace(sheath_bend=loop.sheath_bend), loop.pull, loop.sample_time)
-        off = loop.bend - clean.bend
-        assert off.std() == pytest.approx(ANGLE_NOISE, rel=0.2)
-        assert abs(off.mean()) > ANGLE_NOISE
-        assert abs(loop.tension - clean.tension[:, :2]).max() < 0.1
 
 
 def test_distances_are_those_of_the_parameters_that_are_rmse_text(loops):
