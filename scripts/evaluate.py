@@ -111,11 +111,9 @@ def _full(args: Evaluate) -> Summary:
         raise ValueError(
             "--measurements recorded: the benchmark's own records have none, name folders of records"
         )
-    from rl.suite.full import run_full_suite
-    from rl.suite.given import given_files
-    from rl.suite.settings import SAMPLE_TIMES, FullSuite
-    from rl.suite.written import full_files
-    from twin.evaluation.recorded import chosen_measurements
+    from rl.comparison.full import SAMPLE_TIMES, FullSuite, full_files, run_full_suite
+    from rl.comparison.given import given_files
+    from twin.evaluation.reading import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
@@ -161,13 +159,12 @@ def _paper(args: Evaluate) -> Summary:
         raise ValueError("no data given: name folders of MCAP files, or files")
     if len(args.sample_time) > 1:
         raise ValueError("--sample-time: only the full suite takes more than one")
+    from rl.comparison.given import given_files
+    from rl.comparison.paper import PAPER_FILES, PaperSuite, run_paper_suite
     from rl.options import LIMITS
-    from rl.suite.given import given_files
-    from rl.suite.paper import PaperSuite, run_paper_suite
-    from rl.suite.written import PAPER_FILES
     from twin.estimation.registry import find_method
     from twin.evaluation.protocol import Protocol
-    from twin.evaluation.recorded import DEFAULT_VARIANCE, chosen_measurements
+    from twin.evaluation.reading import DEFAULT_VARIANCE, chosen_measurements
     from twin.files.atomic import MADE_BY, write_whole
     from twin.files.bounds import check_between
     from twin.hysteresis import ColemanHodgdon
@@ -225,7 +222,7 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
     Raises:
         ValueError: it is given and out of range, or not needed.
     """
-    from twin.evaluation.recorded import common_variance
+    from twin.evaluation.reading import common_variance
     from twin.files.bounds import LARGEST_VARIANCE_DEG2
 
     variance = args.sensor_variance

@@ -120,7 +120,7 @@ def _fitted_samples(samples: int, fraction: float) -> int:
 
 def _log(episode: "Episode", args: Identify) -> "Log":
     """Return the share of a record that is fitted, and which nuisances it has."""
-    from twin.evaluation.reading import whole_ranges
+    from twin.evaluation.reading import complete_ranges
     from twin.hysteresis import PrandtlIshlinskii
     from twin.identification.nuisances import Log, tells_delay
 
@@ -131,7 +131,7 @@ def _log(episode: "Episode", args: Identify) -> "Log":
     return Log(
         episode.pull_mm,
         episode.measured_deg,
-        tuple(whole_ranges(episode, fitted)),
+        tuple(complete_ranges(episode, fitted)),
         has_offset=(episode.is_measured and has_zero) if args.offset == "auto" else args.offset == "on",
         has_delay=(has_clock and tells_delay(episode.pull_mm))
         if args.delay == "auto"
@@ -147,13 +147,13 @@ def _beside(
     nuisances: "Nuisances",
 ) -> dict[str, Any]:
     """Return the entries of the file beside the model: nuisances, and the error of the prediction."""
-    from twin.evaluation.reading import record_name, whole_ranges
+    from twin.evaluation.reading import complete_ranges
     from twin.identification.nuisances import rmse_from
 
     beside: dict[str, Any] = {}
     if any(log.has_offset for log in logs):
         beside["offsets_deg"] = [
-            {"record": record_name(episode, place), "offset_deg": offset if log.has_offset else None}
+            {"record": episode.record(place).name, "offset_deg": offset if log.has_offset else None}
             for place, (episode, log, offset) in enumerate(
                 zip(episodes, logs, nuisances.offsets_deg, strict=True)
             )
@@ -162,7 +162,7 @@ def _beside(
         beside["delay_s"] = nuisances.delay_s
     if args.fraction < 1:
         whole = [
-            dataclasses.replace(log, pieces=tuple(whole_ranges(episode)))
+            dataclasses.replace(log, pieces=tuple(complete_ranges(episode)))
             for log, episode in zip(logs, episodes, strict=True)
         ]
         first = [_fitted_samples(len(log.pull_mm), args.fraction) for log in logs]

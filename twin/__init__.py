@@ -32,7 +32,7 @@ _HOME = {
     "Sensor": "twin.estimation.estimator",
     "at_fidelity": "twin.preset",
     "error_indices": "twin.evaluation.metrics",
-    "evaluate": "twin.evaluation.evaluate",
+    "evaluate": "twin.evaluation.compare",
     "identify": "twin.identification",
     "load_estimator": "twin.estimation.load",
     "load_model": "twin.hysteresis",
@@ -61,7 +61,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.estimation.estimator import Sensor as Sensor
     from twin.estimation.load import load_estimator as load_estimator
     from twin.estimation.registry import method_specs as method_specs
-    from twin.evaluation.evaluate import evaluate as evaluate
+    from twin.evaluation.compare import evaluate as evaluate
     from twin.evaluation.metrics import error_indices as error_indices
     from twin.hysteresis import ColemanHodgdon as ColemanHodgdon
     from twin.hysteresis import load_model as load_model

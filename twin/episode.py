@@ -257,6 +257,16 @@ class Record:
         """(..., N) reference of scores: the truth; of a measured record, the measurement [deg]."""
         return self.measured_deg if self.is_measured else self.truth_deg
 
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(..., N) whether the reference is known."""
+        return ~np.isnan(self.reference_deg)
+
+    @property
+    def filled_deg(self) -> Array:
+        """(N,) reference, linear between its neighbours where it is unknown [deg]."""
+        return without_holes(self.time, self.reference_deg)
+
     def error_deg(self, method: str) -> Array:
         """Return estimate minus reference (..., N) of a method [deg]; NaN where the reference is unknown."""
         if method not in self.estimates:

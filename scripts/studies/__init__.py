@@ -1,1 +1,1 @@
-"""Our own studies, which are no part of the wheel."""
+"""Our own studies, outside of the wheel: `python -m scripts.studies.NAME`."""

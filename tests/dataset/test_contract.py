@@ -13,11 +13,11 @@ from small_dataset import SMALL, TWO_PLANES, changed, make, measured_log
 from scripts.generate import main
 from twin.dataset.verify import verify
 from twin.dataset.write import describe
+from twin.evaluation import scenarios
 from twin.files.dataset_json import KINDS, SimulatedRecipe, read_contents, to_json_values
 from twin.measured.folder import write_measured
 from twin.preset.randomization import Ranges
 from twin.rendering.camera import Camera
-from twin.suite import scenarios
 
 RANGES = Ranges((("pretension", 1.0, 6.0), ("sensor_noise", 0.001, 0.01)))
 

@@ -3,18 +3,17 @@
 import functools
 import json
 
-import numpy as np
 import pytest
 from repository import REPOSITORY
+from scores import simulated_record
 from typed import typed
 
 from twin.estimation import registry
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method, load_method_files, method_specs
-from twin.evaluation.compare import evaluate
+from twin.evaluation.compare import compare
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.workers.processes import local_workers
 
@@ -55,12 +54,12 @@ def test_the_example_is_in_tables_figures_and_results(tmp_path):
 def test_worker_processes_have_it_too(records, model):
     (spec,) = load_method_files([EXAMPLE])
     pull, bend = records[0]
-    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "0")
+    record = simulated_record(pull, bend)
     methods = [build_method(spec, Knowledge(0.1, {ColemanHodgdon.name: model}))]
     protocol = Protocol("paper-only", seeds=2)
-    here, *_ = evaluate([record], methods, protocol)
+    here, *_ = compare([record], methods, protocol)
     with local_workers(1, functools.partial(load_method_files, [EXAMPLE])) as executor:
-        there, *_ = evaluate([record], methods, protocol, executor=executor)
+        there, *_ = compare([record], methods, protocol, executor=executor)
     assert here == there
 
 

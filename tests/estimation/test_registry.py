@@ -4,8 +4,8 @@ import dataclasses
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
+from scores import simulated_record
 
 import scripts.train
 from twin.estimation import registry
@@ -22,10 +22,9 @@ from twin.estimation.registry import (
     register_method,
     trainings,
 )
-from twin.evaluation.compare import evaluate
+from twin.evaluation.compare import compare
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.report.figures import rmse_figure, style_of
 from twin.report.tables import ordered, paper_table
@@ -71,9 +70,9 @@ def test_a_toy_estimator_is_found_in_help_tables_figures_and_suites(own_table, c
     toy = dataclasses.replace(toy, training=None)  # it needs no trained file to run
     known = Knowledge(0.1, {ColemanHodgdon.name: model})
     pull, bend = records[0]
-    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "0")
+    record = simulated_record(pull, bend)
     methods = [build_method(spec, known) for spec in (toy, find_method("AM"))]
-    scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=2))
+    scores, *_ = compare([record], methods, Protocol("paper-only", seeds=2))
     header = paper_table(scores, "gaussian").splitlines()[0]
     assert re.split(r"\s{2,}", header.strip()) == ["noise", "index", "AM", "Toy filter"]
     assert style_of("Toy filter").colour == "#123456"

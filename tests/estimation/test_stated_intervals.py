@@ -10,7 +10,7 @@ from twin.estimation.ensemble import EnsembleFilter
 from twin.estimation.estimator import Estimator
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.tuning import ConstantGain
-from twin.evaluation.innovations import squared_innovations
+from twin.evaluation.method import with_innovations
 from twin.evaluation.metrics import interval_indices
 
 T, Q, R, P = 0.1, (4e-3, 9e-2), 0.5, (25.0, 1.0)
@@ -45,7 +45,7 @@ def test_a_kalman_filter_is_as_sure_as_it_may_be(filter_):
     assert found["nees"] == pytest.approx(1.0, abs=0.06)
     told = filter_(**TOLD, measurement_variance=R)
     variance, start = np.full(RUNS, R), np.full(RUNS, first)
-    squares = squared_innovations(told, pull.T, measured.T, start, variance, first=20)
+    squares = with_innovations(told, pull.T, measured.T, start, variance, range(20, SAMPLES)).squares
     assert squares.shape == (SAMPLES - 20, RUNS)
     assert np.isnan(squares[30:50]).all()  # what is missing surprises nobody
     assert np.nanmean(squares) == pytest.approx(1.0, abs=0.04)

@@ -4,13 +4,12 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+from scores import simulated_record
 
-from twin.evaluation.case import make_case
-from twin.evaluation.compare import evaluate
-from twin.evaluation.method import Method
+from twin.evaluation.compare import compare
+from twin.evaluation.method import Method, make_case
 from twin.evaluation.paper import paper_value
 from twin.evaluation.protocol import PAPER_CONDITIONS, Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.report.tables import paper_tables
 from twin.signals.noise import noise_variance
 
@@ -20,7 +19,7 @@ PROTOCOL = Protocol(suite="paper-only", seeds=6, seed=4)
 @pytest.fixture
 def two_records(records):
     return [
-        EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", f"record {number}")
+        simulated_record(pull, bend, name=f"record {number}")
         for number, (pull, bend) in enumerate(records[:2])
     ]
 
@@ -37,7 +36,7 @@ def pick(rows, method, noise, level):
 
 
 def test_trusting_the_measurement_scores_the_moments_of_the_noise(two_records):
-    rows, *_ = evaluate(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
+    rows, *_ = compare(two_records, [Method("y", measurement_itself)], Protocol("paper", 200, seed=1))
     for noise, level in PAPER_CONDITIONS:
         row = pick(rows, "y", noise, level)
         mean = level if noise == "poisson" else 0.0
@@ -59,9 +58,11 @@ def test_wrong_initial_estimate_is_given_and_not_scored(two_records):
         estimate[:, 0] = case.initial_bend_deg
         return estimate
 
-    rows, *_ = evaluate(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
+    rows, *_ = compare(two_records, [Method("p", perfect_after_the_first, oracle=True)], PROTOCOL)
     assert all(row.rmse_deg == 0 for row in rows)
-    np.testing.assert_allclose(seen[0], np.repeat([record.bend_deg[0] + 20 for record in two_records], 5 * 6))
+    np.testing.assert_allclose(
+        seen[0], np.repeat([record.truth_deg[0] + 20 for record in two_records], 5 * 6)
+    )
 
 
 def test_only_an_oracle_is_shown_the_truth(two_records):
@@ -74,7 +75,7 @@ def test_only_an_oracle_is_shown_the_truth(two_records):
 
         return estimate
 
-    rows, *_ = evaluate(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
+    rows, *_ = compare(two_records, [Method("a", look("a")), Method("b", look("b"), oracle=True)], PROTOCOL)
     assert shown["a"] is None
     assert shown["b"] is not None
     assert {row.method: row.oracle for row in rows} == {"a": False, "b": True}
@@ -82,11 +83,11 @@ def test_only_an_oracle_is_shown_the_truth(two_records):
 
 def test_same_seed_same_rows_and_methods_share_the_noise(two_records):
     methods = [Method("one", measurement_itself), Method("two", measurement_itself)]
-    rows, *_ = evaluate(two_records, methods, PROTOCOL)
-    again, *_ = evaluate(two_records, methods, PROTOCOL)
+    rows, *_ = compare(two_records, methods, PROTOCOL)
+    again, *_ = compare(two_records, methods, PROTOCOL)
     assert rows == again
     assert pick(rows, "one", "gaussian", 1.0).mae_deg == pick(rows, "two", "gaussian", 1.0).mae_deg
-    other, *_ = evaluate(two_records, methods, Protocol("paper-only", 6, seed=5))
+    other, *_ = compare(two_records, methods, Protocol("paper-only", 6, seed=5))
     assert other[0].mae_deg != rows[0].mae_deg
 
 
@@ -100,7 +101,7 @@ def test_several_trainings_are_one_row_with_their_mean_and_spread(two_records):
         return estimate
 
     method = Method("m", off(1.0), oracle=True, others=(off(2.0), off(4.0)))
-    rows, tracks, *_ = evaluate(two_records, [method, Method("one", off(1.0), oracle=True)], PROTOCOL)
+    rows, tracks, *_ = compare(two_records, [method, Method("one", off(1.0), oracle=True)], PROTOCOL)
     for row in rows:
         if row.method == "one":
             assert row.training_rmse_deg == ()
@@ -110,7 +111,7 @@ def test_several_trainings_are_one_row_with_their_mean_and_spread(two_records):
         low, high = row.rmse_ci95_deg
         half = 4.302653 * np.std([1, 2, 4], ddof=1) / np.sqrt(3)  # t(0.975, 2) from the table
         assert (low, high) == pytest.approx((7 / 3 - half, 7 / 3 + half), rel=1e-6)
-    np.testing.assert_allclose(tracks[0].error_deg("m"), 1)
+    np.testing.assert_allclose(next(iter(tracks.values())).error_deg("m"), 1)
 
 
 def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
@@ -121,7 +122,7 @@ def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
         return case.measurement_deg
 
     for seeds in (2, 5):
-        evaluate(two_records, [Method("m", keep)], Protocol("paper-only", seeds))
+        compare(two_records, [Method("m", keep)], Protocol("paper-only", seeds))
     np.testing.assert_array_equal(drawn[5][:2], drawn[2][:2])
     assert not np.array_equal(drawn[5][0], drawn[5][1])
 
@@ -133,24 +134,24 @@ def test_steady_index_leaves_the_first_five_seconds_out(two_records):
         estimate[:, 50:] += 1
         return estimate
 
-    rows, *_ = evaluate(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
+    rows, *_ = compare(two_records, [Method("w", wrong_at_first, oracle=True)], PROTOCOL)
     assert rows[0].rmse_steady_deg == pytest.approx(1.0)
     assert rows[0].rmse_deg > 4
 
 
 def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
-    _, tracks, *_ = evaluate(two_records, [Method("y", measurement_itself)], PROTOCOL)
-    assert [(track.noise, track.level) for track in tracks] == list(PAPER_CONDITIONS)
-    for track in tracks:
-        np.testing.assert_array_equal(track.truth_deg, two_records[0].bend_deg)
-        np.testing.assert_array_equal(track.estimates["y"][1:], track.measurement_deg[1:])
+    _, tracks, *_ = compare(two_records, [Method("y", measurement_itself)], PROTOCOL)
+    assert list(tracks) == list(PAPER_CONDITIONS)
+    for track in tracks.values():
+        np.testing.assert_array_equal(track.truth_deg, two_records[0].truth_deg)
+        np.testing.assert_array_equal(track.estimates["y"][1:], track.measured_deg[1:])
         assert track.time[1] == pytest.approx(0.1)
 
 
 def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
     methods = [Method("RAM", measurement_itself), Method("y", measurement_itself)]
     of_paper = [dataclasses.replace(record, preset="ureteroscope") for record in two_records]
-    rows, *_ = evaluate(of_paper, methods, PROTOCOL)
+    rows, *_ = compare(of_paper, methods, PROTOCOL)
     assert pick(rows, "RAM", "gaussian", 1.0).paper_rmse_deg == 0.6354
     assert pick(rows, "y", "gaussian", 1.0).paper_rmse_deg is None
     assert "(paper 0.635)" in paper_tables(rows)
@@ -158,7 +159,7 @@ def test_the_papers_figure_stands_in_the_row_of_its_method(two_records):
         two_records,
         [of_paper[0], two_records[1]],
     ):  # of another instrument, in one group or whole
-        rows, *_ = evaluate(records, methods, PROTOCOL)
+        rows, *_ = compare(records, methods, PROTOCOL)
         assert {row.paper_rmse_deg for row in rows} == {None}
         assert "RAM" in paper_tables(rows)
         assert "paper" not in paper_tables(rows)
@@ -174,17 +175,17 @@ def test_protocol_that_cannot_run_is_refused(change, message):
 
 
 def test_strokes_and_twins_are_scored_apart(two_records):
-    records = [two_records[0], dataclasses.replace(two_records[1], twin="randomized")]
-    rows, *_ = evaluate(records, [Method("y", measurement_itself)], PROTOCOL)
+    records = [two_records[0], dataclasses.replace(two_records[1], source="randomized")]
+    rows, *_ = compare(records, [Method("y", measurement_itself)], PROTOCOL)
     assert len(rows) == 2 * len(PAPER_CONDITIONS)
-    alone, *_ = evaluate(records[:1], [Method("y", measurement_itself)], PROTOCOL)
+    alone, *_ = compare(records[:1], [Method("y", measurement_itself)], PROTOCOL)
     assert [row for row in rows if row.twin == "nominal"] == alone
 
 
 def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two_records):
     seen = np.ones(200, bool)
     seen[80:120] = False
-    gap = dataclasses.replace(two_records[0], seen=seen)
+    gap = dataclasses.replace(two_records[0], truth_deg=np.where(seen, two_records[0].truth_deg, np.nan))
     cases = []
 
     def wrong_in_the_gap(case):
@@ -193,25 +194,20 @@ def test_where_the_truth_is_not_known_nothing_is_measured_and_nothing_scored(two
         estimate[:, 80:120] += 100
         return estimate
 
-    rows, *_ = evaluate([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
+    rows, *_ = compare([gap], [Method("g", wrong_in_the_gap, oracle=True)], PROTOCOL)
     assert all(row.rmse_deg == 0 for row in rows)
     np.testing.assert_array_equal(np.isnan(cases[0].measurement_deg), np.tile(~seen, (30, 1)))
 
 
 def test_a_shorter_record_is_padded_without_measurements_and_scored_to_its_end(two_records):
-    short = dataclasses.replace(
-        two_records[1],
-        pull_mm=two_records[1].pull_mm[:150],
-        bend_deg=two_records[1].bend_deg[:150],
-        seen=np.ones(150, bool),
-    )
+    short = two_records[1].part(0, 150)
 
     def off_after_the_end(case):
         estimate = case.truth_deg + 1.0
         estimate[30:, 150:] = 1e6  # the second record's runs
         return estimate
 
-    rows, *_ = evaluate([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
+    rows, *_ = compare([two_records[0], short], [Method("o", off_after_the_end, oracle=True)], PROTOCOL)
     assert rows[0].rmse_deg == pytest.approx(1.0)
     case = make_case([(0, two_records[0]), (1, short)], PROTOCOL)
     assert np.isnan(case.measurement_deg[30:, 150:]).all()
@@ -231,8 +227,8 @@ def test_runs_are_told_variance_and_bound_of_their_own_noise(two_records):
 
 
 def test_workers_give_the_same_rows(two_records):
-    records = [two_records[0], dataclasses.replace(two_records[1], twin="randomized")]
+    records = [two_records[0], dataclasses.replace(two_records[1], source="randomized")]
     methods = [Method("y", measurement_itself)]
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
-        side_by_side = evaluate(records, methods, PROTOCOL, executor=executor)[0]
-    assert side_by_side == evaluate(records, methods, PROTOCOL)[0]
+        side_by_side = compare(records, methods, PROTOCOL, executor=executor)[0]
+    assert side_by_side == compare(records, methods, PROTOCOL)[0]

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
+from scores import simulated_record
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.open_loop import OpenLoop
-from twin.evaluation.case import first_draws, make_case, runs_of
-from twin.evaluation.innovations import squared_innovations
-from twin.evaluation.method import as_method
+from twin.evaluation.method import as_method, first_draws, make_case, runs_of, with_innovations
 from twin.evaluation.protocol import PAPER_CONDITIONS, Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 
 FIRST, EVERY = 10, 5
@@ -22,10 +20,7 @@ def seeds(request):
 
 @pytest.fixture
 def case(records, seeds):
-    made = [
-        (number, EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "record"))
-        for number, (pull, bend) in enumerate(records[:2])
-    ]
+    made = [(number, simulated_record(pull, bend)) for number, (pull, bend) in enumerate(records[:2])]
     return make_case(made, Protocol("paper-only", seeds))
 
 
@@ -54,8 +49,10 @@ def test_innovations_of_the_first_draws_change_no_estimate(model, case, seeds):
     np.testing.assert_allclose(ran.half_width_deg, half_width, rtol=0, atol=1e-9)
     variance = np.broadcast_to(case.sensor.variance, len(bend))
     initial = np.asarray(case.initial_bend_deg)
-    squares = squared_innovations(told, case.pull_mm.T, case.measurement_deg.T, initial, variance, FIRST)
-    np.testing.assert_allclose(ran.nis, np.nanmean(squares[::EVERY], axis=0)[::seeds], rtol=1e-9)
+    squares = with_innovations(
+        told, case.pull_mm.T, case.measurement_deg.T, initial, variance, samples_of(case)
+    ).squares
+    np.testing.assert_allclose(ran.nis, np.nanmean(squares, axis=0)[::seeds], rtol=1e-9)
 
 
 def test_what_states_no_interval_has_no_innovations(case, seeds):

@@ -11,7 +11,7 @@ from recorded import make_episode
 
 from scripts.import_log import Import, import_log
 from twin.episode import Episode
-from twin.evaluation.reading import evaluation_records, read_episodes, true_records, whole_pieces
+from twin.evaluation.reading import complete_pieces, evaluation_records, read_episodes, true_records
 from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import write_episode
@@ -33,10 +33,10 @@ def imported(folder, angle, time=None, name="log"):
 def test_a_sample_that_was_not_measured_is_neither_measured_nor_scored(tmp_path):
     path = imported(tmp_path, ["", "nan", 2, 3, "", 5, 6, 7])
     (record,) = evaluation_records([path], SAMPLE_TIME)
-    np.testing.assert_array_equal(record.seen, [True, True, False, True, True, True])
-    np.testing.assert_allclose(record.bend_deg, [2, 3, 4, 5, 6, 7], atol=1e-9)
+    np.testing.assert_array_equal(record.known, [True, True, False, True, True, True])
+    np.testing.assert_allclose(record.filled_deg, [2, 3, 4, 5, 6, 7], atol=1e-9)
     np.testing.assert_allclose(record.pull_mm, np.sin(np.pi * np.arange(2, 8) / 10), atol=1e-9)
-    assert (record.twin, record.name) == ("measured", "log")
+    assert (record.source, record.name) == ("measured", "log")
     assert record.stroke_mm == (0.6, 1.0)
 
 
@@ -59,8 +59,8 @@ def test_import_says_how_many_samples_have_no_measurement(tmp_path, capsys):
 def test_a_gap_in_time_is_not_scored(tmp_path):
     time = np.concatenate([np.arange(10), np.arange(25, 40)]) * SAMPLE_TIME
     (record,) = evaluation_records([imported(tmp_path, [*range(25)], time)], SAMPLE_TIME)
-    np.testing.assert_array_equal(np.flatnonzero(~record.seen), np.arange(10, 25))
-    assert np.isfinite(record.bend_deg).all()
+    np.testing.assert_array_equal(np.flatnonzero(~record.known), np.arange(10, 25))
+    assert np.isfinite(record.filled_deg).all()
     assert np.isfinite(record.pull_mm).all()
 
 
@@ -73,9 +73,9 @@ def test_a_simulated_record_is_known_throughout(tmp_path):
         dataclasses.replace(episode, measured_bend=holes, metadata=episode.metadata | facts),
     )
     (record,) = evaluation_records([path], 0.04)
-    assert record.seen.all()
-    np.testing.assert_allclose(record.bend_deg, episode.truth_deg[::2])
-    assert (record.stroke_mm, record.twin, record.name) == ((2.0, 4.0), "Öse", "episode_0007")
+    assert record.known.all()
+    np.testing.assert_allclose(record.filled_deg, episode.truth_deg[::2])
+    assert (record.stroke_mm, record.source, record.name) == ((2.0, 4.0), "Öse", "episode_0007")
 
 
 @pytest.mark.parametrize(
@@ -91,18 +91,18 @@ def test_a_record_says_what_left_it_and_its_range(tmp_path, facts, twin):
     episode = dataclasses.replace(make_episode(vertebrae=0), pull=np.linspace(-0.01e-3, 1.04e-3, 12))
     path = write_episode(tmp_path / "a.mcap", dataclasses.replace(episode, metadata=facts))
     (record,) = evaluation_records([path], 0.02)
-    assert record.twin == twin
+    assert record.source == twin
     assert str(record.stroke_mm) == "(0.0, 1.0)"
 
 
 def test_a_log_that_was_hardly_measured_is_refused(tmp_path):
     path = imported(tmp_path, [*[""] * 30, 1, 2])
-    assert len(evaluation_records([path], SAMPLE_TIME)[0].seen) == 2
+    assert len(evaluation_records([path], SAMPLE_TIME)[0].known) == 2
     with pytest.raises(ValueError, match="log: the angle is known at 1 samples, at least 2 are needed"):
         evaluation_records([path], 0.2)  # the last sample of this grid is the first measurement
     (episode,) = read_episodes([path], 0.2)
     with pytest.raises(ValueError, match="log: too much of the measured angle is missing"):
-        whole_pieces(episode)
+        complete_pieces(episode)
 
 
 def simple(pull_mm, measured):
@@ -126,9 +126,9 @@ def test_pieces_hold_every_measured_step_once_and_in_order(missing):
     steps = [(k, k + 1) for k in known if k + 1 in known]  # what a model of hysteresis can be held to
     if not steps:
         with pytest.raises(ValueError, match="too much of the measured angle is missing"):
-            whole_pieces(episode)
+            complete_pieces(episode)
         return
-    pieces = whole_pieces(episode)
+    pieces = complete_pieces(episode)
     assert all(np.isfinite(pull).all() and np.isfinite(bend).all() for pull, bend in pieces)
     found = [pair for _, bend in pieces for pair in itertools.pairwise(bend)]
     measured = episode.measured_deg
@@ -140,11 +140,11 @@ def test_pieces_hold_every_measured_step_once_and_in_order(missing):
 def test_a_piece_in_which_the_command_stands_is_left_out():
     nan = np.nan
     episode = simple([0, 1, 1, 1, 1, 2, 1], [0, 1, nan, 3, 4, nan, 5])
-    ((pull, bend),) = whole_pieces(episode)
+    ((pull, bend),) = complete_pieces(episode)
     np.testing.assert_allclose(pull, [0, 1])
     np.testing.assert_allclose(bend, [0, 1])
     still = simple([1, 1, 1], [0, 1, 2])  # whole: what uses it says what is wrong with it
-    assert len(whole_pieces(still)) == 1
+    assert len(complete_pieces(still)) == 1
 
 
 def test_each_piece_follows_the_model_from_its_own_first_angle(model):
@@ -152,7 +152,7 @@ def test_each_piece_follows_the_model_from_its_own_first_angle(model):
     pull = 3 + np.sin(2 * np.pi * time / 8)
     bend = model.response(pull, 60.0)
     missing = (np.arange(300) % 70 < 12) & (time > 1.15)
-    pieces = whole_pieces(simple(pull, np.where(missing, np.nan, bend)))
+    pieces = complete_pieces(simple(pull, np.where(missing, np.nan, bend)))
     assert len(pieces) == 5
     for pull_mm, bend_deg in pieces:
         np.testing.assert_allclose(model.response(pull_mm, bend_deg[0]), bend_deg, rtol=1e-9)
@@ -181,9 +181,11 @@ def test_whatever_the_holes_nothing_that_is_computed_with_is_nan(tmp_path_factor
         fault = str(refused)
     else:
         fault = ""
-        assert record.seen[0]
-        assert record.seen.sum() >= 2
-        assert len(record.pull_mm) == len(record.bend_deg) == len(record.seen)
-        np.testing.assert_array_equal(record.bend_deg, bend[len(bend) - len(record.seen) :])
-        np.testing.assert_array_equal(record.pull_mm, pull[len(pull) - len(record.seen) :])
+        assert record.known[0]
+        assert record.known.sum() >= 2
+        assert len(record.pull_mm) == len(record.filled_deg) == len(record.known)
+        np.testing.assert_allclose(
+            record.filled_deg[record.known], bend[len(bend) - len(record.known) :][record.known], rtol=1e-12
+        )
+        np.testing.assert_array_equal(record.pull_mm, pull[len(pull) - len(record.known) :])
     assert fault == "" or fault.startswith("log: the angle is known at ")

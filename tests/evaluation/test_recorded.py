@@ -14,16 +14,15 @@ from scripts import evaluate as verb
 from twin.dataset.recipe import Recipe
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Case
-from twin.evaluation.case import make_case
-from twin.evaluation.compare import evaluate
-from twin.evaluation.method import Method, as_method
+from twin.evaluation.compare import compare, write_estimates
+from twin.evaluation.method import Method, as_method, make_case
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.reading import evaluation_record, evaluation_records
-from twin.evaluation.recorded import (
+from twin.evaluation.reading import (
     chosen_measurements,
     common_variance,
+    evaluation_record,
+    evaluation_records,
     recorded_variance,
-    write_estimates,
 )
 from twin.export.export import named_files
 from twin.measured.folder import write_measured
@@ -53,7 +52,7 @@ def test_methods_get_what_the_sensor_saw_with_its_rate_latency_and_resolution(fo
         seen.append(case)
         return case.measurement_deg
 
-    scores, *_ = evaluate(records, [Method("y", look)], RECORDED)
+    scores, *_ = compare(records, [Method("y", look)], RECORDED)
     (case,) = seen
     for row, episode in zip(case.measurement_deg, episodes, strict=True):
         np.testing.assert_array_equal(row, episode.measured_deg)
@@ -139,7 +138,7 @@ def test_the_verb_says_what_it_does_with_measured_logs_and_prints_no_figure_of_t
 
 def test_a_record_without_measurements_is_refused(folder):
     record = evaluation_record(read_episode(episode_files(folder)[0]), 0)
-    bare = dataclasses.replace(record, measured_deg=None)
+    bare = dataclasses.replace(record, measured_deg=np.full(len(record.time), np.nan))
     with pytest.raises(ValueError, match="holds no measurement"):
         make_case([(0, bare)], RECORDED)
 
@@ -162,7 +161,7 @@ def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):
     messages = list(read_protobuf_messages(written[0], topics=["/estimate/AM_toy_x"]))
     record = evaluation_record(episode.resampled(0.1), 0)
     estimates = dataclasses.replace(active_model, measurement_variance=0.3).estimate(
-        record.pull_mm, record.measured_deg, record.bend_deg[0] + 20
+        record.pull_mm, record.measured_deg, record.filled_deg[0] + 20
     )
     np.testing.assert_allclose([m.proto_msg.estimate_deg for m in messages], estimates[0], rtol=1e-12)
     assert [m.log_time_ns for m in messages] == [100_000_000 * k for k in range(len(estimates[0]))]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scores import SCORE
 
-from twin.evaluation.runs import load_runs, save_runs
+from twin.evaluation.results import load_runs, save_runs
 
 SQUARES = [np.full((1, 2, 3), 0.25), np.arange(1.0, 9.0).reshape(2, 2, 2)]
 SCORES = [SCORE, dataclasses.replace(SCORE, method="another", noise="poisson", stroke_mm=(-1.0, 1.0))]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rl.suite.settings import FullSuite
+from rl.comparison.full import FullSuite
 from twin.benchmark.measurements import Size
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import check_between

@@ -11,15 +11,14 @@ from hostile import mutated, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import BOUC_WEN, COLEMAN_HODGDON
-from scores import SCORE
+from scores import SCORE, track
 
 from twin.dataset.recipe_file import load_recipe
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.load import load_estimator, model_of
-from twin.evaluation.runs import load_runs
+from twin.evaluation.results import load_runs, load_tracks, save_tracks
 from twin.evaluation.score import read_scores, to_rows
-from twin.evaluation.track import Track, load_tracks, save_tracks
 from twin.files.dataset_json import read_contents
 from twin.hysteresis import PrandtlIshlinskii, load_model, model_to_dict
 from twin.preset.file import load_preset
@@ -87,7 +86,7 @@ READERS = {
     "evaluation.json": (read_scores, {"protocol": {"suite": "paper"}, "rows": to_rows([SCORE])}),
     "dataset.json": (lambda path: read_contents(path.parent), DATASET),
 }
-TRACK = Track("gaussian", 1.0, np.arange(4.0), np.ones(4), np.ones(4), {"RAM": np.ones(4)})
+TRACK = track(np.arange(4.0), np.ones(4), np.ones(4), {"RAM": np.ones(4)})
 HEAD = '[{"noise": "n", "level": 1.0, "methods": []}]'
 DESCRIPTION = {"agent": "ram", "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}
 
@@ -232,8 +231,8 @@ def test_a_description_of_a_network_is_taken_or_refused_in_one_line(folder, data
 
 
 def test_tracks_come_back(folder):
-    save_tracks(folder / "t.npz", [TRACK])
-    (read,) = load_tracks(folder / "t.npz")
+    save_tracks(folder / "t.npz", {("gaussian", 1.0): TRACK})
+    (read,) = load_tracks(folder / "t.npz").values()
     np.testing.assert_array_equal(read.estimates["RAM"], TRACK.estimates["RAM"])
 
 

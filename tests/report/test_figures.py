@@ -6,11 +6,11 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from scores import SCORE
+from scores import SCORE, track
 
 from twin.estimation.registry import method_specs
 from twin.evaluation.ranking import MethodRank, Ranking
-from twin.evaluation.track import Track, load_tracks, save_tracks
+from twin.evaluation.results import load_tracks, save_tracks
 from twin.report.comparison_figures import interval_figure, is_level, rank_figure
 from twin.report.figures import (
     loop_figure,
@@ -25,7 +25,7 @@ from twin.report.figures import (
 
 TIME = np.arange(0, 20, 0.1)
 TRUTH = 20 * np.sin(TIME)
-TRACK = Track("gaussian", 1.0, TIME, TRUTH, TRUTH + 0.5, {"AM": TRUTH + 2, "RAM": TRUTH - np.exp(-TIME)})
+TRACK = track(TIME, TRUTH, TRUTH + 0.5, {"AM": TRUTH + 2, "RAM": TRUTH - np.exp(-TIME)})
 METHODS = ("C-H", "AM", "LSTM", "Direct RL", "RAM")
 NOISES = [("gaussian", 1.0), ("gaussian", 5.0), *(("poisson", level) for level in (0.1, 1.0, 2.0))]
 
@@ -91,9 +91,9 @@ def test_output_is_repeatable_svg_and_png_of_the_right_size():
 
 def test_tracks_survive_the_disk(tmp_path):
     path = tmp_path / "tracks.npz"
-    save_tracks(path, [TRACK, TRACK])
-    first, second = load_tracks(path)
-    for name in ("time", "truth_deg", "measurement_deg"):
+    save_tracks(path, {("gaussian", 1.0): TRACK, ("poisson", 2.0): TRACK})
+    first, second = load_tracks(path).values()
+    for name in ("time", "truth_deg", "measured_deg"):
         np.testing.assert_array_equal(getattr(first, name), getattr(TRACK, name))
     assert list(second.estimates) == ["AM", "RAM"]
     np.testing.assert_array_equal(second.estimates["RAM"], TRACK.estimates["RAM"])
@@ -102,8 +102,8 @@ def test_tracks_survive_the_disk(tmp_path):
         load_tracks(path)
 
 
-def track(noise, level, methods=METHODS):
-    return Track(noise, level, TIME, TRUTH, TRUTH, dict.fromkeys(methods, TRUTH))
+def tracks(noises, methods=METHODS):
+    return dict.fromkeys(noises, track(TIME, TRUTH, TRUTH, dict.fromkeys(methods, TRUTH)))
 
 
 def legend(figure):
@@ -113,16 +113,16 @@ def legend(figure):
 def test_the_papers_figures_have_its_numbers_methods_and_figures():
     score = dataclasses.replace(SCORE, level=5.0, rmse_deg=1.337, paper_rmse_deg=1.0444)
     elsewhere = dataclasses.replace(score, rmse_deg=9.0, stroke_mm=(-4.0, 4.0))
-    figures = paper_figures([track(*noise) for noise in NOISES], [score, elsewhere])
+    figures = paper_figures(tracks(NOISES), [score, elsewhere])
     assert list(figures) == [5, 6, 7, 8, 9, 10]
     assert legend(figures[5][0])[2:] == ["Direct RL", "RAM"]
     for number in (6, 8, 9, 10):
         assert legend(figures[number][0])[2:] == ["C-H", "AM", "LSTM", "RAM"]
     assert "RAM: 1.34 (paper 1.04)" in legend(figures[7][0])
     assert figures[10][1].startswith("As the paper's Fig. 10: C-H, AM, LSTM, RAM under Poisson, λ = 2.")
-    of_another = paper_figures([track(*NOISES[1])], [dataclasses.replace(score, paper_rmse_deg=None)])
+    of_another = paper_figures(tracks(NOISES[1:2]), [dataclasses.replace(score, paper_rmse_deg=None)])
     assert "RAM: 1.34" in legend(of_another[7][0])
-    assert list(paper_figures([track(*NOISES[0], ("C-H",))])) == [6]  # Fig. 5 has other methods
+    assert list(paper_figures(tracks(NOISES[:1], ("C-H",)))) == [6]  # Fig. 5 has other methods
 
 
 def ranked(method, rmse, rank, to_best):

@@ -7,18 +7,17 @@ import shutil
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
+from scores import simulated_record
 
+from rl.comparison.given import given_files
 from rl.options import TrainingOptions
-from rl.suite.given import given_files
 from rl.sweep import Share, folder_of, seeds_from, train_seeds
 from rl.trainers import Material, find_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method
-from twin.evaluation.case import make_case
-from twin.evaluation.method import build_method
+from twin.evaluation.method import build_method, make_case
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.files.run_folder import COST_FILE
 from twin.workers.processes import local_workers, shared_table
 
@@ -79,7 +78,7 @@ def test_files_of_several_seeds_are_one_method(alone, records):
     knowledge = Knowledge(0.1, {}, trained=files)
     method = build_method(find_method("GRU"), knowledge)
     pull, bend = records[0]
-    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "nominal", "record")
+    record = simulated_record(pull, bend)
     case = make_case([(0, record)], Protocol("paper-only", 1))
     both = [ran.bend_deg for ran in method.run(case, 1, range(1, 5))]
     for path, estimate in zip(alone, both, strict=True):

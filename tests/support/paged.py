@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scores import track
 from small_dataset import SMALL, changed, make
 
 from twin.dataset.recipe import Recipe
-from twin.episode import Episode
+from twin.episode import Episode, Record
 from twin.evaluation.paper import paper_value
-from twin.evaluation.track import Track, save_tracks
+from twin.evaluation.protocol import Condition
+from twin.evaluation.results import save_tracks
 from twin.files.origin import origin_of
 from twin.gate.check import Check, GateVerdict
 from twin.gate.run import CHECKS, write_verdict
@@ -71,12 +73,12 @@ def make_rows(methods: tuple[str, ...] = METHODS) -> list[dict]:
     return rows
 
 
-def make_tracks() -> list[Track]:
+def make_tracks() -> dict[Condition, Record]:
     """A track under each noise of the paper's figures."""
     time = np.arange(0, 10, 0.1)
     truth = 20 * np.sin(time)
     estimates = {method: truth + 0.5 for method in METHODS}
-    return [Track(noise, level, time, truth, truth, estimates) for noise, level in CONDITIONS]
+    return dict.fromkeys(CONDITIONS, track(time, truth, truth, estimates))
 
 
 def make_record() -> Episode:
@@ -115,7 +117,7 @@ def make_evaluation(folder: Path, tracks: int = 1) -> Path:
     protocol = {"initial_error_deg": 15, "test_stroke_mm": [-1, 1]}
     contents = {"protocol": protocol, "rows": make_rows(), "origin": origin_of("endotwin evaluate a", [])}
     (folder / "evaluation.json").write_text(json.dumps(contents))
-    save_tracks(folder / "tracks.npz", make_tracks()[:tracks])
+    save_tracks(folder / "tracks.npz", dict(list(make_tracks().items())[:tracks]))
     return folder
 
 

@@ -1,5 +1,8 @@
-"""A row of an evaluation, to be changed by `dataclasses.replace`."""
+"""A row of an evaluation, to be changed by `dataclasses.replace`, and test records."""
 
+import numpy as np
+
+from twin.episode import Record
 from twin.evaluation.score import Score
 
 SCORE = Score(
@@ -18,3 +21,15 @@ SCORE = Score(
     rmse_ci95_deg=(0.58, 0.62),
     seeds=20,
 )
+
+
+def track(time, truth_deg, measured_deg, estimates):
+    """A record with estimates, as a comparison returns it."""
+    return Record(time, truth_deg, truth_deg, measured_deg, estimates=estimates)
+
+
+def simulated_record(pull_mm, truth_deg, seen=True, source="nominal", stroke_mm=(2.0, 4.0), name="0", T=0.1):
+    """A record of a twin whose true angle is known where it is `seen`."""
+    time = T * np.arange(len(pull_mm))
+    truth = np.where(seen, truth_deg, np.nan)
+    return Record(time, np.asarray(pull_mm), truth, name=name, source=source, stroke_mm=stroke_mm)

@@ -12,7 +12,7 @@ from small_dataset import SMALL, changed, make
 
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve
 from twin.dataset.verify import replay, verify
-from twin.evaluation.recorded import recorded_variance
+from twin.evaluation.reading import recorded_variance
 from twin.recording import read_episode
 from twin.signals.noise import noise_variance
 from twin.vision.rig import StereoRig

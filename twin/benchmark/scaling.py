@@ -5,13 +5,13 @@ import time
 import numpy as np
 
 from twin.benchmark.result import Result
+from twin.episode import Record
 from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
 from twin.estimation.adaptive import RobustActiveModel
 from twin.estimation.open_loop import OpenLoop
-from twin.evaluation.compare import evaluate
+from twin.evaluation.compare import compare
 from twin.evaluation.method import as_method
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 
@@ -46,13 +46,11 @@ def _doubled(what: str, amplitude: float, one: tuple[int, int], two: tuple[int, 
 
 def _seconds(amplitude: float, seeds: int, samples: int) -> float:
     pull = 1e3 * amplitude * np.sin(2 * np.pi * np.arange(samples) * SAMPLE_TIME / 9)
-    truth = MODEL.response(pull, 0.0)
-    record = EvaluationRecord(
-        pull, truth, np.ones(samples, bool), (-1e3 * amplitude, 1e3 * amplitude), "model", "m"
-    )
+    times = np.arange(samples, dtype=float) * SAMPLE_TIME
+    record = Record(times, pull, MODEL.response(pull, 0.0), name="m", source="model")
     kinds: tuple[type[ActiveModel], ...] = (ActiveModel, RobustActiveModel, UnscentedActiveModel)
     methods = [as_method(kind.__name__, kind(MODEL, SAMPLE_TIME)) for kind in kinds]
     methods.append(as_method("static", OpenLoop(MODEL)))
     begin = time.process_time()
-    evaluate([record] * RECORDS, methods, Protocol("full", seeds, SAMPLE_TIME))
+    compare([record] * RECORDS, methods, Protocol("full", seeds, SAMPLE_TIME))
     return time.process_time() - begin

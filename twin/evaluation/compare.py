@@ -1,56 +1,114 @@
-"""The benchmark: every method on the same records under the same noise, scored against the clean truth."""
+"""The comparison: every method on the same records under the same noise, scored against the clean truth."""
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import DivergedError
-from twin.evaluation.case import group_records, make_case
-from twin.evaluation.method import Method
+from twin.episode import Record
+from twin.errors import DivergedError, InputError
+from twin.estimation.estimator import Estimator
+from twin.evaluation.method import Method, as_method, group_records, make_case
 from twin.evaluation.metrics import confidence_interval, error_indices, interval_indices
 from twin.evaluation.paper import INSTRUMENT, paper_value
 from twin.evaluation.protocol import STEADY_SECONDS, Condition, Protocol
 from twin.evaluation.ranking import Ranking, rank_methods
-from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.reading import (
+    chosen_measurements,
+    common_variance,
+    evaluation_record,
+    evaluation_records,
+)
 from twin.evaluation.score import Score
-from twin.evaluation.track import Track
+from twin.recording import EpisodeWriter, read_episode
+from twin.recording.estimate import estimate_message, estimate_topic
+from twin.recording.messages import to_nanoseconds
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 INNOVATION_SECONDS = 0.1
-"""Time from one sample whose innovation is found to the next, as each takes a further step [s]."""
+"""Time between two samples whose innovation is found, as each takes a further step [s]."""
 
 
-class ScoredRuns(NamedTuple):
+class Comparison(NamedTuple):
     """Result of a comparison.
 
     Attributes:
         scores: of every method under every noise, group by group.
-        tracks: for each noise those of all methods on the first record and seed.
+        tracks: by noise, the first record under the first seed, with the estimates of all methods.
         rankings: of every group.
-        squares: mean square errors that each score rests on: (K, R, S) of K trainings on R records under S
-            draws of the noise; a record counts as much as it has samples [deg^2].
+        squares: mean square errors of each score: (K, R, S) of K training runs on R records under S draws of
+            the noise; a record is weighted by its number of samples [deg^2].
     """
 
     scores: list[Score]
-    tracks: list[Track]
+    tracks: dict[Condition, Record]
     rankings: list[Ranking]
     squares: list[Array]
 
 
 def evaluate(
-    records: Sequence[EvaluationRecord],
+    data: str | Path | Sequence[str | Path],
+    estimators: Mapping[str, Estimator[Any]],
+    *,
+    suite: str = "paper",
+    seeds: int = 20,
+    sample_time: float = 0.1,
+    initial_error_deg: float = 20.0,
+    seed: int = 0,
+    measurements: Literal["auto", "drawn", "recorded"] = "auto",
+    variance: float | None = None,
+) -> list[Score]:
+    """Run estimators on records under noise and score them against the true angle, as a notebook needs it.
+
+    Args:
+        data: folders of MCAP files, or files.
+        estimators: by the names that the scores shall have.
+        suite: `paper`, `paper-only` or `full`: the noises.
+        seeds: draws of each noise.
+        sample_time: T; records are thinned to it [s].
+        initial_error_deg: error of the initial estimate [deg].
+        seed: of the draws.
+        measurements: `drawn`, the truth with drawn noise, or `recorded`, once, as the sensor measured it;
+            `auto` is recorded where every record is a measured log, else drawn.
+        variance: R of recorded measurements; if not given, as the records state it [deg^2].
+
+    Returns:
+        One score for each estimator, noise, stroke and kind of twin.
+
+    Raises:
+        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
+        ValueError: there is no estimator, a file is damaged, or an option is out of range.
+    """
+    paths = [Path(path) for path in ([data] if isinstance(data, str | Path) else data)]
+    if not estimators:
+        raise InputError("no estimator given: name at least one, as in {'my filter': estimator}")
+    if not paths:
+        raise InputError("no data given: name folders of MCAP files, or files")
+    recorded = chosen_measurements(measurements, paths)[0] == "recorded"
+    if recorded and variance is None:
+        variance = common_variance(paths)[0]
+    protocol = Protocol(
+        suite, 1 if recorded else seeds, sample_time, initial_error_deg, seed, variance if recorded else None
+    )
+    methods = [as_method(name, estimator) for name, estimator in estimators.items()]
+    return compare(evaluation_records(paths, sample_time), methods, protocol).scores
+
+
+def compare(
+    records: Sequence[Record],
     methods: Sequence[Method],
     protocol: Protocol,
     on_progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
-) -> ScoredRuns:
+) -> Comparison:
     """Run every method under every noise of the suite.
 
     Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
@@ -61,27 +119,27 @@ def evaluate(
         records: the test set, at the protocol's sample time.
         methods: estimators, in the order of the table; picklable, where there is an executor.
         protocol: noises, seeds and initial error.
-        on_progress: told how many of how many groups are done.
-        executor: where groups are worked on side by side; without it, here, one after the other.
+        on_progress: called with the number of finished groups, and of all groups.
+        executor: runs groups in parallel; without it they run here, one after the other.
     """
-    groups = list(group_records(records))
+    groups = group_records(records)
     results: list[Any] = [None] * len(groups)
     if on_progress:
         on_progress(0, len(groups))
     if executor is None:
         for place, group in enumerate(groups):
-            results[place] = _evaluate_group(group, methods, protocol)
+            results[place] = _compare_group(group, methods, protocol)
             if on_progress:
                 on_progress(place + 1, len(groups))
     else:
         # The largest first: a long one that begins last would leave the other workers idle.
         order = sorted(range(len(groups)), key=lambda place: -len(groups[place]))
-        futures = {executor.submit(_evaluate_group, groups[i], methods, protocol): i for i in order}
-        for done, future in enumerate(as_completed(futures), start=1):
+        futures = {executor.submit(_compare_group, groups[i], methods, protocol): i for i in order}
+        for count, future in enumerate(as_completed(futures), start=1):
             results[futures[future]] = future.result()
             if on_progress:
-                on_progress(done, len(groups))
-    return ScoredRuns(
+                on_progress(count, len(groups))
+    return Comparison(
         [row for result in results for row in result.scores],
         results[0].tracks,
         [ranking for result in results for ranking in result.rankings],
@@ -89,14 +147,12 @@ def evaluate(
     )
 
 
-def _evaluate_group(
-    records: list[tuple[int, EvaluationRecord]], methods: Sequence[Method], protocol: Protocol
-) -> ScoredRuns:
+def _compare_group(
+    records: list[tuple[int, Record]], methods: Sequence[Method], protocol: Protocol
+) -> Comparison:
     conditions = protocol.conditions
-    shown = make_case(records, protocol)
-    case = dataclasses.replace(shown, truth_deg=None)
-    truth = shown.truth_deg
-    assert truth is not None
+    with_truth = make_case(records, protocol)
+    case = dataclasses.replace(with_truth, truth_deg=None)
     tracked = np.arange(len(conditions)) * protocol.seeds  # first record, first seed of each noise
     scores: dict[tuple[Condition, str], Score] = {}
     squares: dict[str, Array] = {}
@@ -104,11 +160,11 @@ def _evaluate_group(
     late, every = (max(round(of / protocol.sample_time_s), 1) for of in (STEADY_SECONDS, INNOVATION_SECONDS))
     samples = range(late, case.pull_mm.shape[1], every)
     for method in methods:
-        given = shown if method.oracle else case
-        estimates, half_widths, (nis, *_) = zip(*method.run(given, protocol.seeds, samples), strict=True)
+        runs = method.run(with_truth if method.oracle else case, protocol.seeds, samples)
+        estimates, half_widths, (nis, *_) = zip(*runs, strict=True)
         tracks[method.name] = estimates[0][tracked]
         shape = (len(estimates), len(records), len(conditions), protocol.seeds, -1)
-        errors = (np.array(estimates) - truth).reshape(shape)
+        errors = (np.array(estimates) - with_truth.truth_deg).reshape(shape)
         stated = None if half_widths[0] is None else np.array(half_widths).reshape(shape)
         for place, condition in enumerate(conditions):
             of_condition = [errors[:, r, place] for r in range(len(records))]
@@ -119,35 +175,36 @@ def _evaluate_group(
                 known = of_runs[~np.isnan(of_runs)]
                 row = dataclasses.replace(row, nis=float(known.mean()) if known.size else None)
             scores[condition, method.name] = row
-        squares[method.name] = _squares(errors, [record.seen for _, record in records])
+        squares[method.name] = _squares(errors, [record.known for _, record in records])
     oracles = [method.name for method in methods if method.oracle]
     rng = random_stream(protocol.seed, SeedUse.RANKS, records[0][0])
     ranked = rank_methods(squares, oracles, rng)
     first = records[0][1]
-    time = np.arange(len(first.pull_mm), dtype=float) * protocol.sample_time_s
     order = list(itertools.product(range(len(conditions)), ranked))
-    told = [
+    rows = [
         dataclasses.replace(scores[conditions[place], of.method], to_best_ci95=of.noise_to_best_ci95[place])
         for place, of in order
     ]
-    shown_tracks = [
-        Track(
-            *condition,
-            time,
-            first.bend_deg,
-            case.measurement_deg[run, : len(time)],
-            {name: estimate[place, : len(time)] for name, estimate in tracks.items()},
+    count = len(first.time)
+    followed = {
+        condition: dataclasses.replace(
+            first,
+            time=np.arange(count, dtype=float) * protocol.sample_time_s,
+            truth_deg=first.filled_deg,
+            measured_deg=case.measurement_deg[run, :count],
+            source="",  # so that the truth is the reference
+            estimates={name: estimate[place, :count] for name, estimate in tracks.items()},
         )
         for place, (condition, run) in enumerate(zip(conditions, tracked, strict=True))
-    ]
-    ranking = Ranking(protocol.sample_time_s, first.stroke_mm, first.twin, tuple(ranked))
-    return ScoredRuns(told, shown_tracks, [ranking], [squares[of.method][:, place] for place, of in order])
+    }
+    ranking = Ranking(protocol.sample_time_s, first.stroke_mm, first.source, tuple(ranked))
+    return Comparison(rows, followed, [ranking], [squares[of.method][:, place] for place, of in order])
 
 
-def _squares(errors: Array, seen: Sequence[NDArray[np.bool_]]) -> Array:
+def _squares(errors: Array, known: Sequence[Mask]) -> Array:
     """Return (K, C, R, S) mean square errors of (K, R, C, S, N) errors, but for the initial estimate."""
     found, counts = [], []
-    for place, mask in enumerate(seen):
+    for place, mask in enumerate(known):
         scored = _scored(errors[:, place], mask, 1)
         found.append((scored**2).mean(axis=-1))
         counts.append(scored.shape[-1])
@@ -156,10 +213,10 @@ def _squares(errors: Array, seen: Sequence[NDArray[np.bool_]]) -> Array:
     return squares
 
 
-def _scored(values: Array, seen: NDArray[np.bool_], first: int) -> Array:
-    """Return (..., n) the values (..., N) of a record from a sample on at which its truth is known."""
-    begin = min(first, int(np.flatnonzero(seen)[-1]))  # a short record: its last sample
-    scored: Array = values[..., begin : len(seen)][..., seen[begin:]]
+def _scored(values: Array, known: Mask, first: int) -> Array:
+    """Return (..., n) of the values (..., N) of a record: from a sample on, where its truth is known."""
+    begin = min(first, int(np.flatnonzero(known)[-1]))  # a short record: its last sample
+    scored: Array = values[..., begin : len(known)][..., known[begin:]]
     return scored
 
 
@@ -168,7 +225,7 @@ def _row(
     method: Method,
     errors: list[Array],
     half_widths: list[Array] | None,
-    records: Sequence[tuple[int, EvaluationRecord]],
+    records: Sequence[tuple[int, Record]],
     protocol: Protocol,
 ) -> Score:
     """Pool (trainings, seeds, N) errors of each record over time, and average the indices over the others."""
@@ -176,17 +233,16 @@ def _row(
 
     def pooled(values: list[Array], first: int) -> Array:
         of_records = zip(values, records, strict=True)
-        return np.concatenate([_scored(of, record.seen, first) for of, (_, record) in of_records], axis=-1)
+        return np.concatenate([_scored(of, record.known, first) for of, (_, record) in of_records], axis=-1)
 
     indices = error_indices(pooled(errors, 1))
     late = error_indices(pooled(errors, round(STEADY_SECONDS / protocol.sample_time_s)))
-    honesty: dict[str, Any] = (
+    stated: dict[str, Any] = (
         {} if half_widths is None else interval_indices(pooled(errors, 1), pooled(half_widths, 1))
     )
     if not np.isfinite(indices["rmse_deg"]).all():
         raise DivergedError(f"{method.name} under {noise} noise of {level:g}: not a finite estimate")
     means: dict[str, Any] = {name: float(values.mean()) for name, values in indices.items()}
-    low, high = confidence_interval(indices["rmse_deg"])
     first = records[0][1]
     published = None
     if not method.oracle and all(record.preset == INSTRUMENT for _, record in records):
@@ -196,14 +252,57 @@ def _row(
         level=level,
         sample_time_s=protocol.sample_time_s,
         stroke_mm=first.stroke_mm,
-        twin=first.twin,
+        twin=first.source,
         method=method.name,
         oracle=method.oracle,
         **means,
         rmse_steady_deg=float(late["rmse_deg"].mean()),
-        rmse_ci95_deg=(low, high),
+        rmse_ci95_deg=confidence_interval(indices["rmse_deg"]),
         seeds=protocol.seeds,
         training_rmse_deg=tuple(indices["rmse_deg"].mean(axis=1).tolist()) if method.others else (),
         paper_rmse_deg=published,
-        **honesty,
+        **stated,
     )
+
+
+def write_estimates(
+    files: Mapping[str, Path],
+    methods: Sequence[Method],
+    sample_time: float,
+    variance: float,
+    folder: Path,
+    initial_error_deg: float = 20.0,
+) -> list[Path]:
+    """Copy each record with the estimates of methods from its recorded measurements, as `/estimate/METHOD`.
+
+    Args:
+        files: MCAP files of records, by the names of the new ones without their ending.
+        methods: oracles among them are left out.
+        sample_time: T of the estimates [s]; the record keeps its own samples.
+        variance: R of the measurements [deg^2].
+        folder: existing folder for the new files.
+        initial_error_deg: error of the initial estimate [deg].
+
+    Returns:
+        The files.
+    """
+    protocol = Protocol("paper", 1, sample_time, initial_error_deg, recorded_variance=variance)
+    written: list[Path] = []
+    for name, file in files.items():
+        episode = read_episode(file)
+        even = episode.resampled(sample_time)
+        record = evaluation_record(even, 0)
+        case = make_case([(0, record)], protocol)
+        begin = len(even.time) - len(record.time)
+        time = episode.time[0] + sample_time * (begin + np.arange(len(record.time)))
+        target = folder / f"{name}.mcap"
+        with EpisodeWriter(target) as writer:
+            writer.write(episode)
+            for method in methods:
+                if method.oracle:
+                    continue
+                topic, estimate = estimate_topic(method.name), method.estimate(case)[0]
+                for nanoseconds, bend_deg in zip(to_nanoseconds(time), estimate.tolist(), strict=True):
+                    writer.add_message(topic, estimate_message(bend_deg), nanoseconds)
+        written.append(target)
+    return written

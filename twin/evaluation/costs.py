@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from twin.episode import Record
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.trained_file import learned_parameters, read_trained_file
 from twin.evaluation.method import Filtering, Method
-from twin.evaluation.record import EvaluationRecord
 from twin.files.run_folder import read_cost
 
 SAMPLES = 200
@@ -38,7 +38,7 @@ class Cost:
 
 def method_costs(
     methods: Sequence[Method],
-    record: EvaluationRecord,
+    record: Record,
     files: Mapping[str, Sequence[Path]],
     seed: int = 0,
 ) -> dict[str, Cost]:
@@ -53,8 +53,8 @@ def method_costs(
     Raises:
         ValueError: the `cost.json` beside a trained file is none.
     """
-    noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.bend_deg))
-    pull, measured = record.pull_mm.tolist(), (record.bend_deg + noise).tolist()
+    noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.time))
+    pull, measured = record.pull_mm.tolist(), (record.filled_deg + noise).tolist()
     return {
         method.name: Cost(_microseconds(method, pull, measured), *_learned(files.get(method.name, ())))
         for method in methods

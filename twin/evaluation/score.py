@@ -1,42 +1,34 @@
-"""A score: one row of `evaluation.json`, and the one reader that validates such a file."""
+"""Scores: the rows of `evaluation.json`, their reader, and means over them."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from twin.errors import InputError, MissingFileError
+from twin.evaluation.metrics import geometric_mean
 from twin.files.bounded import MEBIBYTE
-from twin.files.json_text import read_json, validated
+from twin.files.json_text import key_name, read_json, rule_of, validated
 from twin.files.shown import shown
 
 MOST_BYTES = 32 * MEBIBYTE
 """Limit of a file of results, which the full suite stays far below."""
 MOST_ROWS = 100_000
 MOST_TRAININGS = 100
-"""Trainings of one method that are compared as one row."""
+"""Training runs of one method that are compared as one row."""
 LONGEST_TEXT = 200
 LARGEST = 1e12
 """Magnitude of a figure that no evaluation comes near, in any of the units."""
 
 Group = tuple[tuple[float, ...], str]
 """Stroke [mm] and kind of twin."""
-
-
-class EvaluationFile(BaseModel):
-    """The keys of `evaluation.json`; other versions may add some.
-
-    Attributes:
-        protocol: how methods were compared.
-        rows: scores, each as `Score.to_dict` writes it.
-    """
-
-    model_config = ConfigDict(frozen=True, strict=True)
-
-    protocol: Annotated[dict[str, Any], Field(max_length=100)]
-    rows: Annotated[list[dict[str, Any]], Field(max_length=MOST_ROWS)]
+Text = Annotated[str, Field(max_length=LONGEST_TEXT, strict=True)]
+Figure = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False, strict=True)]
+Interval = tuple[Figure, Figure]
+Kind = TypeVar("Kind", bound=Hashable)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,46 +50,46 @@ class Score:
         var_deg2: variance of the error [deg^2].
         bias_deg: mean error [deg].
         rmse_steady_deg: RMSE without the first 5 s [deg].
-        rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds and trainings [deg].
+        rmse_ci95_deg: 95 % interval of the mean RMSE over noise seeds and training runs [deg].
         seeds: draws of the noise that the figures are means over.
-        training_rmse_deg: RMSE of each training of the method, where there are several: the figures are means
-            over them too [deg].
+        training_rmse_deg: RMSE of each training run of the method, where there are several: the figures are
+            means over them too [deg].
         paper_rmse_deg: RMSE that the paper published, if it has this row and the records are of its
             instrument [deg].
-        coverage95: share of samples whose stated 95 % interval held the truth; None where none is stated.
+        coverage95: share of samples whose stated 95 % interval covers the truth; None without intervals.
         width95_deg: mean width of that interval [deg].
         nees: mean square error in units of the stated variance: 1 where the interval is honest.
         nis: mean square innovation after the first 5 s, in units of the variance that prediction and sensor
             state together; of the first draw.
-        crps_deg: mean continuous ranked probability score of the normal law of that interval [deg].
+        crps_deg: mean continuous ranked probability score of a normal distribution of that interval [deg].
         to_best_ci95: 95 % interval of its RMSE in units of that of the best method that competes, on the same
             records and draws; None where there was but one run.
     """
 
-    noise: str
-    level: float
-    sample_time_s: float
-    stroke_mm: tuple[float, ...] = ()
-    twin: str = ""
-    method: str
-    oracle: bool
-    mae_deg: float
-    rmse_deg: float
-    md_deg: float
-    md_printed_deg2: float | None = None
-    var_deg2: float
-    bias_deg: float
-    rmse_steady_deg: float
-    rmse_ci95_deg: tuple[float, float]
-    seeds: int
-    training_rmse_deg: tuple[float, ...] = ()
-    paper_rmse_deg: float | None = None
-    coverage95: float | None = None
-    width95_deg: float | None = None
-    nees: float | None = None
-    nis: float | None = None
-    crps_deg: float | None = None
-    to_best_ci95: tuple[float, float] | None = None
+    noise: Text
+    level: Figure
+    sample_time_s: Figure
+    stroke_mm: Annotated[tuple[Figure, ...], Field(max_length=2)] = ()
+    twin: Text = ""
+    method: Text
+    oracle: Annotated[bool, Field(strict=True)]
+    mae_deg: Figure
+    rmse_deg: Figure
+    md_deg: Figure
+    md_printed_deg2: Figure | None = None
+    var_deg2: Figure
+    bias_deg: Figure
+    rmse_steady_deg: Figure
+    rmse_ci95_deg: Interval
+    seeds: Annotated[int, Field(gt=0, le=int(LARGEST), strict=True)]
+    training_rmse_deg: Annotated[tuple[Figure, ...], Field(max_length=MOST_TRAININGS)] = ()
+    paper_rmse_deg: Figure | None = None
+    coverage95: Figure | None = None
+    width95_deg: Figure | None = None
+    nees: Figure | None = None
+    nis: Figure | None = None
+    crps_deg: Figure | None = None
+    to_best_ci95: Interval | None = None
 
     @property
     def condition(self) -> tuple[str, float]:
@@ -106,7 +98,7 @@ class Score:
 
     @property
     def trainings(self) -> int:
-        """Number of trainings, or of ensembles, that the figures are means over."""
+        """Number of training runs, or of ensembles, that the figures are means over."""
         return max(len(self.training_rmse_deg), 1)
 
     @property
@@ -122,36 +114,40 @@ class Score:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as `evaluation.json` holds it."""
-        return dataclasses.asdict(self) | {
-            "stroke_mm": list(self.stroke_mm),
-            "rmse_ci95_deg": list(self.rmse_ci95_deg),
-            "training_rmse_deg": list(self.training_rmse_deg),
-            "to_best_ci95": self.to_best_ci95 and list(self.to_best_ci95),
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in dataclasses.asdict(self).items()
         }
 
     @classmethod
     def from_dict(cls, row: Mapping[str, Any]) -> Self:
-        """Return the score of a row; keys that other versions add are passed over.
+        """Return the score of a row; unknown keys are ignored, a wrong value raises `ValueError`."""
+        try:
+            return TypeAdapter(cls).validate_python(row)
+        except ValidationError as error:
+            fault = error.errors(include_url=False, include_context=False)[0]
+            name = key_name(fault["loc"][:1])
+            if fault["type"] == "missing" and len(fault["loc"]) == 1:
+                raise InputError(f"a row has no {name}") from None
+            raise InputError(f"{name} = {shown(fault['input'])}: {rule_of(fault['msg'])}") from None
 
-        Raises:
-            ValueError: a key is missing, or a value is of the wrong kind.
-        """
-        values = {}
-        for field in dataclasses.fields(cls):
-            if field.name in row:
-                values[field.name] = _read(field.name, row[field.name])
-            elif field.default is dataclasses.MISSING:
-                raise InputError(f"a row has no {field.name}")
-        return cls(**values)
+
+class EvaluationFile(BaseModel):
+    """The keys of `evaluation.json`; other versions may add some.
+
+    Attributes:
+        protocol: how methods were compared.
+        rows: scores, each as `Score.to_dict` writes it.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    protocol: Annotated[dict[str, Any], Field(max_length=100)]
+    rows: Annotated[list[dict[str, Any]], Field(max_length=MOST_ROWS)]
 
 
 def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
-    """Return the scores and the protocol of an `evaluation.json`.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no such file, or a row is damaged.
-    """
+    """Return the scores and the protocol of an `evaluation.json`; errors as of `read_evaluation`."""
     scores, contents = read_evaluation(path)
     return scores, contents["protocol"]
 
@@ -185,45 +181,15 @@ def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
     return [score.to_dict() for score in scores]
 
 
-_TEXTS = ("noise", "twin", "method")
-_LENGTHS = {
-    "stroke_mm": (0, 2),  # a row need not tell its stroke
-    "rmse_ci95_deg": (2,),
-    "training_rmse_deg": range(MOST_TRAININGS + 1),
-    "to_best_ci95": (2,),
-}
-_MAY_BE_NONE = (
-    "paper_rmse_deg",
-    "md_printed_deg2",
-    "coverage95",
-    "width95_deg",
-    "nees",
-    "nis",
-    "crps_deg",
-    "to_best_ci95",
-)
+def rmse_by(scores: Sequence[Score], kind_of: Callable[[Score], Kind]) -> dict[Kind, float]:
+    """Return the geometric mean of the RMSE [deg] of the scores of each kind, in the order of the kinds."""
+    kinds: dict[Kind, list[float]] = {}
+    for score in scores:
+        kinds.setdefault(kind_of(score), []).append(score.rmse_deg)
+    return {kind: float(geometric_mean(np.array(errors))) for kind, errors in kinds.items()}
 
 
-def _read(name: str, value: Any) -> Any:
-    """One value of a row, of its kind."""
-    if name in _TEXTS:
-        if isinstance(value, str) and len(value) <= LONGEST_TEXT:
-            return value
-    elif name == "oracle":
-        if isinstance(value, bool):
-            return value
-    elif name in _MAY_BE_NONE and value is None:
-        return None
-    elif name in _LENGTHS:
-        if isinstance(value, list | tuple) and len(value) in _LENGTHS[name] and all(map(_is_number, value)):
-            return tuple(map(float, value))
-    elif name == "seeds":
-        if isinstance(value, int) and not isinstance(value, bool) and 0 < value <= LARGEST:
-            return value
-    elif _is_number(value):
-        return float(value)
-    raise InputError(f"{name} = {shown(value)}: of the wrong kind")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+def mean_coverage(scores: Sequence[Score]) -> float | None:
+    """Return the mean share of samples whose 95 % interval covers the truth; None where none is stated."""
+    held = [score.coverage95 for score in scores if score.coverage95 is not None]
+    return float(np.mean(held)) if held else None

@@ -15,7 +15,7 @@ from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.policy import PolicyEstimator
 from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.learned.ram_twins import FILTER_ALONE, RamTwins
-from twin.evaluation.innovations import squared_innovations
+from twin.evaluation.method import with_innovations
 from twin.evaluation.paper import noise_label
 from twin.gate.check import ACCURACY, CALIBRATION, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, RIVAL, WIDER, GateMaterial, noisy
@@ -204,14 +204,14 @@ def nis(material: GateMaterial) -> Check:
     for noise in NIS_NOISES:
         case = noisy(records, noise, 1, rng)
         variance = np.asarray(case.sensor.variance)
-        squares = squared_innovations(
+        squares = with_innovations(
             estimator.with_sensor(Sensor(variance)),
             case.pull_mm.T,
             case.measurement_deg.T,
             np.asarray(case.initial_bend_deg),
             variance,
-            first,
-        )
+            range(first, case.pull_mm.shape[1]),
+        ).squares
         rows.append({"what": noise_label(*noise), "nis": float(np.mean(squares))})
         material.on_progress(len(rows) / len(NIS_NOISES))
     worst = max(rows, key=lambda row: row["nis"])

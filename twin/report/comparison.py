@@ -12,12 +12,11 @@ from tabulate import tabulate
 
 from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.costs import Cost
-from twin.evaluation.means import mean_coverage, rmse_by
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import noise_label
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
 from twin.evaluation.ranking import Ranking
-from twin.evaluation.score import Group, Score
+from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
 from twin.files.atomic import MADE_BY
 from twin.report.tables import (
     aligned_table,

@@ -1,16 +1,17 @@
 """Figures of a comparison: errors by noise, distance to the limit, ranks, and stated intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from twin.episode import Record
 from twin.evaluation.paper import noise_label
+from twin.evaluation.protocol import Condition
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.score import Score
-from twin.evaluation.track import Track
 from twin.report.comparison import interval_scores, mean_of
 from twin.report.figures import INK, MUTED, clean_axes, log_ticks, own_style, paper_figures, to_png_bytes
 from twin.report.tables import (
@@ -32,7 +33,7 @@ _HONEST = (0.93, 0.97)
 
 
 def comparison_figures(
-    scores: Sequence[Score], tracks: Sequence[Track], rankings: Sequence[Ranking] = ()
+    scores: Sequence[Score], tracks: Mapping[Condition, Record], rankings: Sequence[Ranking] = ()
 ) -> dict[str, bytes]:
     """Return PNG files by name.
 

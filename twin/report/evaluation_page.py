@@ -10,12 +10,11 @@ from markupsafe import Markup
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
-from twin.evaluation.means import mean_coverage
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label
 from twin.evaluation.ranking import MethodRank, Ranking, competes, rankings_of
-from twin.evaluation.score import Score, read_evaluation, read_scores
-from twin.evaluation.track import load_tracks
+from twin.evaluation.results import load_tracks
+from twin.evaluation.score import Score, mean_coverage, read_evaluation, read_scores
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
 from twin.report.comparison import interval_scores

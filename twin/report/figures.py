@@ -15,12 +15,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
+from twin.episode import Record
 from twin.errors import InputError
 from twin.estimation.methods import Style
 from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.paper import noise_label
+from twin.evaluation.protocol import Condition
 from twin.evaluation.score import Score
-from twin.evaluation.track import Track
 from twin.files.atomic import MADE_BY
 from twin.report.tables import ordered, protocol_scores
 
@@ -99,7 +100,7 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
 
 
 def tracking_figure(
-    track: Track, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
+    track: Record, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
 ) -> Figure:
     """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10).
 
@@ -114,7 +115,7 @@ def tracking_figure(
     figure = Figure(figsize=(8.6, 4.3), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
     for upper, lower in grid.T:
-        clean_axes(upper).plot(track.time, track.measurement_deg, linestyle="", **MEASUREMENT)
+        clean_axes(upper).plot(track.time, track.measured_deg, linestyle="", **MEASUREMENT)
         for method, line in lines.items():
             upper.plot(track.time, track.estimates[method], **line)
             clean_axes(lower).plot(track.time, errors[method], **line)
@@ -145,18 +146,19 @@ def tracking_figure(
     return figure
 
 
-def paper_figures(tracks: Sequence[Track], scores: Sequence[Score] = ()) -> dict[int, tuple[Figure, str]]:
+def paper_figures(
+    tracks: Mapping[Condition, Record], scores: Sequence[Score] = ()
+) -> dict[int, tuple[Figure, str]]:
     """Return the paper's Figs. 5 to 10 with captions, by number; those that the tracks lack are left out.
 
     Args:
         tracks: one for each noise, from `evaluate`.
         scores: of the episodes that the tracks are from; their RMSE and the published one go into the legend.
     """
-    by_noise = {(track.noise, track.level): track for track in tracks}
     by_method = {(*score.condition, score.method): score for score in protocol_scores(scores)}
     figures = {}
     for number, noise, level in PAPER_FIGURES:
-        track = by_noise.get((noise, level))
+        track = tracks.get((noise, level))
         wanted = [spec.name for spec in method_specs() if number in spec.presentation.paper_figures]
         methods = [method for method in wanted if track is not None and method in track.estimates]
         if track is None or not methods:

@@ -11,13 +11,13 @@ from distributed import LocalCluster
 
 from scripts.evaluate import main
 from twin.estimation.registry import method_specs, needed_fits
+from twin.evaluation.fitting import load_fits
 from twin.evaluation.protocol import UNTRAINED_CONDITIONS
 from twin.evaluation.ranking import rankings_of
-from twin.evaluation.runs import load_runs
+from twin.evaluation.results import load_runs
 from twin.hysteresis import load_model
 from twin.report.comparison import page_name
 from twin.signals.excitation import SIGNALS
-from twin.suite.fitting import load_fits
 
 METHODS = [
     "C-H",
@@ -67,8 +67,8 @@ SMALL = "--suite full --seconds 6 --members 12 --episodes 10 --seeds 2 --seed 1 
 def small_numbers(in_one_process):
     """One randomised twin for each kind of signal, and short searches for models, filters and members."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.suite.scenarios.RANDOMIZED", len(SIGNALS))
-        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        patch.setattr("twin.evaluation.scenarios.RANDOMIZED", len(SIGNALS))
+        patch.setattr("twin.evaluation.fitting.GENERATIONS", 40)
         briefly.tune_filters(patch)
         briefly.choose_members(patch)
         yield

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
+from twin.evaluation.scenarios import (
+    SAMPLE_TIME,
+    TOUCHED,
+    WIDER,
+    Scenario,
+    scenarios,
+    simulate_pushed,
+    untrained_scenarios,
+)
 from twin.preset import load_preset, load_ranges
-from twin.suite.scenarios import SAMPLE_TIME, Scenario, scenarios, simulate_pushed
-from twin.suite.untrained import TOUCHED, WIDER, untrained_scenarios
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 

@@ -1,23 +1,25 @@
-"""The records of the full benchmark: the preset, randomised twins and a bending sheath on the same commands.
+"""Test sets of the full comparison: which endoscopes follow which commands, and their simulated records.
 
 Every twin of a stroke follows one of five commands, one of each kind of signal. An ensemble of twins that is
-driven by those five therefore serves all of them.
+driven by those five therefore serves all of them. A published test set is recognised by its angles.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from twin.dataset.episodes import VERSIONS
-from twin.episode import Episode
+from twin.episode import Episode, Record
 from twin.errors import DivergedError, InputError
+from twin.files.assets import assets_folder
 from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
-from twin.preset.preset import Preset
-from twin.preset.randomization import Ranges
+from twin.preset import Preset, Ranges, load_preset, preset_names
 from twin.recording import write_episode
 from twin.recording.listing import describe_episode, features_of, totals
 from twin.signals.excitation import SIGNALS, command
@@ -31,13 +33,26 @@ SAMPLE_TIME = 0.02  # of the records; coarser sampling thins them
 RANDOMIZED = 20
 BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
 
+WIDER, WIDE = 1.5, 10
+"""Factor of the ranges of twins that no training meets, and number of such twins."""
+MOVES_AT, MOVES_FOR_S = 0.4, 0.5
+"""Share of a record after which the sheath moves suddenly, and duration [s]."""
+TOUCHED, TOUCH_N = (0.3, 0.7), 0.1
+"""Shares of a record between which the tip is touched, and the force [N]."""
+FARTHER = 2.5
+"""Factor of the widest stroke for another endoscope: `vio_com` does not bend below some mm."""
+
+FINGERPRINT_FILE = "frozen_test_set.json"
+TOLERANCE_DEG = 0.05
+"""Largest difference of an angle to the published one: another processor rounds otherwise."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
     """Endoscope and command of one record.
 
     Attributes:
-        twin: kind of twin: `nominal`, `randomized`, `bending sheath`, or `member` of an ensemble.
+        twin: kind of twin: `nominal`, `randomized`, `bending sheath`, `member` of an ensemble, ...
         preset: the endoscope.
         signal: kind of command.
         stroke_mm: lowest and highest pulling distance [mm].
@@ -56,11 +71,11 @@ class Scenario:
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
-    """Return the drives of the test records, stroke by stroke.
+    """Return the test records of the suite `full`, stroke by stroke.
 
     Args:
         preset: the nominal twin.
-        ranges: from where to where the randomised twins are drawn.
+        ranges: that the randomised twins are drawn from.
         seconds: length of a record.
         seed: of commands and twins.
     """
@@ -75,6 +90,42 @@ def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list
                 Scenario("bending sheath", preset, signal, stroke, pull, bend),
                 *(Scenario("randomized", twin, signal, stroke, pull) for twin in mine),
             ]
+    return drives
+
+
+def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
+    """Return the test records of the suite `untrained`: twins that no training meets; arguments as above.
+
+    On the commands of the full suite, on its narrowest and its widest stroke: the preset, for sensors that
+    have a fault (`twin/signals/sensor_faults.py`); a sheath that moves by half a turn within half a second; a
+    tip that is touched; twins from ranges half as wide again; and each of the other presets, pulled as far as
+    a longer endoscope needs.
+    """
+    wide = ranges.wider(WIDER)
+    twins = [wide.draw(preset, random_stream(seed, SeedUse.BENCHMARK_WIDE_TWINS, k)) for k in range(WIDE)]
+    others = [load_preset(name) for name in preset_names() if name != preset.name]
+    drives = []
+    for stroke in (STROKES_MM[0], STROKES_MM[2]):
+        for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
+            time = np.arange(len(pull)) * SAMPLE_TIME
+            moved = np.interp(time, np.array([0, MOVES_FOR_S]) + MOVES_AT * seconds, BENDING)
+            touched = TOUCH_N * ((time >= TOUCHED[0] * seconds) & (time < TOUCHED[1] * seconds))
+            drives += [
+                Scenario("nominal", preset, signal, stroke, pull),
+                Scenario("sheath moves suddenly", preset, signal, stroke, pull, moved),
+                Scenario("tip touched", preset, signal, stroke, pull, tip_force=touched.astype(float)),
+                *(
+                    Scenario("wider ranges", twin, signal, stroke, pull)
+                    for twin in twins[place :: len(SIGNALS)]
+                ),
+            ]
+    low, high = STROKES_MM[2]
+    farther = (FARTHER * low, FARTHER * high)
+    for other in others:
+        drives += [
+            Scenario("another endoscope", other, signal, farther, FARTHER * pull)
+            for signal, pull in commands(STROKES_MM[2], seconds, seed).items()
+        ]
     return drives
 
 
@@ -108,13 +159,13 @@ def members(
     Every second one has its sheath bent on during the record, from one drawn angle to another.
 
     Args:
-        preset: what does not vary.
-        ranges: what does.
+        preset: the parameters that do not vary.
+        ranges: of those that do.
         pull: (N,) command [m].
-        count: how many.
+        count: number of members.
         seed: of the draws.
-        stroke_mm: noted with each.
-        first: number of the first draw: ensembles that begin behind each other have no member in common.
+        stroke_mm: recorded with each.
+        first: number of the first draw, so that ensembles need have no member in common.
     """
     drives = []
     for number in range(first, first + count):
@@ -130,7 +181,7 @@ def simulate_drives(
     on_sample: Callable[[int, int], None] | None = None,
     physics: str = "mujoco",
 ) -> list[Episode | None]:
-    """Simulate all drives side by side, by one of the twins; None where a simulation diverged."""
+    """Simulate all drives in one batch, by one of the twins; None where a simulation diverged."""
     return simulate_batch(
         [drive.preset for drive in drives],
         [drive.pull for drive in drives],
@@ -155,7 +206,7 @@ def simulate_pushed(drive: Scenario) -> Episode | None:
 
 
 def _simulate_all(drives: Sequence[Scenario]) -> list[Episode | None]:
-    """Simulate drives of any endoscopes: those that are alike side by side."""
+    """Simulate drives of any endoscopes, those of one preset in one batch."""
     episodes: list[Episode | None] = [None] * len(drives)
     together: dict[str, list[int]] = {}
     for place, drive in enumerate(drives):
@@ -177,22 +228,21 @@ def write_scenarios(
     seed: int,
     make: Callable[[Preset, Ranges, float, int], list[Scenario]] = scenarios,
 ) -> list[Path]:
-    """Simulate the test records into a folder of MCAP files, or find those that an earlier run has kept.
+    """Simulate the test records into a folder of MCAP files, or find those of an earlier run.
+
+    Raises `ValueError` where the folder holds another test set, `FloatingPointError` where a simulation
+    diverged.
 
     Args:
-        folder: where they are kept.
+        folder: of the records.
         preset: the nominal twin.
         ranges: that twins are drawn from.
         seconds: length of a record.
         seed: of commands and twins.
-        make: says what is simulated; `scenarios`, or those of another suite.
+        make: returns the drives; `scenarios`, or those of another suite.
 
     Returns:
         The files, in the order of the drives.
-
-    Raises:
-        ValueError: the folder holds the records of another benchmark.
-        FloatingPointError: a simulation diverged.
     """
     folder.mkdir(parents=True, exist_ok=True)
     drives = make(preset, ranges, seconds, seed)
@@ -228,14 +278,53 @@ def write_scenarios(
 
 
 def _refuse_another_benchmark(folder: Path, recipe: dict[str, Any]) -> None:
-    """Refuse a folder whose records were made from something else, or by another version.
-
-    Raises:
-        ValueError: it is one, or its `dataset.json` is damaged.
-    """
+    """Refuse a folder whose records were made from something else, or by another version."""
     held = read_contents(folder)
     same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
     if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
         raise InputError(
             f"{folder} holds the records of another benchmark: choose another `folder` or remove it"
         )
+
+
+class Fingerprint(BaseModel):
+    """Recipe of a published test set and angles that it is recognised by: `frozen_test_set.json`.
+
+    Attributes:
+        name: of the test set; another one has another name.
+        preset: packaged preset that is randomised.
+        seconds: length of each record [s].
+        seed: of commands and twins.
+        drives_sha256: SHA-256 of all that is simulated (`scripts/studies/freeze_test_set.py`).
+        times_s: times of the angles [s].
+        bends_deg: angle of each record at these times [deg].
+    """
+
+    name: str
+    preset: str
+    seconds: float
+    seed: int
+    drives_sha256: str
+    times_s: list[float]
+    bends_deg: list[list[float]]
+
+
+@functools.cache
+def test_set_fingerprint() -> Fingerprint:
+    """Return the published test set."""
+    return Fingerprint.model_validate_json((assets_folder() / FINGERPRINT_FILE).read_bytes())
+
+
+def name_of_test_set(records: Sequence[Record], sample_time: float) -> str | None:
+    """Return the name of the published test set, if these records, at T [s], are all of it; else None."""
+    known = test_set_fingerprint()
+    if len(records) != len(known.bends_deg):
+        return None
+    for record, wanted in zip(records, known.bends_deg, strict=True):
+        time = np.arange(len(record.time)) * sample_time
+        if time[-1] < known.times_s[-1] - sample_time:
+            return None
+        found = np.interp(known.times_s, time, record.filled_deg)
+        if np.abs(found - wanted).max() > TOLERANCE_DEG:
+            return None
+    return known.name

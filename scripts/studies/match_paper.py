@@ -1,4 +1,4 @@
-"""`python -m scripts.match_paper`: fit the preset of the ureteroscope to what the paper publishes of it."""
+"""`python -m scripts.studies.match_paper`: fit the preset of the ureteroscope to the paper's tables."""
 
 import dataclasses
 import sys

@@ -9,14 +9,20 @@ import pytest
 from small_twins import TINY, twins
 
 from rl.options import TrainingOptions
-from rl.suite import ablation
-from rl.suite.ablation import VARIANTS, Ablation, chosen_variants, run_ablation
 from rl.twins.settings import NetworkTraining, TwinsTraining
-from scripts.ablate import main
+from scripts.studies import ablation
+from scripts.studies.ablation import (
+    VARIANTS,
+    Ablation,
+    ablation_figure,
+    ablation_table,
+    chosen_variants,
+    main,
+    run_ablation,
+)
 from twin.estimation.learned import ram_twins
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.report.ablation import ablation_figure, ablation_table
-from twin.suite.scenarios import scenarios, write_scenarios
+from twin.evaluation.scenarios import scenarios, write_scenarios
 from twin.workers.processes import choose_workers
 
 SMALL = {
@@ -129,7 +135,9 @@ def test_the_command_writes_what_it_found(tmp_path, monkeypatch, capsys):
     assert main(["--out", str(tmp_path), "--variants", "filter-alone", *short]) == 0
     contents = json.loads((tmp_path / "ablation.json").read_text())
     assert [row["name"] for row in contents["rows"]] == ["whole", "filter-alone"]
-    assert contents["origin"]["command"].startswith("python -m scripts.ablate --variants filter-alone")
+    assert contents["origin"]["command"].startswith(
+        "python -m scripts.studies.ablation --variants filter-alone"
+    )
     assert "neither of them (filter alone)" in (tmp_path / "ablation.md").read_text()
     assert (tmp_path / "ablation.png").stat().st_size > 5000
     assert "2 variants, 1 trainings each" in capsys.readouterr().out

@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
+from scores import simulated_record
 
 from twin.estimation.ensemble import Ensembles
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method, method_specs
-from twin.evaluation.case import make_case
-from twin.evaluation.compare import evaluate
-from twin.evaluation.method import build_method
+from twin.evaluation.compare import compare
+from twin.evaluation.method import build_method, make_case
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
+from twin.evaluation.scenarios import SAMPLE_TIME, members, simulate_drives
+from twin.evaluation.yardsticks import bounds, make_ensembles
 from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
-from twin.suite.limit import bounds, make_ensembles
-from twin.suite.scenarios import SAMPLE_TIME, members, simulate_drives
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 TIME = np.arange(0, 8, SAMPLE_TIME)
@@ -35,7 +34,7 @@ def test_set():
         for number, episode in enumerate(simulate_drives(members(PRESET, RANGES, pull, 4, seed=2))):
             bend = episode.truth_deg[::5]
             made.append(
-                EvaluationRecord(pull[::5] * 1e3, bend, np.ones(len(bend), bool), stroke, "r", str(number))
+                simulated_record(pull[::5] * 1e3, bend, source="r", stroke_mm=stroke, name=str(number))
             )
     return made
 
@@ -73,7 +72,7 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
     names = ["Ensemble", "Ensemble with bias", "Particles (families)"]
     assert [method.name for method in methods] == [*names, "Ensemble (limit)", "Particles (limit)"]
-    rows, *_ = evaluate(test_set, methods, protocol)
+    rows, *_ = compare(test_set, methods, protocol)
     rmse = {(r.method, r.noise, r.level, r.stroke_mm[0]): r.rmse_deg for r in rows}
     for low in (-1.0, 2.0):
         told_r, knows = (rmse[name, "gaussian", 1.0, low] for name in ("Ensemble", "Ensemble (limit)"))
@@ -101,13 +100,13 @@ def test_runs_of_a_case_are_what_each_would_be_alone(ensembles, test_set):
 
 def test_gaps_of_a_record_are_bridged(ensembles, test_set):
     record = test_set[0]
-    seen = np.ones(len(record.bend_deg), bool)
+    seen = np.ones(len(record.truth_deg), bool)
     seen[30:50] = False
-    gap = EvaluationRecord(record.pull_mm, record.bend_deg, seen, record.stroke_mm, "r", "gap")
+    gap = simulated_record(record.pull_mm, record.truth_deg, seen, "r", record.stroke_mm)
     estimate = Ensembles(tuple(ensembles), 0.1)(make_case([(0, gap)], Protocol("full", seeds=2)))
     assert np.isfinite(estimate).all()
-    error = np.abs(estimate[:2] - record.bend_deg)  # under Gaussian noise
-    assert error[:, 30:50].max() < 0.5 * np.ptp(record.bend_deg)  # the ensemble goes on with the command
+    error = np.abs(estimate[:2] - record.truth_deg)  # under Gaussian noise
+    assert error[:, 30:50].max() < 0.5 * np.ptp(record.truth_deg)  # the ensemble goes on with the command
     assert error[:, 60:].mean() < 0.8
 
 
@@ -119,9 +118,9 @@ def test_further_ensembles_have_other_members_and_are_a_spread(ensembles, test_s
     spec = find_method("Ensemble (limit)")
     assert spec is not None
     protocol = Protocol("full", seeds=2)
-    rows, *_ = evaluate(test_set, [build_method(spec, known)], protocol)
+    rows, *_ = compare(test_set, [build_method(spec, known)], protocol)
     alone = [
-        evaluate(test_set, [build_method(spec, Knowledge(0.1, {}, ensembles=(tuple(of),)))], protocol)[0]
+        compare(test_set, [build_method(spec, Knowledge(0.1, {}, ensembles=(tuple(of),)))], protocol)[0]
         for of in (ensembles, further)
     ]
     for row, *single in zip(rows, *alone, strict=True):

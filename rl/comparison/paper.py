@@ -1,4 +1,4 @@
-"""The paper's comparison: its methods and yardsticks on given records, what is missing trained."""
+"""The paper's comparison: its methods and yardsticks on given records; missing methods are trained."""
 
 import dataclasses
 import json
@@ -7,22 +7,26 @@ from pathlib import Path
 from typing import Any
 
 from rl.options import TrainingOptions
+from twin.episode import Record
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import MethodSpec, find_training, method_specs, needed_fits
-from twin.evaluation.compare import evaluate
+from twin.evaluation.compare import compare, write_estimates
 from twin.evaluation.method import Method, build_method
-from twin.evaluation.protocol import Protocol
+from twin.evaluation.protocol import Condition, Protocol
 from twin.evaluation.ranking import Ranking
 from twin.evaluation.reading import evaluation_records, true_records
-from twin.evaluation.recorded import write_estimates
-from twin.evaluation.runs import save_runs
+from twin.evaluation.results import save_runs, save_tracks
 from twin.evaluation.score import Score, to_rows
-from twin.evaluation.track import Track, save_tracks
 from twin.export.export import named_files
-from twin.files.atomic import write_whole
+from twin.files.atomic import MADE_BY, write_whole
 from twin.hysteresis import ColemanHodgdon
+
+FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
+RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy", "runs.npz": "heads.npy"}
+PAPER_FILES = RESULTS | dict.fromkeys(["tables.md", "rmse.png", *FIGURES], MADE_BY)
+"""Files of the paper's suite, and a mark by which each is recognised."""
 
 OnProgress = Callable[[int, int], None]
 OnTraining = Callable[[int, int, float], None]
@@ -40,11 +44,11 @@ class PaperSuite:
         train: training records; without them, nothing is trained or tuned.
         trained: trained files of each agent that is given, one for each training of it.
         methods: names of the methods to compare; all of the suite, if empty.
-        episodes: of PPO for what is not given.
+        episodes: of PPO for policies that are not given.
         source: path of the model, as the results state it.
-        write_estimates: whether each record is written anew with the estimates of its own measurements.
-        recorded_variance: R that is told for these [deg^2].
-        origin: command, versions and hashes of the data, as `evaluation.json` states them.
+        write_estimates: whether each record is copied with the estimates from its own measurements.
+        recorded_variance: R of these measurements [deg^2].
+        origin: command, versions and hashes of the data, for `evaluation.json`.
     """
 
     folder: Path
@@ -76,14 +80,14 @@ class PaperResult:
 
     Attributes:
         scores: of every method.
-        tracks: estimates along the first record, for each noise.
-        methods: names of what was compared.
+        tracks: the first record with all estimates, by noise.
+        methods: names of the compared methods.
         records: number of test records.
         estimates: files that were written with estimates.
     """
 
     scores: list[Score]
-    tracks: list[Track]
+    tracks: dict[Condition, Record]
     methods: list[str]
     records: int
     estimates: list[Path]
@@ -92,16 +96,12 @@ class PaperResult:
 def run_paper_suite(
     suite: PaperSuite, progress: OnProgress, training_progress: Callable[[str, str], OnTraining]
 ) -> PaperResult:
-    """Train what is missing, compare, and write `evaluation.json` and `tracks.npz`.
+    """Train missing methods, compare, and write `evaluation.json`, `runs.npz` and `tracks.npz`.
 
     Args:
-        suite: what to compare.
-        progress: told how many of how many groups of records are done.
-        training_progress: begins to show the progress of a training, counted in some unit.
-
-    Raises:
-        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
-        ValueError: records do not fit, or a run folder holds another training.
+        suite: settings of the comparison.
+        progress: called with the number of finished groups of records, and of all.
+        training_progress: begins to show the progress of a named training run, counted in some unit.
     """
     T = suite.protocol.sample_time_s
     test = evaluation_records(suite.data, T)
@@ -120,7 +120,7 @@ def run_paper_suite(
     fits = {fit.key: fit.find(knowledge) for fit in needed_fits(ready)}
     knowledge = dataclasses.replace(knowledge, fits=fits)
     methods = [build_method(spec, knowledge) for spec in ready]
-    scores, tracks, rankings, squares = evaluate(test, methods, suite.protocol, progress)
+    scores, tracks, rankings, squares = compare(test, methods, suite.protocol, progress)
     write_whole(suite.folder / "evaluation.json", _contents(suite, scores, rankings, len(test)))
     save_runs(suite.folder / "runs.npz", scores, squares)
     save_tracks(suite.folder / "tracks.npz", tracks)
@@ -130,11 +130,7 @@ def run_paper_suite(
 
 
 def _refuse_what_cannot_run(suite: PaperSuite, knowledge: Knowledge) -> None:
-    """Refuse named methods that lack something, before any work; a learned one is trained from records.
-
-    Raises:
-        ValueError: one lacks something.
-    """
+    """Refuse named methods that lack something, before any work; a learned one is trained from records."""
     if knowledge.records and knowledge.models:
         trained = dict.fromkeys(_trained_on_records(suite), (Path(),))
         knowledge = dataclasses.replace(knowledge, trained=trained | dict(knowledge.trained))
@@ -154,7 +150,7 @@ def _trained_on_records(suite: PaperSuite) -> list[str]:
 def _train_missing(
     suite: PaperSuite, knowledge: Knowledge, training_progress: Callable[[str, str], OnTraining]
 ) -> Knowledge:
-    """Train the learned methods whose files are not given, beside the results."""
+    """Train the learned methods whose files are not given, into the folder of the results."""
     from rl.trainers import find_trainer, material_of  # what is given needs no torch
 
     trained = dict(knowledge.trained)
@@ -189,7 +185,7 @@ def _contents(suite: PaperSuite, scores: Sequence[Score], rankings: Sequence[Ran
         **dataclasses.asdict(suite.protocol),
         "records": records,
         "phi": "measured innovation; rows with oracle = true use the clean truth instead",
-        "filters_told": "the variance of the noise as R",
+        "noise_information": "the variance of the noise as R",
         "process_variance": list(ActiveModel.process_variance),
         "initial_variance": list(ActiveModel.initial_variance),
         "model": suite.source,

@@ -1,4 +1,4 @@
-"""Identified models and fits of the full benchmark: found on the training records, kept, found once."""
+"""Identified models and fits of the full comparison: found once on the training records, and kept."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -39,16 +39,13 @@ def model_path(folder: Path, name: str) -> Path:
 def identify_models(
     measured: Records, folder: Path, seed: int, on_progress: Callable[[int, int], None] | None = None
 ) -> dict[str, HysteresisModel]:
-    """Identify each model on measured training records, or read what an earlier run has kept.
+    """Identify each model on `(pull_mm, measured_deg)` of training records, or read that of an earlier run.
 
-    Args:
-        measured: `(pull_mm, measured bend_deg)`.
-        folder: where each is kept, as `endotwin identify` writes it.
-        seed: of the genetic algorithm.
-        on_progress: told how many of how many models are there.
+    They are kept in the folder, as `endotwin identify` writes them; `on_progress` is called with the number
+    of finished models, and of all.
     """
     models = {}
-    for done, name in enumerate(MODEL_NAMES, start=1):
+    for count, name in enumerate(MODEL_NAMES, start=1):
         path = model_path(folder, name)
         if not path.is_file():
             monotone = name == MONOTONE
@@ -61,7 +58,7 @@ def identify_models(
             write_whole(path, json.dumps(found.to_dict(), indent=2) + "\n")
         models[name] = load_model(path)
         if on_progress:
-            on_progress(done, len(MODEL_NAMES))
+            on_progress(count, len(MODEL_NAMES))
     return models
 
 
@@ -71,17 +68,13 @@ def save_fits(path: Path, fits: Fits) -> None:
 
 
 def load_fits(path: Path) -> Fits:
-    """Read the numbers that `save_fits` wrote; none, where there is no file.
-
-    Raises:
-        ValueError: the file is damaged.
-    """
+    """Read the numbers that `save_fits` wrote; none, where there is no file."""
     try:
         fits = read_json(path)
+        if all(isinstance(found, dict) for found in fits.values()):
+            return fits
     except MissingFileError:
         return {}
-    except ValueError as error:
-        raise InputError(f"{path} is damaged: remove it, and it is made again") from error
-    if not all(isinstance(found, dict) for found in fits.values()):
-        raise InputError(f"{path} is damaged: remove it, and it is made again")
-    return fits
+    except ValueError:
+        pass
+    raise InputError(f"{path} is damaged: remove it, and it is made again")

@@ -1,6 +1,6 @@
-"""Trained files that are given to a comparison, by agent; each is checked to be for it.
+"""Trained files that are given to a comparison, by agent, checked to fit it.
 
-Several of one agent are trainings of one method, which differ in their seed alone.
+Several of one agent are training runs of one method, which differ in their seed alone.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon
 
 _OF_SEED = ("members", "model", "deployment", "reference")
-"""Parts of a file that depend on the seed, beside what is learned."""
+"""Parts of a file that depend on the seed, besides the network."""
 
 
 def given_files(
@@ -25,15 +25,13 @@ def given_files(
 ) -> dict[str, tuple[Path, ...]]:
     """Return trained files by agent, and refuse one that was trained for something else.
 
+    Raises `ValueError` where two of one agent differ in more than their seed, one is of another sample time
+    or filter, or a `cost.json` is damaged.
+
     Args:
         paths: of the files.
-        model: that an estimator runs beside, unless it brings its own.
-        sample_times: T at which it is to run [s].
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: two of one agent differ in more than their seed, one is of another sample time, or was
-            trained beside another filter, or the `cost.json` beside one is none.
+        model: of the comparison, for estimators that have none of their own.
+        sample_times: T at which they are to run [s].
     """
     files: dict[str, tuple[Path, ...]] = {}
     first: dict[str, TrainedFile] = {}
@@ -52,10 +50,10 @@ def given_files(
         if len(files.get(agent, ())) >= MOST_TRAININGS:
             raise InputError(f"{path}: more than {MOST_TRAININGS} policies of the agent {agent!r}")
         estimator: Any = training.load(path)
-        read_cost(path.parent)  # a mistake is told now, not after the training of others
+        read_cost(path.parent)  # refuses a mistake now, not after the training of others
         for sample_time in sample_times:
             if training.on_twins:
-                estimator.at(sample_time)  # it is told T, which its twins must be able to follow
+                estimator.at(sample_time)  # its twins must be able to follow T
                 continue
             trained_at = float(estimator.sample_time)
             if abs(trained_at - sample_time) > 1e-9:
@@ -65,13 +63,13 @@ def given_files(
         if training.same_filter:
             if model is None:
                 raise InputError(
-                    f"{path} runs beside the model that it was trained with; the full suite identifies its "
+                    f"{path} runs with the model that it was trained with; the full suite identifies its "
                     f"own, and trains {agent} itself"
                 )
-            beside = estimator.active_model
-            here = ActiveModel(model, sample_times[0], measurement_variance=beside.measurement_variance)
-            if beside != here:
-                raise InputError(f"{path} was trained beside another model or filter than the one given")
+            own = estimator.active_model
+            here = ActiveModel(model, sample_times[0], measurement_variance=own.measurement_variance)
+            if own != here:
+                raise InputError(f"{path} was trained with another model or filter than the one given")
         files[agent] = (*files.get(agent, ()), path)
     return files
 
@@ -82,11 +80,11 @@ def _settings(file: TrainedFile) -> dict[str, Any]:
 
 
 def _differences(one: TrainedFile, other: TrainedFile) -> list[str]:
-    """Return the names of what differs between two trainings of one agent beside the seed."""
+    """Return the names of differences between two training runs of one agent, apart from the seed."""
 
-    def told(file: TrainedFile) -> dict[str, Any]:
+    def facts(file: TrainedFile) -> dict[str, Any]:
         of_run = {name: of for name, of in file.description.items() if name not in (*_OF_SEED, "training")}
         return of_run | {name: of for name, of in _settings(file).items() if name != "seed"}
 
-    ours, theirs = told(one), told(other)
+    ours, theirs = facts(one), facts(other)
     return [name for name in dict.fromkeys([*ours, *theirs]) if ours.get(name) != theirs.get(name)]

@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
 
-from twin.preset.file import load_preset
-from twin.preset.randomization import load_ranges
-from twin.recording import read_dataset
-from twin.signals.excitation import SIGNALS
-from twin.suite.scenarios import (
+from twin.evaluation.scenarios import (
     RANDOMIZED,
     STROKES_MM,
     commands,
@@ -13,6 +9,10 @@ from twin.suite.scenarios import (
     scenarios,
     write_scenarios,
 )
+from twin.preset.file import load_preset
+from twin.preset.randomization import load_ranges
+from twin.recording import read_dataset
+from twin.signals.excitation import SIGNALS
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 

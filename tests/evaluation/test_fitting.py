@@ -1,18 +1,17 @@
 import json
 
 import briefly
-import numpy as np
 import pytest
+from scores import simulated_record
 
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
 from twin.estimation.registry import method_specs, needed_fits
-from twin.evaluation.compare import evaluate
+from twin.evaluation.compare import compare
+from twin.evaluation.fitting import MODEL_NAMES, identify_models, load_fits, save_fits
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.record import EvaluationRecord
 from twin.hysteresis import ColemanHodgdon
-from twin.suite.fitting import MODEL_NAMES, identify_models, load_fits, save_fits
 
 
 def usual_specs():
@@ -31,7 +30,7 @@ def short_search():
     """Fewer generations of a model, fewer evaluations of a filter's likelihood."""
     with pytest.MonkeyPatch.context() as patch:
         briefly.tune_filters(patch)
-        patch.setattr("twin.suite.fitting.GENERATIONS", 40)
+        patch.setattr("twin.evaluation.fitting.GENERATIONS", 40)
         yield
 
 
@@ -74,9 +73,9 @@ def test_a_damaged_file_is_named(content, tmp_path):
 
 def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     pull, bend = records[0]
-    record = EvaluationRecord(pull, bend, np.ones(len(bend), bool), (2.0, 4.0), "training", "0")
+    record = simulated_record(pull, bend, source="training")
     methods = [build_method(spec, known) for spec in usual_specs() if spec.is_ready(known)]
-    scores, *_ = evaluate([record], methods, Protocol("paper-only", seeds=4))
+    scores, *_ = compare([record], methods, Protocol("paper-only", seeds=4))
     rmse = {score.method: score.rmse_deg for score in scores if score.condition == ("gaussian", 1.0)}
     assert len(rmse) == 19
     for name in ("AM-tuned", "AM-tuned (Q, R)", "Constant gain", "ESMF", "Koopman"):

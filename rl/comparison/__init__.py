@@ -1,0 +1,1 @@
+"""Comparisons that train missing methods: the paper's, and the full one."""

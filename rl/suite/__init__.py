@@ -1,1 +1,0 @@
-"""Comparisons that train what they are not given: the paper's, and the full benchmark."""

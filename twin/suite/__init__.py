@@ -1,1 +1,0 @@
-"""The full suite of `endotwin evaluate`: its records, fits, methods, limit, tables and figures."""
