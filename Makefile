@@ -28,8 +28,9 @@ $(STAMP): pyproject.toml constraints.txt scripts/system_libraries.sh
 demo: install
 	$(BIN)/endotwin demo --out $(OUT)
 
-test: lint types
-	$(BIN)/python -m pytest
+# Types are checked next to the tests: mypy has one process, and pytest starts slowly.
+test: lint
+	@$(BIN)/mypy & types=$$!; $(BIN)/python -m pytest; tests=$$?; wait $$types && exit $$tests
 
 lint: install
 	$(BIN)/ruff check .
