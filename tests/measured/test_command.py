@@ -101,11 +101,3 @@ def test_a_column_that_is_not_there_or_has_no_unit_is_refused(tmp_path, preset, 
     with pytest.raises(ValueError, match=message) as refused:
         read_command(path, preset, 0.02, CommandFormat(**form))
     assert "\n" not in str(refused.value)
-
-
-def test_a_missing_or_binary_file_is_refused(tmp_path, preset):
-    with pytest.raises(FileNotFoundError, match="no command file"):
-        read_command(tmp_path / "none.csv", preset, 0.02)
-    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(ValueError, match="is not a CSV file"):
-        read_command(tmp_path / "b.csv", preset, 0.02)

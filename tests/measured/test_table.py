@@ -113,11 +113,6 @@ def test_a_decimal_comma_is_a_point(tmp_path):
     assert table.lines.tolist() == [2, 3]
 
 
-def test_blank_lines_before_a_header_count_as_lines(tmp_path):
-    table = read(tmp_path / "log.csv", b"\n \r" * 500 + SEMICOLONS + b"0;0;0\n1;1;1\n")
-    assert table.lines.tolist() == [503, 504]  # CR and LF end one line
-
-
 @pytest.mark.parametrize(
     "text", ["1_000", "\u0661", "0x10", "1e400", "infinity", "\xa01", "1 997", "1d3", "--1"]
 )
@@ -266,12 +261,6 @@ def test_lines_are_those_of_the_file_where_some_are_blank(tmp_path):
         table.column("x")
     with pytest.raises(ValueError, match="line 7: t runs backwards"):
         table.time("t")
-
-
-def test_only_the_columns_asked_for_are_kept(tmp_path):
-    table = read_text(tmp_path, "x,other,y\n1,2,3\n")
-    assert table.columns.keys() == {"x", "y"}
-    assert table.names == ("x", "other", "y")
 
 
 def test_a_column_that_is_not_there_or_there_twice_is_refused_with_the_others(tmp_path):

@@ -38,12 +38,6 @@ def test_each_window_is_an_episode_from_time_0_in_the_order_of_the_file(tmp_path
         np.testing.assert_allclose(log.measured_deg, CUT["angle_deg"][4 * place : 4 * place + 4])
 
 
-def test_a_window_whose_clock_runs_on_begins_at_0_too(tmp_path):
-    logs = read_windows(write(tmp_path, CUT | {"time_s": np.arange(12) + 100.0}), "window")
-    assert [log.time[0] for log in logs] == [0, 0, 0]
-    assert [log.time[-1] for log in logs] == [3, 3, 3]
-
-
 def test_one_window_may_stand_still_but_not_all(tmp_path):
     still = [*CUT["command_deg"][:4], *[5] * 4, *CUT["command_deg"][8:]]
     assert np.ptp(read_windows(write(tmp_path, CUT | {"command_deg": still}), "window")[1].pull) == 0

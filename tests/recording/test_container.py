@@ -1,11 +1,11 @@
 """The MCAP files by the public readers: chunks, indexes, the summary, and what is in front of what."""
 
-import contextlib
 import dataclasses
 import functools
 import io
 import itertools
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,11 +29,12 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import breakup_chunk
 from recorded import assert_equal, in_file_order, make_episode, of_kind, records_of
 
 from twin.episode import Episode
-from twin.recording import read_episode, write_episode
+from twin.recording import EpisodeWriter, read_episode, write_episode
+from twin.recording import endotwin_pb2 as schema
 
 SAMPLES = 1200
 CHUNK = 2**18  # [bytes]
@@ -156,37 +157,6 @@ def test_where_it_comes_from_and_what_it_is_stands_in_front_of_the_first_chunk(c
     assert set(kinds[first:end]) == {Chunk, MessageIndex}
 
 
-@settings(max_examples=30, deadline=None)
-@given(part=st.floats(0, 1))
-def test_file_cut_after_its_first_chunk_is_still_understood(content, part):
-    records = records_of(content)
-    indexes, reader = of_kind(records, ChunkIndex), make_reader(io.BytesIO(content))
-    first_end = indexes[0].chunk_start_offset + indexes[0].chunk_length
-    cut = content[: first_end + int(part * (len(content) - first_end))]
-    found: list[tuple[str, str, Message]] = []
-    channels, schemas, metadata, attachments = {}, {}, [], {}
-    with contextlib.suppress(Exception):  # the library has many words for an end that comes too early
-        for record in StreamReader(io.BytesIO(cut)).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record.topic, schemas[record.schema_id].name
-            elif isinstance(record, Message):
-                found.append((*channels[record.channel_id], record))
-            elif isinstance(record, Metadata):
-                metadata.append(record)
-            elif isinstance(record, Attachment):
-                attachments[record.name] = record.data
-    whole = sum(index.chunk_start_offset + index.chunk_length <= len(cut) for index in indexes)
-    end = indexes[whole - 1].message_end_time
-    wanted = [
-        (channel.topic, kind.name, message) for kind, channel, message in reader.iter_messages(ending_at=end)
-    ]
-    assert found[: len(wanted)] == wanted
-    assert metadata == list(reader.iter_metadata())
-    assert attachments == long_episode().attachments
-
-
 def test_summary_counts_and_finds_everything(content):
     records = records_of(content)
     (statistics,) = of_kind(records, Statistics)
@@ -229,3 +199,47 @@ def test_more_samples_than_are_serialised_at_once_are_numbered_on(tmp_path):
     found = [message for channel, message in in_file_order(path.read_bytes()) if channel.topic == "/command"]
     assert [message.sequence for message in found] == list(range(2**13 + 100))
     assert_equal(read_episode(path), written)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    before=st.lists(st.tuples(st.sampled_from(["/estimate/A", "/estimate/B"]), st.integers(0, 400))),
+    after=st.lists(st.tuples(st.sampled_from(["/estimate/B", "/estimate/C"]), st.integers(0, 400))),
+)
+def test_other_topics_go_into_chunks_of_their_own_in_the_order_of_time(tmp_path_factory, before, after):
+    path = tmp_path_factory.getbasetemp() / "others.mcap"
+    with EpisodeWriter(path) as writer:
+        for number, (topic, time) in enumerate(before):
+            writer.add_message(topic, schema.Measurement(measured_deg=number), time)
+        writer.write(make_episode())
+        for number, (topic, time) in enumerate(after, start=len(before)):
+            writer.add_message(topic, schema.Measurement(measured_deg=number), time)
+    content = path.read_bytes()
+    found = [
+        (channel.topic, message.log_time, schema.Measurement.FromString(message.data).measured_deg)
+        for channel, message in in_file_order(content)
+        if channel.topic.startswith("/estimate")
+    ]
+    given_order = [(topic, time, number) for number, (topic, time) in enumerate([*before, *after])]
+    assert found == sorted(given_order, key=lambda row: row[1])
+    others = {channel.id for channel in of_kind(records_of(content), Channel) if "estimate" in channel.topic}
+    for chunk in of_kind(records_of(content), Chunk):
+        assert len({record.channel_id in others for record in breakup_chunk(chunk)}) == 1
+    for topic in ("/estimate/A", "/estimate/B", "/estimate/C"):
+        messages = [message for channel, message in in_file_order(content) if channel.topic == topic]
+        assert [message.sequence for message in messages] == list(range(len(messages)))
+    reader = make_reader(io.BytesIO(content), validate_crcs=True)
+    assert sum(1 for _ in reader.iter_messages()) == len(in_file_order(content))
+    assert_equal(read_episode(path), make_episode())
+
+
+@pytest.mark.parametrize("time", [-1, 2**63])
+def test_message_of_no_possible_time_is_refused(tmp_path: Path, time: int):
+    def write() -> None:
+        with EpisodeWriter(tmp_path / "a.mcap") as writer:
+            writer.write(make_episode())
+            writer.add_message("/estimate/A", schema.Measurement(), time)
+
+    with pytest.raises(ValueError, match=f"/estimate/A: time {time} ns: a log time is from 0 to"):
+        write()
+    assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ from repository import endotwin
 from twin.files.atomic import write_whole
 from twin.recording import read_episode, write_episode
 
-EPISODES = 24
+EPISODES = 12
 RECIPE = f"""
 preset: {{name: small, vertebrae: 6, sheath_elements: 2, section_stiffness: 0.05, pretension: 3.0}}
 episodes: {EPISODES}
@@ -26,6 +26,7 @@ def generate(folder: Path) -> subprocess.CompletedProcess[str]:
     return endotwin(*words.split(), cwd=recipe.parent)
 
 
+@pytest.mark.slow
 def test_full_disk_is_said_in_one_line_and_the_same_command_goes_on(small_disk, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     assert generate(tmp_path / "elsewhere" / "data").returncode == 0

@@ -48,7 +48,7 @@ def whole(folder: Path) -> bytes:
     return write_episode(folder / "whole.mcap", make_episode()).read_bytes()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(part=st.floats(0, 1, exclude_max=True))
 def test_cut_file_is_said_to_be_cut(folder, whole, part):
     path = folder / "cut.mcap"
@@ -57,7 +57,7 @@ def test_cut_file_is_said_to_be_cut(folder, whole, part):
     assert fault == "is cut off: it is empty" or (fault.startswith("is cut off: ") and fault.endswith(HINT))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_flipped_bit_never_changes_an_episode(folder, whole, data):
     damaged = bytearray(whole)
@@ -73,7 +73,7 @@ def test_flipped_bit_never_changes_an_episode(folder, whole, data):
         assert_equal(episode, make_episode())
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     flips=st.lists(
         st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), min_size=2, max_size=20
@@ -206,7 +206,7 @@ def test_not_a_number_is_named_by_field_and_sample(tmp_path):
     assert fault_of(path) == "holds no whole episode: bend is not finite at sample 7"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(topic=st.sampled_from([*SCHEMAS]), index=st.integers(0, 11), data=st.binary(max_size=60))
 def test_any_payload_gives_an_episode_or_a_value_error(folder, whole, topic, index, data):
     path = rewrite(whole, folder / "payload.mcap", change(topic, index, data))

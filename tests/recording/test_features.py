@@ -1,25 +1,42 @@
 """Quantities of an episode: where they stand in its file, and their statistics against those of NumPy."""
 
+import csv
 import dataclasses
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from google.protobuf.descriptor import Descriptor
 from hypothesis import given
 from hypothesis import strategies as st
 from recorded import make_episode, messages
 
 from twin.episode import Episode
-from twin.recording import write_episode
-from twin.recording.features import FEATURES, combine, describe_features, recorded, statistics
+from twin.recording import write_csv, write_episode
+from twin.recording.endotwin_pb2 import DESCRIPTOR
+from twin.recording.features import (
+    COMMAND_ANGLE,
+    FEATURES,
+    TABLE,
+    Feature,
+    column_names,
+    combine,
+    describe_features,
+    recorded,
+    statistics,
+)
+from twin.recording.messages import SCHEMAS
 
 WIRES = "abcd"
+OF_ESTIMATORS = {"Estimate", "Health"}
+"""Messages that no episode holds."""
 
 
 def rich_episode(samples: int = 12, seed: int = 0) -> Episode:
     return make_episode(samples, seed=seed, planes=2, drive=True)
 
 
-def told_by_numpy(values: np.ndarray) -> dict[str, float]:
+def of_numpy(values: np.ndarray) -> dict[str, float]:
     return {
         "count": values.size,
         "min": values.min(),
@@ -29,12 +46,12 @@ def told_by_numpy(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def assert_close(told: dict[str, float], values: np.ndarray, rtol: float = 1e-8) -> None:
-    expected = told_by_numpy(values)
-    assert told.keys() == expected.keys()
-    assert told["count"] == expected["count"]
+def assert_close(found: dict[str, float], values: np.ndarray, rtol: float = 1e-8) -> None:
+    expected = of_numpy(values)
+    assert found.keys() == expected.keys()
+    assert found["count"] == expected["count"]
     for key in ("min", "max", "mean", "std"):
-        assert told[key] == pytest.approx(expected[key], rel=rtol, abs=rtol * np.abs(values).max())
+        assert found[key] == pytest.approx(expected[key], rel=rtol, abs=rtol * np.abs(values).max())
 
 
 def test_every_quantity_stands_in_the_file_where_it_is_said_to(tmp_path):
@@ -57,46 +74,22 @@ def test_every_quantity_stands_in_the_file_where_it_is_said_to(tmp_path):
         np.testing.assert_allclose(np.array(found), sample, rtol=1e-12, err_msg=name)
 
 
-def test_quantities_have_the_units_that_their_names_end_in():
-    episode = rich_episode()
-    held = recorded(episode)
-    for name, values in {
-        "pull_mm": 1e3 * episode.pull,
-        "lateral_pull_mm": 1e3 * episode.lateral_pull,
-        "pulley_mm": 1e3 * episode.pulley,
-        "truth_deg": np.degrees(episode.bend),
-        "lateral_bend_deg": np.degrees(episode.lateral_bend),
-        "measured_deg": np.degrees(episode.measured_bend),
-        "sheath_bend_deg": np.degrees(episode.sheath_bend),
-        "wire_slack_mm": 1e3 * episode.wire_slack,
-        "tension_n": episode.wire_tension[:, :, 0],
-        "joint_angle_rad": episode.joint_angle,
-    }.items():
-        np.testing.assert_allclose(held[name], values, rtol=1e-15)
-
-
-def test_what_was_not_recorded_is_not_described():
-    bare = make_episode(vertebrae=0, elements=None)
-    held = {"pull_mm", "measured_deg", "truth_deg"}
-    assert set(recorded(bare)) == set(describe_features(bare)) == set(statistics(bare)) == held
-
-
 def test_statistics_are_those_of_all_numbers_of_an_episode():
     episode = rich_episode(50)
-    told = statistics(episode)
-    assert told.keys() == recorded(episode).keys()
+    found = statistics(episode)
+    assert found.keys() == recorded(episode).keys()
     for name, values in recorded(episode).items():
-        assert_close(told[name], values)
+        assert_close(found[name], values)
 
 
 def test_missing_measurements_are_not_counted():
     episode = make_episode(20)
     measured = episode.measured_bend.copy()
     measured[[0, 7, 19]] = np.nan
-    told = statistics(dataclasses.replace(episode, measured_bend=measured))
-    assert told["measured_deg"]["count"] == 17
-    assert_close(told["measured_deg"], np.degrees(measured[~np.isnan(measured)]))
-    assert told["truth_deg"]["count"] == 20
+    found = statistics(dataclasses.replace(episode, measured_bend=measured))
+    assert found["measured_deg"]["count"] == 17
+    assert_close(found["measured_deg"], np.degrees(measured[~np.isnan(measured)]))
+    assert found["truth_deg"]["count"] == 20
 
 
 def test_quantity_that_is_missing_throughout_one_record_takes_no_part():
@@ -104,9 +97,9 @@ def test_quantity_that_is_missing_throughout_one_record_takes_no_part():
     blind = dataclasses.replace(episode, measured_bend=np.full(20, np.nan))
     assert "measured_deg" not in statistics(blind)
     for order in ((blind, other), (other, blind)):
-        told = combine(statistics(one) for one in order)
-        assert_close(told["measured_deg"], other.measured_deg)
-        assert told["truth_deg"]["count"] == 30
+        found = combine(statistics(one) for one in order)
+        assert_close(found["measured_deg"], other.measured_deg)
+        assert found["truth_deg"]["count"] == 30
 
 
 numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
@@ -114,7 +107,7 @@ parts_of_numbers = st.lists(st.lists(numbers, min_size=1, max_size=20), min_size
 
 
 def part(values: np.ndarray) -> dict[str, dict[str, float]]:
-    return {"a": {key: float(value) for key, value in told_by_numpy(values).items()}}
+    return {"a": {key: float(value) for key, value in of_numpy(values).items()}}
 
 
 @given(parts_of_numbers, st.randoms(use_true_random=False))
@@ -126,32 +119,85 @@ def test_statistics_of_parts_combine_to_those_of_the_whole_in_any_order_and_grou
         first = random.randrange(len(groups) - 1)
         last = random.randrange(first + 1, len(groups))
         groups[first : last + 1] = [combine(groups[first : last + 1])]
-    (told,) = groups
+    (found,) = groups
     # Nine digits are kept at each step.
-    assert_close(combine([told])["a"], whole, rtol=2e-8 * len(lists))
-
-
-@given(parts_of_numbers)
-def test_statistics_of_episodes_combine_to_those_of_all_their_samples(lists):
-    def episode(pull: list[float]) -> Episode:
-        whole = make_episode(len(pull) + 1)
-        return dataclasses.replace(whole, pull=np.array([0.5, *pull]))
-
-    episodes = [episode(pull) for pull in lists]
-    told = combine(statistics(one) for one in episodes)
-    for name in ("pull_mm", "truth_deg", "wire_tension_n"):
-        together = np.concatenate([recorded(one)[name].ravel() for one in episodes])
-        assert_close(told[name], together, rtol=1e-7)
+    assert_close(combine([found])["a"], whole, rtol=2e-8 * len(lists))
 
 
 def test_deviation_survives_a_mean_that_is_huge_beside_it():
     rng = np.random.default_rng(0)
     lists = [1e6 + 1e-2 * rng.standard_normal(500) for _ in range(6)]
-    told = combine(part(values) for values in lists)["a"]
-    assert told["std"] == pytest.approx(np.concatenate(lists).std(), rel=0.01)
+    found = combine(part(values) for values in lists)["a"]
+    assert found["std"] == pytest.approx(np.concatenate(lists).std(), rel=0.01)
     exact = combine(part(values - 1e6) for values in lists)["a"]
     assert exact["std"] == pytest.approx(np.concatenate(lists).std(), rel=1e-6)
 
 
 def test_statistics_of_nothing_are_none():
     assert combine([]) == {}
+
+
+def fields_of(feature: Feature) -> list[str]:
+    return [feature.field.replace("*", wire) for wire in WIRES] if "*" in feature.field else [feature.field]
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.name)
+def test_every_quantity_is_a_field_of_the_message_of_its_topic(feature):
+    message: Descriptor = SCHEMAS[feature.topic].DESCRIPTOR
+    if message is JointStates.DESCRIPTOR:
+        assert feature.field == "joints[].position"
+        assert "position" in message.fields_by_name["joints"].message_type.fields_by_name
+        return
+    for field in fields_of(feature):
+        assert message.fields_by_name[field].type == message.fields_by_name[field].TYPE_DOUBLE
+    assert feature.field.rpartition("_")[2] == feature.name.rpartition("_")[2]  # the unit
+
+
+def test_every_field_of_our_messages_is_a_quantity():
+    wanted = {
+        (SCHEMAS[feature.topic].DESCRIPTOR.name, field)
+        for feature in FEATURES
+        for field in fields_of(feature)
+    }
+    ours = {
+        (message.name, field)
+        for message in DESCRIPTOR.message_types_by_name.values()
+        if message.name not in OF_ESTIMATORS
+        for field in message.fields_by_name
+    }
+    assert ours == {(message, field) for message, field in wanted if message != JointStates.DESCRIPTOR.name}
+
+
+def columns_of(tmp_path, *, everything: bool) -> list[str]:
+    episode = make_episode(planes=2, drive=True)
+    episode.metadata["preset"]["pulley_radius"] = 0.01
+    path = write_csv(tmp_path / "a.csv", episode, everything=everything)
+    return next(csv.reader(path.open()))
+
+
+def test_columns_of_a_table_are_those_of_the_quantities_that_it_names(tmp_path):
+    assert set(TABLE) - {feature.column for feature in FEATURES} == {COMMAND_ANGLE}
+    held = recorded(make_episode(planes=2, drive=True))
+    shapes = {feature.column: (feature, held[feature.name].shape[1:]) for feature in FEATURES}
+    of_table = [column_names(*shapes[name]) if name in shapes else (name,) for name in TABLE]
+    short = ["time_s", *(column for columns in of_table for column in columns)]
+    assert columns_of(tmp_path, everything=False) == short
+    rest = [column_names(*shapes[name]) for name in shapes if name not in TABLE]
+    assert columns_of(tmp_path, everything=True) == [
+        *short,
+        *(column for columns in rest for column in columns),
+    ]
+
+
+def test_columns_of_parquet_files_are_the_quantities_each_once():
+    frames = pytest.importorskip("twin.export.columns")
+    episode = make_episode(planes=2, drive=True)
+    columns = frames.frame_columns(episode, per_second=50, episode_index=0, first_index=0, task_index=0)
+    own = {"timestamp", "frame_index", "episode_index", "index", "task_index"}  # LeRobot's
+    held = recorded(episode)
+    wanted: dict[str, list[str]] = {"observation.state": [], "action": []}
+    for feature in FEATURES:
+        joined = {"/measurement": "observation.state", "/tension": "observation.state", "/command": "action"}
+        name = joined.get(feature.topic, f"truth.{feature.column}")
+        wanted.setdefault(name, []).extend(column_names(feature, held[feature.name].shape[1:]))
+    assert {name: list(column.names) for name, column in columns.items() if name not in own} == wanted

@@ -113,7 +113,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("recording")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(episode=episodes())
 def test_messages_are_those_that_the_library_makes_of_each_sample(folder, episode):
     times = [round(second * 1e9) for second in episode.time.tolist()]
@@ -143,7 +143,7 @@ def test_bytes_are_those_of_the_library_where_no_number_is_zero(tmp_path):
             assert seen[topic][k][0].data == message.SerializeToString(), topic
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(episode=episodes().filter(lambda episode: (np.abs(episode.joint_angle) < 1e300).all()))
 def test_any_numbers_come_back(folder, episode):
     read = read_episode(write_episode(folder / "b.mcap", episode))

@@ -30,7 +30,7 @@ def test_whole_file_is_read_as_ever(tmp_path, base):
     assert found.summary == f"{count} of {count} samples ({seconds:.1f} of {seconds:.1f} s) are whole"
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(place=st.floats(0, 1, exclude_max=True))
 def test_file_cut_anywhere_gives_its_whole_chunks(tmp_path_factory, place):
     cut = int(place * len(SPLIT))
@@ -44,7 +44,7 @@ def test_file_cut_anywhere_gives_its_whole_chunks(tmp_path_factory, place):
     check(recover(path, SPLIT[:cut]), samples, None)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(data=st.data())
 def test_samples_before_the_first_damaged_chunk_come_back(tmp_path_factory, data):
     starts = offsets(SPLIT, CHUNK)

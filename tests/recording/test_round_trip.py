@@ -12,7 +12,6 @@ from recorded import assert_equal, make_episode, messages
 
 from twin.episode import OPTIONAL, Episode
 from twin.recording import EpisodeWriter, read_dataset, read_episode, write_episode
-from twin.recording import endotwin_pb2 as schema
 from twin.recording.facts import EpisodeFacts
 
 
@@ -25,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # What is written comes back
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     samples=st.integers(2, 30),
     vertebrae=st.integers(0, 6),
@@ -43,7 +42,7 @@ def test_round_trip(folder, samples, vertebrae, elements, seed, start, planes, d
 
 
 @pytest.mark.parametrize("planes", [1, 2])
-def test_hidden_state_is_left_out_where_nobody_asks_for_it(tmp_path, planes):
+def test_hidden_state_is_left_out_on_request(tmp_path, planes):
     written = make_episode(planes=planes, drive=True)
     path = write_episode(tmp_path / "seen.mcap", written)
     bare = {"wire_tension": 3, "sheath_friction": 3, "joint_angle": 2}
@@ -71,7 +70,7 @@ def test_each_optional_field_comes_back_without_the_others(tmp_path, field):
     assert_equal(read_episode(write_episode(tmp_path / "a.mcap", written)), written)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(missing=st.lists(st.booleans(), min_size=2, max_size=30).filter(lambda missing: not all(missing)))
 def test_missing_measurements_come_back_missing(folder, missing):
     whole = make_episode(len(missing))
@@ -92,15 +91,7 @@ def test_a_measurement_that_is_missing_is_no_message(tmp_path):
     assert {len(rows) for topic, rows in seen.items() if topic != "/measurement"} == {12}
 
 
-def test_tension_of_load_cells_alone_comes_back(tmp_path):
-    whole = make_episode(vertebrae=0)
-    written = dataclasses.replace(
-        whole, wire_tension=whole.wire_tension[:, :, :1], sheath_friction=np.empty((12, 2, 0))
-    )
-    assert_equal(read_episode(write_episode(tmp_path / "a.mcap", written)), written)
-
-
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.dictionaries(
         st.text(st.characters(codec="utf-8"), max_size=8),
@@ -225,12 +216,3 @@ def test_episode_that_does_not_fit_is_refused(tmp_path, planes, changes, fault):
     with pytest.raises(ValueError, match=fault):
         write_episode(tmp_path / "a.mcap", dataclasses.replace(make_episode(planes=planes), **changes))
     assert list(tmp_path.iterdir()) == []
-
-
-def test_other_topics_are_passed_over(tmp_path):
-    with EpisodeWriter(tmp_path / "a.mcap") as writer:
-        writer.write(make_episode())
-        writer.add_message("/estimate/EKF", schema.Estimate(estimate_deg=12.5), 40_000_000)
-    assert_equal(read_episode(tmp_path / "a.mcap"), make_episode())
-    ((record, estimate),) = messages(tmp_path / "a.mcap")["/estimate/EKF"]
-    assert (record.log_time, record.publish_time, estimate.estimate_deg) == (40_000_000, 40_000_000, 12.5)

@@ -97,7 +97,7 @@ def world(episode: Episode) -> dict[str, list]:
     return shapes
 
 
-@settings(max_examples=40)
+@settings(max_examples=12, deadline=None)
 @given(planes_and_angles)
 def test_lens_is_at_the_tip_of_the_twin(pose):
     planes, angles = pose
@@ -109,7 +109,7 @@ def test_lens_is_at_the_tip_of_the_twin(pose):
     assert (size > 0).all()
 
 
-@settings(max_examples=40)
+@settings(max_examples=12, deadline=None)
 @given(planes_and_angles)
 def test_a_cylinder_spans_each_link_of_the_twin(pose):
     """From each body of MuJoCo to the next, and on to the tip, without a hole in between."""
@@ -127,7 +127,7 @@ def test_a_cylinder_spans_each_link_of_the_twin(pose):
             assert np.linalg.norm(np.cross(faces - ways[index], ways[index + 1] - ways[index])) < 1e-9
 
 
-@settings(max_examples=40)
+@settings(max_examples=12, deadline=None)
 @given(planes_and_angles)
 def test_wires_run_where_the_twin_draws_them_in_its_colours(pose):
     planes, angles = pose
@@ -161,36 +161,6 @@ def test_wire_that_is_pulled_lies_inside_the_bend(planes, inner, outer):
 
 
 @both
-def test_vertebrae_guide_the_wires_and_do_not_touch_when_straight(planes):
-    shapes, offset = world(posed(planes, np.zeros((2, 5)))), PRESETS[planes].wire_offset
-    guides = [(faces, radii) for _, faces, radii in shapes["cylinders"] if (radii > 0.9 * offset).all()]
-    sheath, *vertebrae, tip = guides
-    assert len(vertebrae) == 5
-    for _, radii in (sheath, tip):
-        assert (radii > offset).all()
-    for faces, radii in vertebrae:
-        assert radii.max() > offset
-        assert (radii < sheath[1].min()).all()
-        assert faces[0, 0] < faces[1, 0]
-    edges = np.array([faces[:, 0] for faces, _ in vertebrae]).ravel()
-    assert (np.diff(edges) > 0.1 * PRESETS[planes].section_length / 5).all()
-    for entity in scene(posed(planes, np.zeros((2, 5))), TIME).entities:
-        assert all(0 < line.thickness < 0.5 * offset for line in entity.lines)
-
-
-@both
-def test_sheath_ends_where_the_bending_section_begins(planes):
-    """It lies behind the base and does not move, however the section bends."""
-    straight, bent = (world(posed(planes, np.full((2, 5), angle)))["cylinders"][0] for angle in (0.0, 0.5))
-    frame, faces, _ = straight
-    assert frame == "base"
-    assert faces[0, 0] < -PRESETS[planes].wire_offset
-    np.testing.assert_allclose(faces[:, 1:], 0, atol=1e-15)
-    np.testing.assert_allclose(faces[1], 0, atol=1e-15)
-    np.testing.assert_array_equal(bent[1], faces)
-
-
-@both
 def test_viewer_keeps_every_part_in_a_frame_that_tf_moves(planes):
     episode = posed(planes, np.zeros((2, 5)))
     entities = scene(episode, TIME).entities
@@ -207,11 +177,6 @@ def test_viewer_keeps_every_part_in_a_frame_that_tf_moves(planes):
             assert shape.color.a == 1
         for shape in entity.cylinders:
             assert 0.5 < shape.top_scale <= shape.bottom_scale == 1
-
-
-def test_same_episode_gives_the_same_bytes():
-    one, two = (scene(posed(2, np.zeros((2, 5))), TIME).SerializeToString() for _ in range(2))
-    assert one == two
 
 
 @pytest.mark.parametrize("missing", ["section_length", "vertebrae", "wire_offset", "bending_planes"])

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from twin.recording import EpisodeWriter
 from twin.recording.camera import CAMERA_TOPIC
 from twin.recording.estimate import estimate_message, estimate_topic
 from twin.recording.messages import to_nanoseconds
-from twin.recording.scene import scene
 
 LAYOUT = json.loads((assets_folder() / "foxglove_layout.json").read_text(encoding="utf-8"))
 PANELS = LAYOUT["configById"]
@@ -83,35 +81,6 @@ def values(recorded: dict[str, list], path: str) -> list[float]:
     return found
 
 
-def placed(node: dict | str) -> Iterator[str]:
-    """Yield the panels of the mosaic, a binary tree of splits."""
-    if isinstance(node, str):
-        yield node
-        return
-    assert set(node) == {"direction", "first", "second", "splitPercentage"}
-    assert node["direction"] in ("row", "column")
-    assert 0 < node["splitPercentage"] < 100
-    yield from placed(node["first"])
-    yield from placed(node["second"])
-
-
-def test_layout_is_of_the_form_that_viewers_import():
-    assert set(LAYOUT) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
-
-
-def test_every_panel_is_placed_once_and_has_its_settings():
-    panels = list(placed(LAYOUT["layout"]))
-    assert len(panels) == len(set(panels))
-    assert set(panels) == set(PANELS)
-    assert {name.partition("!")[0] for name in panels} == {"3D", "Image", "Plot"}
-
-
-def test_every_panel_has_its_title_in_both_viewers():
-    titles = [config["foxglovePanelTitle"] for config in PANELS.values()]
-    assert [config["lichtblickPanelTitle"] for config in PANELS.values()] == titles
-    assert len(set(titles)) == len(titles)
-
-
 @pytest.mark.parametrize("path", sorted(set(message_paths())))
 def test_plotted_path_leads_to_a_number_in_every_message(recorded, path):
     assert len(values(recorded, path)) == 30
@@ -135,44 +104,9 @@ def test_hysteresis_is_plotted_over_the_command(recorded, episode):
     np.testing.assert_array_equal(values(recorded, line["value"]), episode.truth_deg)
 
 
-def test_every_curve_is_enabled_and_told_apart():
-    for plot in plots():
-        assert all(line["enabled"] for line in plot["paths"])
-        assert len({line["color"] for line in plot["paths"]}) == len(plot["paths"])
-        assert len({line["label"] for line in plot["paths"]}) == len(plot["paths"])
-
-
 def test_shown_topics_are_those_of_an_episode(recorded):
     (view,) = [config for name, config in PANELS.items() if name.startswith("3D!")]
     (image,) = [config for name, config in PANELS.items() if name.startswith("Image!")]
     assert set(view["topics"]) == {"/scene", "/tf"} <= set(recorded)
     assert all(topic["visible"] for topic in view["topics"].values())
     assert image["imageMode"]["imageTopic"] == CAMERA_TOPIC
-
-
-def test_camera_sees_the_whole_scene_from_beside_the_bending_plane(episode):
-    """Distance and clipping planes are those of an instrument of centimetres, not of a car."""
-    (view,) = [config for name, config in PANELS.items() if name.startswith("3D!")]
-    camera = view["cameraState"]
-    drawn = scene(episode, 0)
-    assert view["followTf"] in {entity.frame_id for entity in drawn.entities}
-    polar, azimuth = np.radians([camera["phi"], camera["thetaOffset"]])
-    # The viewer's convention: from the target back to the eye; z is up, and zero azimuth looks along +y.
-    backwards = np.array([-np.sin(polar) * np.sin(azimuth), -np.sin(polar) * np.cos(azimuth), np.cos(polar)])
-    eye = np.array(camera["targetOffset"]) + camera["distance"] * backwards
-    assert eye[1] < 0
-    assert abs(backwards[1]) > 0.9  # nearly square to the x-z plane, in which it bends
-    section = episode.metadata["preset"]["section_length"]
-    arc = np.linspace(0, section, 50)
-    for bend in np.radians([-90, 0, 90]):
-        angle = np.linspace(0, bend, 50)
-        step = section / 49
-        tip = np.stack([np.cumsum(np.cos(angle)), np.zeros(50), np.cumsum(np.sin(angle))], axis=1) * step
-        sheath = np.stack([-arc / 2, np.zeros(50), np.zeros(50)], axis=1)
-        ways = np.concatenate([tip, sheath]) - eye
-        depth = -ways @ backwards
-        assert (depth > 5 * camera["near"]).all()
-        assert (depth < camera["far"]).all()
-        across = np.linalg.norm(ways + depth[:, None] * backwards, axis=1)
-        assert (np.degrees(np.arctan2(across, depth)) < camera["fovy"] / 2).all()
-        assert np.degrees(np.arctan2(across, depth)).max() > camera["fovy"] / 4
