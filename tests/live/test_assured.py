@@ -323,6 +323,10 @@ def test_judging_begins_after_a_window_at_any_sample_time(sample_time, samples):
     ]
     begun = next(k for k, alarm in enumerate(alarms) if not alarm & Alarm.BEGINNING.value)
     assert abs(begun - samples) <= 1
+    first = Monitor(DEPLOYMENT, sample_time, R).judge(
+        500.0, 1.0, 60.0, 1.0, 0.1, 0.2, 0.0, 3.0, sample_time, True
+    )
+    assert Alarm(first) == Alarm.RANGE | Alarm.BEGINNING  # no average is needed for it
 
 
 def test_the_fallback_is_tuned_for_another_sample_time_as_a_random_walk():

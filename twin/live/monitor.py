@@ -26,7 +26,7 @@ LARGEST_HALF_WIDTH_DEG = 90.0
 _INNOVATION, _DISAGREEMENT, _RANGE = (of.value for of in (Alarm.INNOVATION, Alarm.DISAGREEMENT, Alarm.RANGE))
 _RATE, _COMMAND, _INTERVAL = Alarm.RATE.value, Alarm.COMMAND.value, Alarm.INTERVAL.value
 _TIMEOUT, _INPUT, _BEGINNING = Alarm.TIMEOUT.value, Alarm.INPUT.value, Alarm.BEGINNING.value
-_JUDGED = _INNOVATION | _DISAGREEMENT | _RANGE | _RATE
+_JUDGED = _INNOVATION | _DISAGREEMENT | _RATE  # what needs averages
 
 
 class Monitor:
