@@ -40,7 +40,7 @@ from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
-from twin.reduced.member_set import members_to_dict
+from twin.reduced.members import members_to_dict
 
 SAMPLES = 16 * TrainingOptions.horizon  # of PPO in one measurement
 WHOLE_TRAINING = 1.2e6  # samples of the paper's 2000 episodes

@@ -17,7 +17,7 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned.ram_twins import RAM_TWINS, TRAINING
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import MemberSet
 
 
 def train_ram_twins(

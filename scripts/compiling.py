@@ -1,4 +1,4 @@
-"""Compilation of the reduced twin before workers need it: else each would, and nobody would say why."""
+"""Compilation of the reduced twin before workers need it: else each would, without a message."""
 
 from typing import TYPE_CHECKING
 
@@ -9,20 +9,13 @@ if TYPE_CHECKING:
 
 
 def compile_once(command: str, preset: "Preset | None" = None) -> None:
-    """Compile the reduced twin here, if it never was.
-
-    Args:
-        command: that says so.
-        preset: endoscope that is to be simulated; without it, one with one bending plane.
-    """
+    """Compile the reduced twin for a preset, or for one bending plane; the command prints that once."""
     import numpy as np
 
-    from twin.mechanics import machine_code
+    from twin.mechanics.kernels import on_compile
     from twin.preset.file import load_preset
     from twin.reduced import simulate
 
     preset = preset or load_preset("ureteroscope")
-    with machine_code.telling(
-        lambda: complain(f"{command}: compiling the reduced twin, once: half a minute at most")
-    ):
+    with on_compile(lambda: complain(f"{command}: compiling the reduced twin, once: a minute at most")):
         simulate(preset, np.full(2, preset.command_zeros[0]), preset.control_period)

@@ -26,7 +26,6 @@ class MissingExtraError(EndoTwinError, ImportError):
 EXTRA_OF = {
     "mujoco": "sim",
     "numba": "sim",
-    "llvmlite": "sim",
     "dm_control": "sim",
     "OpenGL": "sim",
     "pymoo": "sim",

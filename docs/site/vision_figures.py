@@ -17,7 +17,7 @@ from twin.episode import Episode
 from twin.files.atomic import write_whole
 from twin.preset.file import load_preset
 from twin.report.figures import INK, MUTED, clean_axes, to_png_bytes
-from twin.signals.stereo_noise import stereo_noise
+from twin.signals.sensor_errors import stereo_noise
 from twin.vision.rig import StereoRig
 from twin.vision.sensor import StereoSensor
 

@@ -51,7 +51,7 @@ from twin.files.atomic import MADE_BY, write_whole
 from twin.files.bounds import LONGEST_SECONDS, MOST_WORKERS, check_between
 from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
-from twin.reduced.member_set import check_members
+from twin.reduced.members import check_members
 from twin.reduced.parameters import refuse_gravity
 from twin.report.comparison import comparison_tables, condition_pages, costs_csv, page_names, scores_csv
 from twin.report.comparison_figures import comparison_figures

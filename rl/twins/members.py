@@ -17,7 +17,7 @@ from twin.errors import DivergedError
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges, quantile
 from twin.reduced import simulate_batch
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import MemberSet
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.streams import SeedUse, random_stream
 

@@ -30,7 +30,7 @@ from twin.identification.nominal import nominal_records
 from twin.identification.one_step import identify_steps
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.reduced.member_set import NO_MEMBERS, MemberSet, check_members, members_to_dict
+from twin.reduced.members import NO_MEMBERS, MemberSet, check_members, members_to_dict
 
 VALIDATIONS = 12  # over each lesson of the gain
 _COSTS = {"members": 3, "simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}

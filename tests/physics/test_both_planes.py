@@ -5,7 +5,7 @@ import pytest
 from plain_endoscope import PLAIN
 
 from twin.calibration.circle import path_out_of_round
-from twin.mechanics.tip_position import tip_position
+from twin.mechanics.kinematics import link_frames
 from twin.preset.file import load_preset, preset_names
 
 T = 0.05  # [s]
@@ -48,8 +48,8 @@ def circled(twin, preset, radius: float, start: float) -> np.ndarray:
     pull, lateral = np.append(begin * pull[0], pull), np.append(begin * lateral[0], lateral)
     episode = twin.simulate(both, pull, T, lateral_pull=lateral)
     assert np.ptp(episode.bend) > np.radians(20)
-    path = tip_position(episode.joint_angle, episode.lateral_joint_angle, both.section_length)
-    return path[-round(PERIOD / T) :]
+    path = link_frames(episode.joint_angle, episode.lateral_joint_angle, both.section_length).position
+    return path[-round(PERIOD / T) :, -1]
 
 
 @pytest.mark.parametrize("start", [0.0, 0.6, np.pi / 4, 2.0, np.pi, 5.5])

@@ -11,12 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from twin.mechanics.kinematics import link_frames
 from twin.physics import headless, simulate
 from twin.physics.drawing.canvas import Canvas, View
-from twin.physics.drawing.drawn import SCENES, DrawnEndoscope
-from twin.physics.drawing.frames import drawn_sheath_length, link_frames, sheath_frames
-from twin.physics.drawing.parts import OUTER, SLEEVES
-from twin.physics.drawing.tube import Bones, add_skin, open_shell, rings, round_tube, window
+from twin.physics.drawing.drawn import OUTER, SCENES, SLEEVES, DrawnEndoscope
+from twin.physics.drawing.surfaces import (
+    Bones,
+    add_skin,
+    drawn_sheath_length,
+    open_shell,
+    rings,
+    round_tube,
+    sheath_frames,
+    window,
+)
 from twin.preset.file import load_preset
 from twin.rendering.portrait import SIZE, Portrait
 

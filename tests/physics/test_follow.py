@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from plain_endoscope import PLAIN
 
-from twin.mechanics.compiled import COMPILED
 from twin.mechanics.friction import element_friction, friction_per_tension
+from twin.mechanics.kernels import COMPILED
 from twin.physics import Endoscope
 from twin.physics import load as load_module
-from twin.physics.follow import follow_load
-from twin.physics.load import Loads, Rewritten
-from twin.physics.wires import Wires
+from twin.physics.load import Loads, Rewritten, Wires, follow_load
 
 STIFFENING = PLAIN.replace(wire_stiffening=0.2, wire_damping=2.0, bending_planes=2)
 PRESETS = [STIFFENING, STIFFENING.replace(wire_stiffness=2e4, sheath_friction=0.05, pretension=9.0)]
@@ -23,7 +21,7 @@ def rewritten(request, monkeypatch):
     if request.param == "interpreted":
         if not COMPILED:
             pytest.skip("nothing is compiled here")
-        monkeypatch.setattr(load_module, "follow_load", follow_load.kernel)
+        monkeypatch.setattr(load_module, "follow_load", follow_load.py_func)
     layout = Endoscope.from_preset(PRESETS[0]).layout
     rng = np.random.default_rng(0)
     count = layout.hinge.size + layout.pulley.size + layout.element.size

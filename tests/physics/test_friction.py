@@ -6,8 +6,7 @@ from both_twins import MUJOCO
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.mechanics.friction import element_friction, friction_per_tension, hinge_friction
-from twin.mechanics.hinges import hinge_groups
+from twin.mechanics.friction import element_friction, friction_per_tension, hinge_friction, hinge_groups
 from twin.physics import Endoscope, simulate
 from twin.physics.batch import EndoscopeBatch
 from twin.preset.preset import Preset

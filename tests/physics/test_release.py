@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from both_twins import MUJOCO, REDUCED
 
-from twin.mechanics.hinges import joint_friction
+from twin.mechanics.friction import joint_friction
 from twin.preset.preset import Preset
 
 CURVED = Preset(

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from twin.benchmark.fidelity import REFERENCE, SAMPLE_TIME, bends_of, errors_deg
-from twin.preset.fidelity import FIDELITIES, at_fidelity
 from twin.preset.file import load_preset
-from twin.preset.preset import Preset
+from twin.preset.preset import FIDELITIES, Preset, at_fidelity
 from twin.signals.excitation import command
 
 AMPLITUDE = {"ureteroscope": 4e-3, "vio_com": 10e-3}  # [m]

@@ -13,7 +13,7 @@ from twin.live.reading import Health
 from twin.recording import read_episode
 from twin.recording.live_messages import LiveMessages, RecordClock
 from twin.recording.messages import LARGEST_TIME
-from twin.signals.plausible import LARGEST_TIME_S
+from twin.signals.sensor import LARGEST_TIME_S
 
 ANY_TIME = st.one_of(
     st.floats(),

@@ -82,7 +82,7 @@ def test_lateral_bend_has_derivatives_of_its_own():
 
 
 def test_endoscope_without_equilibrium_is_refused_with_what_was_missing(monkeypatch):
-    monkeypatch.setattr(importlib.import_module("twin.reduced.simulate"), "MISSING_LIMIT_N", 1e-12)
+    monkeypatch.setattr(importlib.import_module("twin.reduced.simulation"), "MISSING_LIMIT_N", 1e-12)
     with pytest.raises(FloatingPointError, match=r"found no equilibrium: \d[\d.]*e-\d+ N are missing"):
         derivatives(URETEROSCOPE, PULL, T, ["section_stiffness"])
 

@@ -5,8 +5,7 @@ import pytest
 
 from twin.preset import load_preset, load_ranges
 from twin.reduced import ReducedTwins, simulate
-from twin.reduced.following import Members
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import Members, MemberSet
 
 T = 0.1
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.preset import load_preset, load_ranges
-from twin.reduced.member_set import MemberSet, members_from_dict, members_to_dict
+from twin.reduced.members import MemberSet, members_from_dict, members_to_dict
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 DRAWN = tuple(RANGES.draw(PRESET, np.random.default_rng(k)) for k in range(3))

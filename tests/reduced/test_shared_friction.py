@@ -5,39 +5,45 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.reduced.both_sweep import come_to_rest
-from twin.reduced.elimination import eliminate
-from twin.reduced.shared_friction import new_neighbours, rub
+from twin.reduced.two_planes import (
+    FRICTION,
+    HELD_FORCE,
+    MISSING,
+    OF_FORCE,
+    OF_FRICTION,
+    OF_SLIP,
+    SLIPPED,
+    STIFFNESS,
+    come_to_rest,
+    eliminate,
+    rub,
+)
 
 FORCES = st.floats(-5.0, 5.0)
 FRICTIONS = st.floats(0.05, 3.0)
 SLIPS = st.floats(-1e-3, 1e-3)
 
 
-def neighbours(force, friction, slipped, stiffness=(3e4, 5e4)):
-    pair = new_neighbours()
-    for field, values in zip(
-        (pair.force, pair.friction, pair.slipped, pair.stiffness),
-        (force, friction, slipped, stiffness),
-        strict=True,
-    ):
-        field[:] = values
+def neighbours(force, friction, slipped, stiffness=(3e4, 5e4)) -> np.ndarray:
+    """Rows of two neighbours."""
+    pair = np.zeros((11, 2))
+    pair[[HELD_FORCE, FRICTION, SLIPPED, STIFFNESS]] = force, friction, slipped, stiffness
     return pair
 
 
 @given(
     friction=st.tuples(FRICTIONS, FRICTIONS),
     angle=st.floats(-np.pi, np.pi),
-    way=st.floats(1e-6, 1e-3),
+    travel=st.floats(1e-6, 1e-3),
 )
-def test_nothing_is_missing_where_friction_opposes_the_slip_as_one(friction, angle, way):
+def test_nothing_is_missing_where_friction_opposes_the_slip_as_one(friction, angle, travel):
     """Least elastic energy and dissipation |F dx|: t = F (F dx) / |F dx|, for a slip in any direction."""
-    slipped = way * np.array([np.cos(angle), np.sin(angle)])
+    slipped = travel * np.array([np.cos(angle), np.sin(angle)])
     weighed = np.array(friction) * slipped
     force = np.array(friction) * weighed / np.hypot(*weighed)
     pair = neighbours(force, friction, slipped)
     assert rub(pair, 1.0)
-    np.testing.assert_allclose(pair.missing, 0.0, atol=1e-9)
+    np.testing.assert_allclose(pair[MISSING], 0.0, atol=1e-9)
 
 
 @given(force=st.tuples(FORCES, FORCES), friction=st.tuples(FRICTIONS, FRICTIONS))
@@ -53,8 +59,8 @@ def test_derivatives_are_those_of_differences(seed):
     slipped = rng.normal(size=2) * 1e-4
     pair = neighbours(force, friction, slipped)
     assert rub(pair, 1.0)
-    found = [pair.of_force.copy(), pair.of_friction.copy(), pair.of_slip.copy()]
-    rho = pair.stiffness.sum() / (friction**2).sum()
+    found = [pair[row : row + 2].copy() for row in (OF_FORCE, OF_FRICTION, OF_SLIP)]
+    rho = pair[STIFFNESS].sum() / (friction**2).sum()
 
     def missing(t, F, dx):
         v = t / F + rho * F * dx
@@ -81,13 +87,13 @@ def test_derivatives_are_those_of_differences(seed):
 def test_pair_comes_to_rest_where_nothing_is_missing(force, friction, stiffness):
     pair = neighbours(force, friction, (0.0, 0.0), stiffness)
     slides = come_to_rest(pair, 1.0)
-    left = np.array(force) - np.array(stiffness) * pair.slipped
-    after = neighbours(left, friction, pair.slipped, stiffness)
+    left = np.array(force) - np.array(stiffness) * pair[SLIPPED]
+    after = neighbours(left, friction, pair[SLIPPED], stiffness)
     assert rub(after, 1.0) == slides or np.hypot(*(left / friction)) == pytest.approx(1.0)
     if slides:
-        np.testing.assert_allclose(after.missing, 0.0, atol=1e-8)
+        np.testing.assert_allclose(after[MISSING], 0.0, atol=1e-8)
     else:
-        assert not pair.slipped.any()
+        assert not pair[SLIPPED].any()
 
 
 @pytest.mark.parametrize(("elements", "hinges"), [(4, 2), (20, 16), (12, 4)])

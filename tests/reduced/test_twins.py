@@ -99,54 +99,25 @@ def test_interpreted_kernels_give_the_same_to_rounding():
         "import numpy as np\n"
         "from twin.preset.file import load_preset\n"
         "from twin.reduced import simulate\n"
-        "from twin.mechanics.compiled import COMPILED\n"
+        "from twin.mechanics.kernels import COMPILED\n"
         "pull = 2e-3 * np.sin(np.arange(40) / 6)\n"
         "print(COMPILED, *map(float.hex, simulate(load_preset('ureteroscope'), pull, 0.1).bend.tolist()))\n"
     )
     block = "import sys\nsys.modules['numba'] = None\n"
-    told = [
+    printed = [
         subprocess.run(
             [sys.executable, "-c", text], capture_output=True, text=True, check=True
         ).stdout.split()
         for text in (code, block + code)
     ]
-    assert [words[0] for words in told] == ["True", "False"]
-    compiled, interpreted = (np.array([float.fromhex(word) for word in words[1:]]) for words in told)
+    assert [words[0] for words in printed] == ["True", "False"]
+    compiled, interpreted = (np.array([float.fromhex(word) for word in words[1:]]) for words in printed)
     np.testing.assert_allclose(compiled, interpreted, atol=1e-9)
 
 
 def test_it_imports_no_mujoco():
     code = "import sys, twin.reduced; sys.exit('mujoco' in sys.modules or 'dm_control' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=Path("/")).returncode == 0
-
-
-def test_a_command_says_that_it_compiles_where_no_machine_code_is_kept(monkeypatch, capsys, tmp_path):
-    from scripts.compiling import compile_once
-    from twin.mechanics import machine_code
-    from twin.mechanics.compiled import PackedArgument
-    from twin.reduced import advance
-
-    compile_once("endotwin generate")
-    capsys.readouterr()
-    kept = machine_code.cache_folder()
-
-    def begin_anew():
-        for kernel in (advance.advance, advance.advance_record, advance.keep):
-            monkeypatch.setattr(kernel, "_functions", {})
-
-    begin_anew()
-    compile_once("endotwin generate")
-    assert not capsys.readouterr().err
-
-    def instead(kernel, arguments):  # what was made before: nothing is compiled again here
-        layout = [PackedArgument(argument).layout for argument in arguments]
-        return machine_code._read(kept / machine_code._name(kernel, layout))
-
-    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(machine_code, "_make", instead)
-    begin_anew()
-    compile_once("endotwin generate")
-    assert capsys.readouterr().err.count("endotwin generate: compiling the reduced twin, once") == 1
 
 
 def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):

@@ -39,7 +39,7 @@ from twin.estimation.learned.ram_twins import FILTER_ALONE, STATE, load
 from twin.estimation.learned.step_network import ALL_PARTS
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
-from twin.reduced.member_set import members_to_dict
+from twin.reduced.members import members_to_dict
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from twin.estimation.learned.ram_twins import load
 from twin.estimation.registry import find_method, needed_fits
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import identify
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import MemberSet
 
 T = SAMPLE_TIME * STRIDES[0]
 SEED = 1

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from twin.evaluation.paper import noise_label
 from twin.signals.noise import KINDS, SENSORS, draw_errors, fisher_information, noise_bound, noise_variance
-from twin.signals.sensor_faults import FAULTS, FINE_DEG2, GAP_S, STUCK_S, TOLD_DEG2
+from twin.signals.sensor_errors import FAULTS, FINE_DEG2, GAP_S, KNOWN_DEG2, STUCK_S
 
 T = 0.02
 SLOW = 40 * np.sin(np.linspace(0, 20 * np.pi, 30_000))  # ten minutes
@@ -28,7 +28,7 @@ def test_a_drift_has_walked_as_far_as_its_level_after_a_minute_at_any_sample_tim
 @pytest.mark.parametrize("sample_time", [0.02, 0.1])
 def test_correlated_noise_has_its_variance_and_forgets_in_its_time(sample_time):
     errors = draw("correlated", 0.5, np.zeros(200_000), sample_time=sample_time)
-    assert errors.var() == pytest.approx(TOLD_DEG2, rel=0.05)
+    assert errors.var() == pytest.approx(KNOWN_DEG2, rel=0.05)
     apart = round(0.5 / sample_time)
     assert np.corrcoef(errors[apart:], errors[:-apart])[0, 1] == pytest.approx(np.exp(-1), abs=0.03)
     white = draw("correlated", 0.0, np.zeros(20_000))
@@ -62,7 +62,7 @@ def test_gaps_take_their_share_and_last_a_second_in_the_mean():
 def test_a_late_sensor_measures_the_angle_of_then():
     measured = SLOW + draw("delayed", 0.2)
     apart = round(0.2 / T)
-    assert (measured[apart:] - SLOW[:-apart]).var() == pytest.approx(TOLD_DEG2, rel=0.05)
+    assert (measured[apart:] - SLOW[:-apart]).var() == pytest.approx(KNOWN_DEG2, rel=0.05)
     np.testing.assert_allclose(
         draw("delayed", 0.2),
         draw("delayed", 0.0)
@@ -80,7 +80,7 @@ def test_a_stuck_sensor_says_the_same_for_two_seconds_and_then_the_truth_again()
     lengths = (ends[1::2] - ends[::2]) * T
     assert np.median(lengths) == pytest.approx(STUCK_S, abs=2 * T)
     free = np.concatenate([[True], ~same])
-    assert (measured - SLOW)[free].var() == pytest.approx(TOLD_DEG2, rel=0.05)
+    assert (measured - SLOW)[free].var() == pytest.approx(KNOWN_DEG2, rel=0.05)
 
 
 @given(st.sampled_from(sorted(FAULTS)), st.floats(0, 0.9), st.integers(1, 200), st.integers(0, 99))

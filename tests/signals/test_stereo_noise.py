@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from twin.signals.noise import KINDS, NOISES, draw_errors, fisher_information, noise_bound, noise_variance
-from twin.signals.sensor_faults import FAULTS
-from twin.signals.stereo_noise import STEREO, StereoNoise, stereo_noise
+from twin.signals.sensor_errors import FAULTS, STEREO, StereoNoise, stereo_noise
 
 TIME = 0.02
 

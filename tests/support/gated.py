@@ -10,7 +10,7 @@ from twin.estimation.deployment import KEY, prepare_deployment
 from twin.gate.evidence import Effort, gather
 from twin.hysteresis import ColemanHodgdon
 from twin.reduced import simulate
-from twin.reduced.member_set import members_to_dict
+from twin.reduced.members import members_to_dict
 from twin.signals.excitation import command
 
 SMALL = Effort(kinds=1, twins=2, draws=1, log_draws=1, seconds=10.0, log_samples=100, hostile=600, pushes=40)

@@ -15,7 +15,7 @@ from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import MemberSet
 from twin.signals.streams import SeedUse, random_stream
 
 TINY = TwinsTraining(

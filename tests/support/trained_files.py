@@ -12,7 +12,7 @@ from rl.training import train_policy
 from rl.twins.graph import export_twins
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import KEY
-from twin.reduced.member_set import members_to_dict
+from twin.reduced.members import members_to_dict
 
 SAMPLE_TIME = 0.1
 OFF_DEG = (-16.0, 18.0)

@@ -11,8 +11,7 @@ from twin.benchmark.result import Result
 from twin.benchmark.signals import SAMPLE_TIME
 from twin.benchmark.speed import in_turn
 from twin.physics import simulate_batch
-from twin.preset.fidelity import FIDELITIES, at_fidelity
-from twin.preset.preset import Preset
+from twin.preset.preset import FIDELITIES, Preset, at_fidelity
 from twin.signals.excitation import SIGNALS, command
 
 Array = NDArray[np.float64]

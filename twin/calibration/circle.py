@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.tip_position import tip_position
+from twin.mechanics.kinematics import link_frames
 from twin.preset.preset import Preset
 from twin.reduced import simulate_batch
 
@@ -45,7 +45,8 @@ def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
     for number, ((preset, _), episode) in enumerate(zip(runs, episodes, strict=True)):
         if episode is not None:
             angles = (episode.joint_angle[turn], episode.lateral_joint_angle[turn])
-            shares[number] = path_out_of_round(tip_position(*angles, preset.section_length))
+            tip = link_frames(*angles, preset.section_length).position[:, -1]
+            shares[number] = path_out_of_round(tip)
     return shares.reshape(len(presets), len(radii))
 
 

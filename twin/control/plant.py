@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from twin.errors import InputError
-from twin.preset.preset import Preset
-from twin.preset.sample_time import check_sample_time
+from twin.preset.preset import Preset, check_sample_time
 from twin.simulation import check_physics, simulate
 
 
@@ -31,7 +30,7 @@ class Plant:
         self._periods = check_sample_time(preset, sample_time)
         self.endoscope: Any
         if physics == "reduced":
-            from twin.reduced.endoscope import ReducedEndoscope
+            from twin.reduced.twins import ReducedEndoscope
 
             self.endoscope = ReducedEndoscope(preset, sample_time)
             self._periods = 1  # it is in equilibrium at samples alone, and finds its way between them itself

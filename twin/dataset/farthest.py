@@ -9,7 +9,7 @@ import numpy as np
 from twin.errors import InputError
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset.preset import Preset
-from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM
 
 
 def farthest_pull(preset: Preset) -> float:

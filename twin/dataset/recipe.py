@@ -14,9 +14,8 @@ from twin.dataset.farthest import check_reached
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS, check_between
 from twin.files.shown import shown
-from twin.preset.preset import Preset, parameter_limits
+from twin.preset.preset import Preset, check_sample_time, parameter_limits
 from twin.preset.randomization import Ranges
-from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import PHYSICS, check_physics

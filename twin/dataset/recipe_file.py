@@ -15,11 +15,9 @@ from twin.files.json_text import validated
 from twin.files.yaml_text import MOST_BYTES, parse_yaml
 from twin.measured.command import CommandFormat, read_command
 from twin.measured.units import SECONDS_PER_CYCLE
-from twin.preset.fidelity import at_fidelity
 from twin.preset.file import load_preset, preset_of
-from twin.preset.preset import Preset
+from twin.preset.preset import Preset, at_fidelity, check_sample_time
 from twin.preset.randomization import Ranges, load_ranges
-from twin.preset.sample_time import check_sample_time
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS
 from twin.simulation import PHYSICS

@@ -44,7 +44,7 @@ UNTRAINED_CONDITIONS = (
     ("delayed", 0.2),
     ("stuck", 0.1),
 )
-"""Faults of a sensor (`twin.signals.sensor_faults`); the first is none, for twins that no training meets."""
+"""Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that no training meets."""
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
     "paper-only": PAPER_CONDITIONS,

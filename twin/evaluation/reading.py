@@ -16,7 +16,7 @@ from twin.errors import InputError
 from twin.files.yaml_text import parse_yaml
 from twin.recording import episode_files, read_dataset, read_episode, read_metadata
 from twin.signals.noise import noise_variance
-from twin.signals.stereo_noise import STEREO
+from twin.signals.sensor_errors import STEREO
 
 Array = NDArray[np.float64]
 

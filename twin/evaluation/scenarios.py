@@ -97,7 +97,7 @@ def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: in
     """Return the test records of the suite `untrained`: twins that no training meets; arguments as above.
 
     On the commands of the full suite, on its narrowest and its widest stroke: the preset, for sensors that
-    have a fault (`twin/signals/sensor_faults.py`); a sheath that moves by half a turn within half a second; a
+    have a fault (`twin/signals/sensor_errors.py`); a sheath that moves by half a turn within half a second; a
     tip that is touched; twins from ranges half as wide again; and each of the other presets, pulled as far as
     a longer endoscope needs.
     """

@@ -61,7 +61,7 @@ class DeploymentFile(BaseModel):
 
 
 class SheathFile(BaseModel):
-    """Courses of the sheaths of members; see `twin.reduced.member_set.MemberSet`.
+    """Courses of the sheaths of members; see `twin.reduced.members.MemberSet`.
 
     Attributes:
         other: bend at the other end of the course [rad].

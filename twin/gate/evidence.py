@@ -26,11 +26,10 @@ from twin.files.bounds import SAMPLE_TIMES, check_between
 from twin.files.shown import shown
 from twin.gate.trial import PairedTrial, joined_cases, run_trials
 from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
-from twin.preset.preset import Preset
+from twin.preset.preset import Preset, check_sample_time
 from twin.preset.randomization import Ranges
-from twin.preset.sample_time import check_sample_time
 from twin.reduced import simulate_batch
-from twin.reduced.member_set import check_members
+from twin.reduced.members import check_members
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.noise import draw_noise, noise_bound, noise_variance
 

@@ -18,7 +18,7 @@ from twin.files.yaml_text import read_yaml
 from twin.gate.check import IDENTITY, SAFETY, Check, declare, none_of, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial, Stroke
 from twin.preset.preset import Preset
-from twin.signals.plausible import LARGEST_BEND_DEG
+from twin.signals.sensor import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
 FREE = ("name", "time_step", "sensor_noise", "sensor_resolution", "sensor_period", "sensor_latency")

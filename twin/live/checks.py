@@ -16,7 +16,7 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.live.reading import Health
-from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
 FEWEST, MOST = 5, 500
 """Least and largest number of samples that must agree before they are accepted, at any sample time."""

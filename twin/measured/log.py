@@ -30,7 +30,7 @@ from twin.measured.units import (
     refuse_implausible_times,
     time_unit_of,
 )
-from twin.signals.plausible import LARGEST_BEND_DEG
+from twin.signals.sensor import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
 Warn = Callable[[str], None]

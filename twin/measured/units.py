@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.measured.table import CsvTable
-from twin.signals.plausible import LARGEST_PULL_MM, LARGEST_TIME_S
+from twin.signals.sensor import LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
 

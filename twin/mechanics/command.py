@@ -1,41 +1,45 @@
-"""Command signal of a simulation: checked, at every sample and at every control period."""
+"""Command signals of simulations, checked and at every control period, and the record of what followed."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import __version__
+from twin.episode import Episode
 from twin.errors import InputError
-from twin.preset.preset import Preset
-from twin.preset.sample_time import check_sample_time
+from twin.preset.preset import Preset, check_sample_time
 from twin.signals.excitation import approach, check_finite
 
 Array = NDArray[np.float64]
+ALIKE = ("bending_planes", "vertebrae", "sheath_elements", "control_period")
+"""Parameters that the endoscopes of a batch share: they set the shapes of its arrays, or its clock."""
+
+
+def check_alike(presets: Sequence[Preset], names: Sequence[str] = ALIKE) -> None:
+    """Refuse an empty batch, or endoscopes that differ in what they must share."""
+    if not presets:
+        raise InputError("a batch needs at least one endoscope")
+    for name in names:
+        if len({getattr(preset, name) for preset in presets}) > 1:
+            raise InputError(f"the endoscopes of a batch must agree in {name}")
 
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """Checked input of a simulation, at every sample and at every control period.
-
-    Attributes:
-        preset: parameters of the endoscope.
-        sample_time: time between two samples [s].
-        pull: commanded pulling distance of wire a at each sample, (N,) [m].
-        lateral_pull: commanded pulling distance of wire c at each sample, (N,) [m].
-        sheath_bend: bend angle of the sheath at each sample, (N,) [rad].
-        before: pull [m], lateral pull [m] and sheath bend [rad] at each control period before the first
-            sample, (M, 3).
-        between: the same at each control period from the previous sample to this one, (N, periods, 3); not
-            used for the first sample.
-    """
+    """Checked input of a simulation, at every sample and at every control period."""
 
     preset: Preset
-    sample_time: float
-    pull: Array
-    lateral_pull: Array
-    sheath_bend: Array
+    sample_time: float  # [s]
+    pull: Array  # (N,) commanded pulling distance of wire a at each sample [m]
+    lateral_pull: Array  # (N,) of wire c [m]
+    sheath_bend: Array  # (N,) bend angle of the sheath [rad]
     before: Array
+    """(M, 3) pull [m], lateral pull [m], sheath bend [rad] at each control period before the first sample."""
     between: Array
+    """(N, periods, 3) the same from the previous sample to this one; not used for the first sample."""
 
     @classmethod
     def of(
@@ -77,12 +81,73 @@ class Command:
 
 
 def _approach(first: Array, preset: Preset) -> Array:
-    """Return the inputs (M, 3) on the way from rest to the first sample; the shorter way waits at rest."""
+    """Return the inputs (M, 3) from rest to the first sample; the shorter path waits at rest."""
     zeros = preset.command_zeros
-    ways = [approach(start - zero, preset.control_period) for start, zero in zip(first, zeros, strict=False)]
-    inputs = np.zeros((max(map(len, ways)), 3))
-    for column, (way, zero) in enumerate(zip(ways, zeros, strict=True)):
+    paths = [approach(start - zero, preset.control_period) for start, zero in zip(first, zeros, strict=False)]
+    inputs = np.zeros((max(map(len, paths)), 3))
+    for column, (path, zero) in enumerate(zip(paths, zeros, strict=True)):
         inputs[:, column] = zero
-        inputs[len(inputs) - len(way) :, column] += way
+        inputs[len(inputs) - len(path) :, column] += path
     inputs[:, 2] = first[2]
     return inputs
+
+
+def commands_of(
+    presets: Sequence[Preset],
+    pulls: Sequence[Array],
+    sample_time: float,
+    lateral_pulls: Sequence[Array | None] | None = None,
+    sheath_bends: Sequence[Array | float | None] | None = None,
+) -> list[Command]:
+    """Check the signals of a batch and interpolate them to the control periods, as `Command.of`."""
+    count = len(presets)
+    laterals = [None] * count if lateral_pulls is None else lateral_pulls
+    bends = [None] * count if sheath_bends is None else sheath_bends
+    times = [sample_time] * count
+    return [Command.of(*of_one) for of_one in zip(presets, pulls, times, laterals, bends, strict=True)]
+
+
+def record_of(
+    command: Command,
+    *,
+    bend: Array,
+    joint_angle: Array,
+    wire_tension: Array,
+    sheath_friction: Array,
+    wire_slack: Array,
+    pulley: Array,
+    metadata: dict[str, Any],
+) -> Episode:
+    """Return the record of a simulation.
+
+    Args:
+        command: what it followed, N samples.
+        bend: (N, planes) bending angle [rad].
+        joint_angle: (N, planes, vertebrae) angle of each hinge, base to tip [rad].
+        wire_tension: (N, wires, elements + 1) [N].
+        sheath_friction: (N, wires, elements) [N].
+        wire_slack: (N, wires, elements + 1) [m].
+        pulley: (N,) distance that the pulley has pulled wire a [m].
+        metadata: of the twin, besides preset and version.
+    """
+    lateral: dict[str, Any] = {}
+    if command.preset.bending_planes == 2:
+        lateral = {
+            "lateral_pull": command.lateral_pull,
+            "lateral_bend": bend[:, 1],
+            "lateral_joint_angle": joint_angle[:, 1],
+        }
+    return Episode(
+        time=np.arange(len(bend), dtype=float) * command.sample_time,
+        pull=command.pull,
+        bend=bend[:, 0],
+        measured_bend=bend[:, 0].copy(),
+        joint_angle=joint_angle[:, 0],
+        wire_tension=wire_tension,
+        sheath_friction=sheath_friction,
+        pulley=pulley,
+        sheath_bend=command.sheath_bend,
+        wire_slack=wire_slack,
+        **lateral,
+        metadata={"preset": command.preset.to_dict(), "endotwin": __version__} | metadata,
+    )

@@ -1,11 +1,14 @@
-"""Load-dependent dry friction: of a wire in its bent sheath (capstan) and on the vertebrae that guide it."""
+"""Dry friction: of a wire in its bent sheath (capstan), on the vertebrae that guide it, and of the hinges."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.preset.preset import Preset
+
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 LEAST_FRICTION = 1e-9
 """Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
 CAUGHT_UP = 0.1
@@ -107,3 +110,21 @@ def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: A
     """
     wrapped = np.cumsum(turn, axis=-1) - turn / 2
     return joint + (routing * tension)[..., None] * wrapped
+
+
+def hinge_groups(vertebrae: int) -> list[Index]:
+    """Return the hinges, base to tip, in at most 8 groups of neighbours that share a friction constraint."""
+    return np.array_split(np.arange(vertebrae), min(vertebrae, 8))
+
+
+def group_of_hinge(vertebrae: int) -> Index:
+    """Return the number of the group that each hinge is in, base to tip, (vertebrae,)."""
+    sizes = [len(group) for group in hinge_groups(vertebrae)]
+    return np.repeat(np.arange(len(sizes)), sizes)
+
+
+def joint_friction(preset: Preset) -> Array:
+    """Return the dry friction torque of a hinge of each group, base to tip, (groups,) [N m]."""
+    place = (np.arange(preset.vertebrae) + 0.5) / preset.vertebrae
+    of_hinges = preset.joint_friction * (1 + preset.joint_friction_taper * (1 - 2 * place))
+    return np.array([of_hinges[group].mean() for group in hinge_groups(preset.vertebrae)])

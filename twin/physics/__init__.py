@@ -1,10 +1,23 @@
 """MuJoCo simulation of the endoscope: model, readings, friction, drive, single and batch runs."""
 
-from twin.physics import headless  # noqa: F401  chooses MUJOCO_GL before dm_control is imported
-from twin.physics.batch import EndoscopeBatch, simulate_batch
-from twin.physics.endoscope import Endoscope, State
-from twin.physics.model import model_xml
-from twin.physics.simulation import MUJOCO, simulate
+import ctypes.util
+import os
+
+
+def choose_backend() -> str:
+    """Return the name of a headless OpenGL backend of which the system has the library, or `disable`."""
+    for backend, library in (("egl", "EGL"), ("osmesa", "OSMesa")):
+        if ctypes.util.find_library(library):
+            return backend
+    return "disable"
+
+
+os.environ.setdefault("MUJOCO_GL", choose_backend())  # dm_control, imported below, binds to it
+
+from twin.physics.batch import EndoscopeBatch, simulate_batch  # noqa: E402
+from twin.physics.endoscope import Endoscope, State  # noqa: E402
+from twin.physics.model import model_xml  # noqa: E402
+from twin.physics.simulation import MUJOCO, simulate  # noqa: E402
 
 __all__ = [
     "MUJOCO",

@@ -12,12 +12,12 @@ from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.mechanics.batch import ALIKE, check_alike, commands_of
+from twin.mechanics.command import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
+from twin.physics.endoscope import is_curved, release_shares
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
-from twin.physics.release import is_curved, release_shares
 from twin.physics.simulation import Recorder
 from twin.preset.preset import Preset
 
@@ -47,9 +47,6 @@ def simulate_batch(
 
     Returns:
         B records; None in the place of an endoscope whose simulation diverged.
-
-    Raises:
-        ValueError: the endoscopes differ in layout, or a command cannot be.
     """
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     endoscopes = EndoscopeBatch(presets, threads)
@@ -84,11 +81,7 @@ class EndoscopeBatch:
     """Batch of B simulated endoscopes that are stepped together."""
 
     def __init__(self, presets: Sequence[Preset], threads: int = 0) -> None:
-        """Build all B endoscopes, at rest.
-
-        Raises:
-            ValueError: there is none, or they differ in layout.
-        """
+        """Build all B endoscopes, at rest."""
         check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}
@@ -102,7 +95,9 @@ class EndoscopeBatch:
         rewritten = views(self.layout, [self._batch.expand(name) for name in REWRITTEN])
         self.qpos: Array = self._batch.bind("qpos")
         self._loads = Loads(presets, self.layout, rewritten, self.qpos, self._batch.bind("qvel"))
-        self._constraint = self._batch.bind("qfrc_constraint") if self._loads.takes_notes else np.empty(0)
+        self._constraint = (
+            self._batch.bind("qfrc_constraint") if self._loads.needs_constraint_feedback else np.empty(0)
+        )
         self._time, self._act = self._batch.bind("time"), self._batch.bind("act")
         self._ctrl = self._batch.bind("ctrl")
         self._drives = [[Drive(preset, zero) for zero in preset.command_zeros] for preset in presets]
@@ -140,8 +135,8 @@ class EndoscopeBatch:
             self._travel += np.abs(step)
         self._batch.step(ids=None if everyone else moving, nstep=self._steps)
         self.failed |= self._warning.any(axis=1)
-        if self._loads.takes_notes:
-            self._loads.note(self._constraint, moving)
+        if self._loads.needs_constraint_feedback:
+            self._loads.observe_constraints(self._constraint, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""

@@ -14,12 +14,15 @@ from twin.mechanics.drive import Drive
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
-from twin.physics.release import is_curved, release_shares
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 _ALONE = np.zeros(1, dtype=np.intp)
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+RELEASE_TIME = 1.0
+"""Time over which the curve of a section is brought in [s]."""
+SETTLING_TIME = 0.2
+"""Time that it is held after that [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,10 +179,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             pull: commanded pulling distance of wire a at the end of the period [m].
             lateral_pull: the same of wire c; it needs two bending planes.
             sheath_bend: angle that the sheath is bent by from now on [rad]; as before where not given.
-
-        Raises:
-            ValueError: a command is not finite, the sheath's bend is negative, or there is no second plane.
-            FloatingPointError: the simulation diverged.
         """
         if not math.isfinite(pull + lateral_pull):
             wrong = lateral_pull if math.isfinite(pull) else pull
@@ -208,8 +207,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
                 f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
             )
 
-        if self._loads.takes_notes:
-            self._loads.note(data.qfrc_constraint[None], _ALONE)
+        if self._loads.needs_constraint_feedback:
+            self._loads.observe_constraints(data.qfrc_constraint[None], _ALONE)
 
     def push_tip(self, force: float) -> None:
         """Push the last vertebra sideways from now on, towards more bend; the direction follows the tip.
@@ -218,9 +217,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
         Args:
             force: [N]; 0 ends it.
-
-        Raises:
-            ValueError: it is not finite.
         """
         if not math.isfinite(force):
             raise InputError(f"force of {force} N at the tip: must be a finite number")
@@ -251,11 +247,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         return State(physics, drive, self._travel, bend, friction, *self._loads.memory(), self._tip_force)
 
     def restore_state(self, state: State) -> None:
-        """Restore a saved state of an endoscope of the same preset.
-
-        Raises:
-            ValueError: the state is of a model of another size, or of another twin.
-        """
+        """Restore a saved state of an endoscope of the same preset."""
         if not isinstance(state, State):
             raise InputError(f"a state of MuJoCo is needed, this is a {type(state).__name__:.40}")
         model, data = self.model.ptr, self.data.ptr
@@ -273,3 +265,20 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._travel, self._tip_force = state.travel, state.tip_force
         self._sheath_bend = np.array([state.sheath_bend])
         mujoco.mj_fwdPosition(model, data)
+
+
+def is_curved(preset: Preset) -> bool:
+    """Return whether the section is curved where nothing pulls it."""
+    return any(preset.initial_bends)
+
+
+def release_shares(preset: Preset) -> list[float]:
+    """Return the share of its curve that a section has in each control period of its release.
+
+    It is built straight. What a section does that is let go at once depends on its inertia, and MuJoCo's is
+    chosen for its time step: so the curve of its springs is brought in slowly, before the run begins.
+    """
+    rising = math.ceil(RELEASE_TIME / preset.control_period)
+    held = math.ceil(SETTLING_TIME / preset.control_period)
+    shares: list[float] = np.concatenate([np.arange(1, rising + 1) / rising, np.ones(held)]).tolist()
+    return shares

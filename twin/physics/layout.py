@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES
-from twin.mechanics.hinges import hinge_groups
+from twin.mechanics.friction import hinge_groups
 from twin.preset.preset import Preset
 
 Index = NDArray[np.intp]

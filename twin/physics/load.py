@@ -4,32 +4,122 @@ MuJoCo knows one constant friction force per joint. Here it is rewritten, once p
 the wires are; so are damping and inertia of the wires, which must vanish with their tension.
 """
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.mechanics.compiled import bound
 from twin.mechanics.friction import (
     LEAST_FRICTION,
     friction_drift,
     friction_floor,
     friction_per_tension,
     hinge_friction,
+    hinge_groups,
+    joint_friction,
 )
-from twin.mechanics.hinges import hinge_groups, joint_friction
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness
-from twin.physics.follow import LoadLaw, Rewritten, follow_load
+from twin.mechanics.kernels import entry
+from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
 from twin.physics.layout import Index, Layout, consecutive
-from twin.physics.shared import SharedFriction
-from twin.physics.sticking import Sticking
-from twin.physics.wires import Wires
+from twin.physics.shared_friction import SharedFriction, Sticking
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendon_armature", "wrap_prm")
 """Fields of MuJoCo's models that follow the load."""
+NEARLY_TAUT = 1e-6
+"""Slack up to which a wire counts as taut [m]."""
+
+
+class Rewritten(NamedTuple):
+    """Forces that follow the load, of B endoscopes: views of MuJoCo's fields, to write through.
+
+    With two planes, friction is written by way of `SharedFriction`: `sheath` and `joints` are no views then.
+    """
+
+    sheath: Array  # breakaway friction of the sheath elements, (B, wires, elements) [N]
+    joints: Array  # breakaway friction of each hinge of a group, (B, planes, groups) [N m]
+    damping: Array  # of the wire segments, (B, wires, elements + 1) [N s / m]
+    inertia: Array  # time step times damping, (B, wires, elements + 1) [kg]: see `model.py`
+    loss: Array  # friction of pairs of neighbours, along and across, (B, 2, pairs); none with one plane
+    coefficient: Array  # of their tendons, (B, 2, wraps); likewise
+
+
+class LoadLaw(NamedTuple):
+    """Parameters of B endoscopes by which forces follow the load; indices are those of `Layout`."""
+
+    hinge: Index  # (planes, vertebrae)
+    pulley: Index  # (planes,)
+    element: Index  # (wires, elements)
+    wire: Array  # (B, 4) moment arm [m], k [N / m] and k2 [N / m^2] of a segment, own damping [N s / m]
+    rest_stretch: Array  # (B, wires, elements + 1) stretch of each segment at positions of zero [m]
+    joint: Array  # (B, groups) own friction of a hinge of each group [N m]
+    routing: Array  # (B,) friction of wires on vertebrae times moment arm [m]
+    wrapped: Array  # (vertebrae, groups) share of the turn of each hinge that one of each group feels [-]
+    time_step: float  # [s]
+    ahead: float  # how far ahead a segment counts as taut [s]
+
+
+@entry
+def follow_load(
+    law: LoadLaw, rewritten: Rewritten, qpos: Array, qvel: Array, half_share: Array, floor: Array
+) -> None:
+    """Write the friction of the sheath and of the hinges, and the damping of the wires, of B endoscopes.
+
+    These are `tension_at`, `element_friction` and `hinge_friction`, from the pulley to the tip. Damping
+    holds, besides the wire's own, time step times stiffness: with it, and with as much inertia times the time
+    step, a step is one of backward Euler (`model.py`). A segment that will be taut before the next update has
+    it already.
+
+    `half_share` (B,) is half the friction of an element per unit of the tension on both its sides [-],
+    `floor` (B,) its friction that does not depend on the tension [N].
+    """
+    time_step = law.time_step
+    wires, elements = law.element.shape
+    planes, (vertebrae, groups) = len(law.pulley), law.wrapped.shape
+    for b in range(len(qpos)):
+        arm, stiffness, quadratic, own = law.wire[b, 0], law.wire[b, 1], law.wire[b, 2], law.wire[b, 3]
+        for plane in range(planes):
+            bend, bend_rate = 0.0, 0.0
+            for joint in law.hinge[plane]:
+                bend += qpos[b, joint]
+                bend_rate += qvel[b, joint]
+            at_tip = 0.0
+            for w in range(plane * wires // planes, (plane + 1) * wires // planes):
+                side = 1.0 - 2.0 * (w % 2)
+                pulley = law.pulley[plane]
+                start, start_rate = side * qpos[b, pulley], side * qvel[b, pulley]
+                before = 0.0
+                for i in range(elements + 1):
+                    if i < elements:
+                        end, end_rate = qpos[b, law.element[w, i]], qvel[b, law.element[w, i]]
+                    else:
+                        end, end_rate = side * arm * bend, side * arm * bend_rate
+                    stretch = law.rest_stretch[b, w, i] + start - end
+                    soon = stretch + law.ahead * (start_rate - end_rate)
+                    taut = max(stretch, 0.0)
+                    tension = taut * (stiffness + quadratic * taut)
+                    if i > 0:
+                        rewritten.sheath[b, w, i - 1] = half_share[b] * (tension + before) + floor[b]
+                    damping = 0.0
+                    if max(stretch, soon) > -NEARLY_TAUT:
+                        damping = own + time_step * (stiffness + 2 * quadratic * taut)
+                    rewritten.damping[b, w, i] = damping
+                    rewritten.inertia[b, w, i] = time_step * damping
+                    before, start, start_rate = tension, end, end_rate
+                at_tip += before
+
+            for g in range(groups):
+                felt = 0.0
+                for v in range(vertebrae):
+                    turn = abs(qpos[b, law.hinge[0, v]])
+                    if planes == 2:
+                        turn = math.hypot(turn, qpos[b, law.hinge[1, v]])
+                    felt += turn * law.wrapped[v, g]
+                rewritten.joints[b, plane, g] = law.joint[b, g] + law.routing[b] * at_tip * felt
 
 
 def views(layout: Layout, fields: Sequence[Array]) -> Rewritten:
@@ -50,6 +140,54 @@ def views(layout: Layout, fields: Sequence[Array]) -> Rewritten:
     return Rewritten(sheath, joints, damping, inertia, loss, coefficient)
 
 
+class Wires:
+    """Wires of B endoscopes of one layout, which may differ in their parameters.
+
+    Attributes:
+        stiffness: of a segment at zero tension, (B, 1, 1) [N / m].
+        quadratic: quadratic coefficient of a segment, (B, 1, 1) [N / m^2].
+        rest_stretch: stretch of each segment at positions of zero, (B, wires, elements + 1) [m].
+        lengthening: Jacobian of the segments' lengths, (B, wires * (elements + 1), nq).
+    """
+
+    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
+        """Gather the parameters of all endoscopes, along the leading axis of every array."""
+        self._of_one = layout.wire.shape
+        self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]
+        self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]
+        sides = [bool(wire % 2) for wire in range(layout.wires)]
+        self.rest_stretch = np.array([[rest_stretch(p, side) for side in sides] for p in presets])
+        self.lengthening = np.array([_lengthening(p, layout) for p in presets])
+
+    def stretch(self, qpos: Array) -> Array:
+        """Return the stretch of each segment, (B, wires, elements + 1) [m]; below 0 where slack.
+
+        `qpos` (B, nq) are positions; of one endoscope, at any number of times.
+        """
+        lengthened = np.matmul(self.lengthening, qpos[:, :, None]).reshape(-1, *self._of_one)
+        stretch: Array = self.rest_stretch + lengthened
+        return stretch
+
+    def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
+        """Return tension [N] and slack [m] of each segment, both (B, wires, elements + 1)."""
+        stretch = self.stretch(qpos)
+        return tension_at(stretch, self.stiffness, self.quadratic), np.maximum(-stretch, 0.0)
+
+
+def _lengthening(preset: Preset, layout: Layout) -> Array:
+    """Return the Jacobian of the wire segments' lengths, (wires * (elements + 1), nq)."""
+    lengths = preset.sheath_elements + 1
+    matrix = np.zeros((layout.wires, lengths, layout.element.size + layout.pulley.size + layout.hinge.size))
+    for wire in range(layout.wires):
+        side, plane = 1.0 - 2.0 * (wire % 2), wire // 2
+        for element, joint in enumerate(layout.element[wire]):
+            matrix[wire, element, joint] = -1.0
+            matrix[wire, element + 1, joint] = 1.0
+        matrix[wire, 0, layout.pulley[plane]] = side
+        matrix[wire, -1, layout.hinge[plane]] = -side * preset.wire_offset
+    return matrix.reshape(layout.wires * lengths, -1)
+
+
 class Loads:
     """Load-dependent forces of B endoscopes of one layout, which may differ in their parameters."""
 
@@ -58,12 +196,7 @@ class Loads:
     ) -> None:
         """Gather the parameters of all endoscopes, along the leading axis of every array.
 
-        Args:
-            presets: B endoscopes.
-            layout: of their models.
-            rewritten: where the forces go.
-            qpos: (B, nq) positions; MuJoCo's own arrays, as the next.
-            qvel: (B, nv) velocities.
+        `rewritten` is where the forces go; `qpos` (B, nq) and `qvel` (B, nv) are MuJoCo's own arrays.
         """
         self.rewritten, self._qpos, self._qvel = rewritten, qpos, qvel
         self.layout, self.wires = layout, Wires(presets, layout)
@@ -98,53 +231,38 @@ class Loads:
             ahead=2 * presets[0].control_period,
         )
         self._half_share, self._floor_now = np.empty(len(presets)), np.empty(len(presets))
-        self._rewrite = bound(follow_load, law, rewritten, qpos, qvel, self._half_share, self._floor_now)
+        self._law = law
         two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
         self.shared = SharedFriction(presets, layout) if two else None
         self.sticking = Sticking(presets, layout) if sticks else None
 
     def drift(self, time: Array, travel: Array) -> Array:
-        """Return the factor of sheath friction due to warm-up and wear.
-
-        Args:
-            time: (B,) time since the start of the run [s].
-            travel: (B,) distance that the pulleys have travelled [m].
-
-        Returns:
-            (B,) factor on the coefficient and on the floor.
-        """
+        """Return the factor (B,) of sheath friction after times [s] and travels of the pulleys [m], (B,)."""
         return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
     def follow(self, sheath_bend: Array, drift: Array | None) -> None:
         """Rewrite friction and damping to the load of the present state.
 
-        Args:
-            sheath_bend: (B,) angle that the sheath is bent by [rad]; not to be changed in place.
-            drift: (B,) of `drift`; None where nothing drifts.
+        `sheath_bend` (B,) [rad] must not be changed in place; `drift` (B,) is None where nothing drifts.
         """
         self._follow_sheath(sheath_bend, drift)
-        self._rewrite()
         rewritten = self.rewritten
+        follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now)
         if self.sticking is not None:
             self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0])
         if self.shared is not None:
             self.shared.write(rewritten.sheath, rewritten.joints, rewritten.loss, rewritten.coefficient)
 
     @property
-    def takes_notes(self) -> bool:
-        """Friction depends on what `note` is told."""
+    def needs_constraint_feedback(self) -> bool:
+        """True if friction depends on the forces that `observe_constraints` is given."""
         return self.shared is not None
 
-    def note(self, constraint: Array, moving: Index) -> None:
-        """Note what friction held in a control period.
-
-        Args:
-            constraint: (B, nv) forces of MuJoCo's constraints at its end.
-            moving: indices of the endoscopes that were stepped.
-        """
+    def observe_constraints(self, constraint: Array, moving: Index) -> None:
+        """Let friction follow the forces (B, nv) of MuJoCo's constraints at the end of a control period."""
         if self.shared is not None:
             sheath, joints, damping = self.rewritten.sheath, self.rewritten.joints, self.rewritten.damping
-            self.shared.note(constraint, self._qvel, sheath, joints, damping, moving)
+            self.shared.observe_constraints(constraint, self._qvel, sheath, joints, damping, moving)
 
     def memory(self) -> tuple[Array, Array]:
         """Return what friction has of the past, flat: shared directions [rad], and what stiction holds."""
@@ -156,11 +274,7 @@ class Loads:
         return directions.copy(), grip.copy()
 
     def restore(self, directions: Array, grip: Array) -> None:
-        """Restore what `memory` returned.
-
-        Raises:
-            ValueError: it is of another layout.
-        """
+        """Restore what `memory` returned."""
         own_directions, own_grip = self.memory()
         if directions.shape != own_directions.shape or grip.shape != own_grip.shape:
             raise InputError(

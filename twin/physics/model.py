@@ -11,7 +11,7 @@ damping of D + K h, for a spring K and the time step h, it is backward Euler:
 
     (M + h (D + K h)) (v' - v) = h (f - (D + K h) v + friction)
 
-MuJoCo's implicit integrators put h (D + K h) beside M after friction has been found for M alone: what should
+MuJoCo's implicit integrators add h (D + K h) to M after friction has been found for M alone: what should
 stop at once then goes on sliding for many steps, as h^2 K is far above M. Here it is inertia of the joints
 and tendons (`armature`), and friction is found for what is moved.
 """
@@ -24,8 +24,7 @@ import mujoco
 from twin.episode import WIRES
 from twin.files.assets import assets_folder
 from twin.mechanics.drive import PULLEY_STIFFNESS
-from twin.mechanics.friction import LEAST_FRICTION
-from twin.mechanics.hinges import hinge_groups, joint_friction
+from twin.mechanics.friction import LEAST_FRICTION, hinge_groups, joint_friction
 from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, sheath_floor
 from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
@@ -259,7 +258,7 @@ def _add_shared_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
     """Add the friction of two planes that rub as one: two constraints for each pair of neighbours.
 
     Both oppose a combination of their motions, one along the force that friction holds and one across it. The
-    combinations are rewritten with that force (`shared.py`); here stands any that holds both.
+    combinations are rewritten with that force (`shared_friction.py`); here stands any that holds both.
     """
     for way, side in zip(WAYS, (1.0, -1.0), strict=True):
         for first, second in NEIGHBOURS:

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.mechanics.command import Command
-from twin.mechanics.record import record_of
+from twin.mechanics.command import Command, record_of
 from twin.physics.endoscope import Endoscope, State
 from twin.physics.layout import Layout
-from twin.physics.wires import Wires
+from twin.physics.load import Wires
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -49,11 +48,6 @@ def simulate(
 
     Returns:
         The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
-
-    Raises:
-        ValueError: a command is not finite or of another length, the sheath's bend is negative, or the
-            sample time does not fit the control period.
-        FloatingPointError: the simulation diverged.
     """
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
     # Without a caller who could draw it, it is not drawn.

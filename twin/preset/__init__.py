@@ -2,9 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from twin.preset.fidelity import FIDELITIES, at_fidelity
 from twin.preset.file import load_preset, preset_names
-from twin.preset.preset import Preset
+from twin.preset.preset import FIDELITIES, Preset, at_fidelity
 
 if TYPE_CHECKING:
     from twin.preset.randomization import Ranges, load_ranges

@@ -48,11 +48,7 @@ class Ranges:
     limits: tuple[tuple[str, float, float], ...]
 
     def __post_init__(self) -> None:
-        """Check that every range lies within the limits of its parameter.
-
-        Raises:
-            ValueError: a name is no parameter, or a range is empty or leaves the parameter's physical range.
-        """
+        """Check that every range lies within the limits of its parameter."""
         # 5 and 5.0 are one range, and are written alike.
         floats = tuple((name, float(low), float(high)) for name, low, high in self.limits)
         object.__setattr__(self, "limits", floats)
@@ -110,12 +106,7 @@ class Ranges:
 
 
 def load_ranges(name_or_path: str | Path) -> Ranges:
-    """Read the ranges of a built-in preset by its name, or of a YAML file.
-
-    Raises:
-        ValueError: the preset is unknown, states no ranges, or one of them is none.
-        FileNotFoundError: a path to a YAML file that does not exist.
-    """
+    """Read the ranges of a built-in preset by its name, or of a YAML file."""
     _, values = read_preset_file(name_or_path)
     stated = values.get("ranges")
     if not isinstance(stated, dict) or not stated:

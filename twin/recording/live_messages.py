@@ -26,7 +26,7 @@ from twin.recording.estimate import (
     health_message,
 )
 from twin.recording.messages import LARGEST_TIME
-from twin.signals.plausible import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
 
 if TYPE_CHECKING:
     from twin.live.reading import Reading

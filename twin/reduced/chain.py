@@ -1,4 +1,4 @@
-"""Chain of nodes of one bending plane: its parameters, its scratch arrays, and the forces at given positions.
+"""Chain of nodes of one bending plane: its parameters, and the forces at given positions.
 
 The two wires of a plane and the section between them are one chain, from the pulley along wire a to the tip
 and back along wire b:
@@ -8,6 +8,9 @@ and back along wire b:
 A segment between two nodes is a spring that cannot push. A node is an element of the sheath, but z, which is
 where the wires are at the tip: the moment arm r times the bend, that is the sum over the groups of n equal
 hinges at the angle theta.
+
+Scratch arrays hold several quantities in their rows. Numba counts the references of every array that is
+handed on, atomically: few arrays with named rows are several times as fast as one array for each quantity.
 """
 
 import math
@@ -16,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import inlined
+from twin.mechanics.kernels import inlined
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
@@ -25,135 +28,59 @@ HELD = 1e-3
 """Share of its stiffness that a slack segment is given in the linear system, not in the equilibrium."""
 RESIDUAL_N = 1e-7
 """Force that is missing from equilibrium at any node, at most [N]."""
+NODE, BEFORE, STRETCH, STRETCH_BEFORE, TENSION, FORCE, SLOPE = range(7)
+"""Rows of the scratch arrays of a chain with N nodes and N + 1 segments.
+
+Positions of the nodes, now and at the start of the increment [m] (N used); stretch of each segment, now and
+at the start [m], its elastic tension [N], tension with damping [N], and the slope of that [N / m].
+"""
 
 
 class Segment(NamedTuple):
-    """Law of one segment of wire in an increment.
+    """Law of one segment of wire in an increment."""
 
-    Attributes:
-        stiffness: [N / m].
-        quadratic: growth of the stiffness [N / m^2].
-        damping: over the time of the increment [N / m].
-    """
-
-    stiffness: float
-    quadratic: float
-    damping: float
+    stiffness: float  # [N / m]
+    quadratic: float  # growth of the stiffness [N / m^2]
+    damping: float  # over the time of the increment [N / m]
 
 
 class Hinge(NamedTuple):
-    """Law of one hinge in an increment.
+    """Law of one hinge in an increment."""
 
-    Attributes:
-        stiffness: [N m / rad].
-        cubic: growth of the stiffness [N m / rad^3].
-        rest: angle where nothing pulls [rad].
-        damping: over the time of the increment [N m / rad].
-    """
-
-    stiffness: float
-    cubic: float
-    rest: float
-    damping: float
+    stiffness: float  # [N m / rad]
+    cubic: float  # growth of the stiffness [N m / rad^3]
+    rest: float  # angle where nothing pulls [rad]
+    damping: float  # over the time of the increment [N m / rad]
 
 
 class Plane(NamedTuple):
-    """Parameters of a plane for one increment. What inner loops hand on holds no arrays: those are counted.
+    """Parameters of a plane for one increment."""
 
-    Attributes:
-        elements: E, of the sheath of one wire.
-        rest: (2 E + 2,) stretch of each segment where all positions are zero [m].
-        segment: law of the segments.
-        per_tension: c, friction of an element per tension on each side [-].
-        floor: friction of an element that does not depend on the tension [N].
-        hinge: law of the hinges.
-        joint_friction: (G,) own friction of a hinge of each group [N m].
-        size: (G,) hinges of each group.
-        arm: r, moment arm of the wires [m].
-        routing: friction coefficient of wires on vertebrae [-].
-        pulley_stiffness: of the pulley's own spring [N / m].
-        target: distance that the pulley is driven to [m].
-        holds: friction of the sheath at rest over that of sliding [-].
-    """
-
-    elements: int
-    rest: Array
+    elements: int  # E, of the sheath of one wire
+    rest: Array  # (2 E + 2,) stretch of each segment where all positions are zero [m]
     segment: Segment
-    per_tension: float
-    floor: float
+    per_tension: float  # c, friction of an element per tension on each side [-]
+    floor: float  # friction of an element that does not depend on the tension [N]
     hinge: Hinge
-    joint_friction: Array
-    size: Array
-    arm: float
-    routing: float
-    pulley_stiffness: float
-    target: float
-    holds: float
-
-
-class Work(NamedTuple):
-    """Scratch arrays of `solve_plane`: N = 2 E + 1 nodes, N + 1 segments, G groups.
-
-    Attributes:
-        node: (N,) positions [m].
-        before: (N,) positions at the start of the increment [m].
-        stretch: (N + 1,) stretch of each segment [m].
-        stretch_before: (N + 1,) the same at the start of the increment [m].
-        tension: (N + 1,) elastic tension of each segment [N].
-        force: (N + 1,) tension with damping [N].
-        slope: (N + 1,) derivative of the force by the stretch [N / m].
-        lower: (N,) lower diagonal of the linear system [N / m]; so are `main` and `upper`.
-        main: see there.
-        upper: see there.
-        right: (N,) its right side [N], then its solution [m].
-        border: (N,) response of the nodes to the pulley [-].
-        hinge_before: (G,) angle of a hinge of each group at the start of the increment [rad].
-        wrapped: (G,) routing friction of a group, as a share of the tension [-].
-        residual: (G,) torque that is missing at a hinge of a group [N m].
-        hinge_slope: (G,) derivative of its torque by its angle [N m / rad].
-    """
-
-    node: Array
-    before: Array
-    stretch: Array
-    stretch_before: Array
-    tension: Array
-    force: Array
-    slope: Array
-    lower: Array
-    main: Array
-    upper: Array
-    right: Array
-    border: Array
-    hinge_before: Array
-    wrapped: Array
-    residual: Array
-    hinge_slope: Array
-
-
-def new_work(elements: int, groups: int) -> Work:
-    """Return scratch arrays."""
-    nodes = 2 * elements + 1
-    of_nodes = ("node", "before", "lower", "main", "upper", "right", "border")
-    of_segments = ("stretch", "stretch_before", "tension", "force", "slope")
-    of_groups = ("hinge_before", "wrapped", "residual", "hinge_slope")
-    return Work(
-        **{name: np.zeros(nodes) for name in of_nodes},
-        **{name: np.zeros(nodes + 1) for name in of_segments},
-        **{name: np.zeros(groups) for name in of_groups},
-    )
+    joint_friction: Array  # (G,) own friction of a hinge of each group [N m]
+    size: Array  # (G,) hinges of each group
+    arm: float  # r, moment arm of the wires [m]
+    routing: float  # friction coefficient of wires on vertebrae [-]
+    pulley_stiffness: float  # of the pulley's own spring [N / m]
+    target: float  # distance that the pulley is driven to [m]
+    holds: float  # friction of the sheath at rest over that of sliding [-]
 
 
 @inlined
-def write_row(to: Array, values: Array) -> None:
-    """Write the numbers of an array into another one."""
+def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array into another one."""
     for i in range(len(to)):
         to[i] = values[i]
 
 
 @inlined
-def write_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
-    """Write the numbers of an array of two dimensions into another one."""
+def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array of two dimensions into another one."""
     for i in range(to.shape[0]):
         for k in range(to.shape[1]):
             to[i, k] = values[i, k]
@@ -169,23 +96,10 @@ def bend_of(size: Array, hinge: Array) -> float:
 
 
 @inlined
-def fill_stretch(stretch: Array, rest: Array, node: Array, pulley: float) -> None:
-    """Fill in the stretch of all segments [m]; below 0 where one is slack."""
-    last = len(node)
-    for i in range(last + 1):
-        left = pulley if i == 0 else node[i - 1]
-        right = pulley if i == last else node[i]
-        stretch[i] = rest[i] + left - right
-
-
-@inlined
 def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, float]:
     """Return elastic tension [N], tension with damping [N] and its slope [N / m] of a segment.
 
-    Args:
-        law: of the segment.
-        stretch: of it [m].
-        before: the same at the start of the increment [m].
+    It is stretched by `stretch`, and was by `before` at the start of the increment [m].
     """
     taut, taut_before = max(stretch, 0.0), max(before, 0.0)
     tension = taut * (law.stiffness + law.quadratic * taut)
@@ -194,23 +108,6 @@ def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, 
     if force <= 0.0:  # no wire pushes, and no jump is left for which there would be no equilibrium
         force = slope = 0.0
     return tension, force, slope
-
-
-@inlined
-def load_segments(plane: Plane, work: Work, pulley: float) -> None:
-    """Fill in tension, force and slope of all segments."""
-    law, stretch, before = plane.segment, work.stretch, work.stretch_before
-    fill_stretch(stretch, plane.rest, work.node, pulley)
-    tension, force, slope = work.tension, work.force, work.slope
-    for i in range(len(stretch)):
-        tension[i], force[i], slope[i] = load_of(law, stretch[i], before[i])
-
-
-@inlined
-def pulley_force(plane: Plane, force: Array, pulley: float) -> float:
-    """Return the force that is missing at the pulley [N], between its spring and both wires."""
-    missing: float = plane.pulley_stiffness * (plane.target - pulley) - force[0] + force[-1]
-    return missing
 
 
 @inlined
@@ -232,11 +129,8 @@ def larger(a: float, b: float) -> float:
 
 @inlined
 def turn_of(size: float, angle: float, turned: float) -> float:
-    """Return the angle that a group turns the wires by in both planes [rad], whatever its direction.
+    """Return the angle by which a group of `size` hinges turns the wires in both planes [rad].
 
-    Args:
-        size: number of its hinges.
-        angle: of one of them [rad].
-        turned: square of its angle in the other plane [rad^2].
+    One hinge has an `angle` [rad] in this plane, and the square `turned` of it in the other one [rad^2].
     """
     return size * math.sqrt(angle * angle + turned)

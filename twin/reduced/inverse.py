@@ -14,66 +14,40 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import compiled, entry
 from twin.mechanics.drive import DriveLaw
-from twin.reduced.advance import advance_one
-from twin.reduced.chain import Array, bend_of, write_row, write_rows
-from twin.reduced.parameters import Parameters
-from twin.reduced.state import ReducedState
-from twin.reduced.workspace import Workspace
+from twin.mechanics.kernels import entry, inlined, kernel
+from twin.reduced.advance import Workspace, advance_one
+from twin.reduced.chain import Array, bend_of, copy_row, copy_rows
+from twin.reduced.parameters import ARM, COMMAND, DRIVE, Parameters, ReducedState
 
 LEAST_WIDTH_M = 1e-9
 """Bracket that is not narrowed further [m]; nor is one of half a count of the encoder."""
-ENCODER_STEP = DriveLaw._fields.index("encoder_step")
+ENCODER_STEP = DRIVE + DriveLaw._fields.index("encoder_step")
 TRIALS = 60
 TURNS = 4
 """Times that the pulls of two planes are sought in turn: routing friction couples them weakly."""
 
 
 class Inverse(NamedTuple):
-    """Pulls of M endoscopes that bring given bends; P planes.
+    """Pulls of M endoscopes that bring given bends; P planes."""
 
-    Attributes:
-        pull: (M, P) of wires a and c [m].
-        bend: (M, P) that is reached with it [rad].
-        bracket: (M, P, 2) lowest and highest pull between which it was found [m].
-        reached: (M,) whether the bend is within the tolerance; else it is the nearest that can be reached.
-    """
-
-    pull: Array
-    bend: Array
-    bracket: Array
-    reached: NDArray[np.bool_]
-
-
-def new_inverse(endoscopes: int, planes: int) -> Inverse:
-    """Return room for the pulls of some endoscopes."""
-    shape = (endoscopes, planes)
-    return Inverse(np.empty(shape), np.empty(shape), np.empty((*shape, 2)), np.zeros(endoscopes, bool))
+    pull: Array  # (M, P) of wires a and c [m]
+    bend: Array  # (M, P) that is reached with it [rad]
+    bracket: Array  # (M, P, 2) lowest and highest pull between which it was found [m]
+    reached: NDArray[np.bool_]  # (M,) whether the bend is within the tolerance; else it is the nearest
 
 
 class Trial(NamedTuple):
-    """Arguments of a trial of one endoscope, or of several that have one pull.
+    """Arguments of a trial of one endoscope, or of several that have one pull."""
 
-    Attributes:
-        parameters: of M endoscopes.
-        state: theirs; not changed.
-        scratch: a state of the same shape; rewritten.
-        work: scratch arrays.
-        first: of the endoscopes.
-        weights: of the bend of each, from the first on.
-        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
-        periods: control periods in the sample.
-    """
-
-    parameters: Parameters
-    state: ReducedState
-    scratch: ReducedState
+    parameters: Parameters  # of M endoscopes
+    state: ReducedState  # theirs; not changed
+    scratch: ReducedState  # a state of the same shape; rewritten
     work: Workspace
-    first: int
-    weights: Array
-    inputs: Array
-    periods: int
+    first: int  # of the endoscopes
+    weights: Array  # of the bend of each, from the first on
+    inputs: Array  # (M, 3) pull [m], lateral pull [m], bend of the sheath [rad] at the end of the sample
+    periods: int  # control periods in the sample
 
 
 @entry
@@ -90,14 +64,14 @@ def find_pulls(
     tolerance: float,
     found: Inverse,
 ) -> None:
-    """Find the pulls that bring given bends at the end of the next sample.
+    """Find the pulls that bring given bends at the end of the next sample; the first arguments are a `Trial`.
 
     Args:
         parameters: of M endoscopes.
-        state: theirs; not changed.
-        scratch: a state of the same shape; rewritten.
+        state: theirs.
+        scratch: rewritten.
         work: scratch arrays.
-        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
+        inputs: (M, 3); pulls are rewritten.
         periods: control periods in the sample.
         alone: (1,) weight of an endoscope by itself, 1.
         target: (M, P) bend of each plane [rad]; NaN where the pull is to stay as it is.
@@ -128,28 +102,26 @@ def find_pulls(
                 break
 
 
-@compiled
+@kernel
 def _bend_after(trial: Trial, p: int) -> float:
     """Return the weighted bend of a plane after one sample from a state, which stays as it is [rad]."""
     state, scratch, bend = trial.state, trial.scratch, 0.0
     for place in range(len(trial.weights)):
         m = trial.first + place
-        write_rows(scratch.element[m], state.element[m])
-        write_rows(scratch.hinge[m], state.hinge[m])
-        write_rows(scratch.slip[m], state.slip[m])
-        write_rows(scratch.turn[m], state.turn[m])
-        write_row(scratch.pulley[m], state.pulley[m])
-        write_rows(scratch.drive[m], state.drive[m])
-        write_rows(scratch.past[m], state.past[m])
-        write_row(scratch.command[m], state.command[m])
-        scratch.time[m] = state.time[m]
-        scratch.travel[m] = state.travel[m]
-        advance_one(trial.parameters, scratch, trial.work, m, trial.inputs[m], trial.periods)
+        copy_rows(scratch.element[m], state.element[m])
+        copy_rows(scratch.hinge[m], state.hinge[m])
+        copy_rows(scratch.slip[m], state.slip[m])
+        copy_rows(scratch.turn[m], state.turn[m])
+        copy_row(scratch.pulley[m], state.pulley[m])
+        copy_rows(scratch.drive[m], state.drive[m])
+        copy_rows(scratch.past[m], state.past[m])
+        copy_row(scratch.run[m], state.run[m])
+        advance_one(trial.parameters, scratch, trial.work, m, trial.inputs, m, trial.periods)
         bend += trial.weights[place] * bend_of(trial.parameters.size, scratch.hinge[m, p])
     return bend
 
 
-@compiled
+@inlined
 def _bend_at(trial: Trial, p: int, pull: float) -> float:
     """Return `_bend_after` with a pull of that plane, which is written into the inputs."""
     for place in range(len(trial.weights)):
@@ -157,10 +129,10 @@ def _bend_at(trial: Trial, p: int, pull: float) -> float:
     return _bend_after(trial, p)
 
 
-@compiled
+@kernel
 def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, bracket: Array) -> float:
     """Write the pull of one plane into the inputs, and its bracket; return the bend that it brings [rad]."""
-    start = min(max(trial.state.command[trial.first, p], limits[0]), limits[1])
+    start = min(max(trial.state.run[trial.first, COMMAND + p], limits[0]), limits[1])
     near = far = start
     of_near = of_far = _bend_at(trial, p, start) - target
     bracket[:] = start
@@ -168,15 +140,15 @@ def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, 
         return target + of_near
     end = limits[1] if of_near < 0.0 else limits[0]
     # A wire that does not stretch would bend by the pull over the moment arm: no step can be shorter.
-    step = -of_near * trial.parameters.arm[trial.first]
+    step = -of_near * trial.parameters.constants[trial.first, ARM]
     while far != end and of_far * of_near > 0.0:
         near, of_near = far, of_far
         far = min(far + step, end) if step > 0.0 else max(far + step, end)
         step *= 2.0
         of_far = _bend_at(trial, p, far) - target
     if of_far * of_near > 0.0:
-        # Out of reach: the shortest way to nearly what the end of the stroke brings. A servo at its limit of
-        # speed goes no further for a larger command.
+        # Out of reach: the shortest pull for nearly what the end of the stroke brings. A servo at its limit
+        # of speed goes no further for a larger command.
         near = start
         of_near = _bend_at(trial, p, start) - target
         if abs(of_far - of_near) <= tolerance:
@@ -187,7 +159,7 @@ def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, 
     return target + _narrow(trial, p, target, tolerance, near, of_near, far, of_far, bracket)
 
 
-@compiled
+@kernel
 def _narrow(
     trial: Trial,
     p: int,
@@ -201,7 +173,7 @@ def _narrow(
 ) -> float:
     """Narrow a bracket by Chandrupatla's method, `f1` and `f2` at its ends; return the error that is left."""
     share = 0.5
-    least_width = max(LEAST_WIDTH_M, trial.parameters.drive[trial.first, ENCODER_STEP] / 2.0)
+    least_width = max(LEAST_WIDTH_M, trial.parameters.constants[trial.first, ENCODER_STEP] / 2.0)
     if f1 != f2:
         share = min(max(f1 / (f1 - f2), 0.05), 0.95)
     for _ in range(TRIALS):
@@ -242,20 +214,10 @@ def find_common_pull(
 ) -> None:
     """Find the pull of wire a that brings a weighted sum of the bends of endoscopes that have it in common.
 
-    Args:
-        parameters: of M endoscopes, all of which stand at the same command.
-        state: theirs; not changed.
-        scratch: a state of the same shape; rewritten.
-        work: scratch arrays.
-        inputs: (M, 3) pull [m], lateral pull [m] and bend of the sheath [rad]; pulls are rewritten.
-        periods: control periods in the sample.
-        weights: (M,) of each bend.
-        target: weighted sum at the end of the next sample [rad].
-        limits: (2,) lowest and highest pull [m].
-        tolerance: of the sum [rad].
-        found: (4,) written: the pull [m], the sum that it brings [rad], and its bracket [m]. The nearest that
-            can be reached; where no pull leads as far, the end of the stroke: endoscopes that stick move only
-            after a longer way.
+    All endoscopes stand at the same command. With `weights` (M,), the sum at the end of the next sample shall
+    be `target` within a `tolerance` [rad], by a pull within `limits` (2,) [m]. `found` (4,) becomes the pull
+    [m], the sum that it brings [rad], and its bracket [m]: the nearest that can be reached, and the end of
+    the stroke where no pull leads as far, as endoscopes that stick move only after a longer travel.
     """
     trial = Trial(parameters, state, scratch, work, 0, weights, inputs, periods)
     reached = _find(trial, 0, target, limits, tolerance, found[2:])

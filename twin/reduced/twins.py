@@ -1,22 +1,33 @@
-"""Reduced twins that are advanced sample by sample: for ensembles, controllers and estimators online."""
+"""Reduced twins that are advanced sample by sample: for ensembles, controllers and estimators online.
+
+Kernels are imported where twins are built: Numba takes half a second to load.
+"""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.mechanics.compiled import bound
-from twin.mechanics.friction import friction_drift
-from twin.preset.preset import Preset
-from twin.preset.sample_time import check_sample_time
-from twin.reduced.advance import advance
-from twin.reduced.inverse import Inverse, find_common_pull, find_pulls, new_inverse
-from twin.reduced.parameters import Parameters, parameters_of
-from twin.reduced.readings import sheath_friction, tension_and_slack
-from twin.reduced.rest import state_at_rest
-from twin.reduced.state import MISSING_LIMIT_N, ReducedState
-from twin.reduced.workspace import new_workspace
+from twin.mechanics.friction import friction_drift, group_of_hinge
+from twin.preset.preset import Preset, check_sample_time
+from twin.reduced.parameters import (
+    MISSING_LIMIT_N,
+    WARM_UP,
+    WARM_UP_TIME,
+    WEAR,
+    Parameters,
+    ReducedState,
+    not_converged,
+    parameters_of,
+    sheath_friction,
+    tension_and_slack,
+)
+
+if TYPE_CHECKING:
+    from twin.reduced.advance import Workspace
+    from twin.reduced.inverse import Inverse
 
 Array = NDArray[np.float64]
 
@@ -38,20 +49,15 @@ class ReducedTwins:
             presets: M endoscopes with equal numbers of planes, vertebrae and elements and equal control
                 periods.
             sample_time: between two samples [s], a whole multiple of the control period; without it, one.
-
-        Raises:
-            ValueError: they differ in layout, gravity pulls at one, or the sample time does not fit.
         """
+        from twin.reduced.advance import new_workspace, state_at_rest
+
         self.presets = list(presets)
         self._parameters = parameters_of(presets)
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
         self._state = state_at_rest(self.presets, self.parameters)
+        self._trial_state, self._work = self.save_state(), new_workspace(self.parameters)
         self._inputs = self.state.command.copy()
-        work, inputs, periods = new_workspace(self.parameters), self._inputs, self._periods
-        self._advance = bound(advance, self.parameters, self.state, work, inputs)
-        trial = self.parameters, self.state, self.save_state(), work, inputs, periods
-        self._find_pulls = bound(find_pulls, *trial, np.ones(1))
-        self._find_common_pull = bound(find_common_pull, *trial)
 
     @property
     def parameters(self) -> Parameters:
@@ -65,6 +71,8 @@ class ReducedTwins:
 
     def reset(self) -> None:
         """Reset all endoscopes to rest, with new sheaths; drives and wear are reset too."""
+        from twin.reduced.advance import state_at_rest
+
         self.restore_state(state_at_rest(self.presets, self.parameters))
 
     def step(
@@ -85,12 +93,11 @@ class ReducedTwins:
 
         Returns:
             (M,) bending angle [rad].
-
-        Raises:
-            ValueError: an input is not finite, the sheath's bend is negative, or there is no second plane.
         """
+        from twin.reduced.advance import advance
+
         self._set_inputs(pull, lateral_pull, sheath_bend)
-        self._advance(samples * self._periods)
+        advance(self._parameters, self._state, self._work, self._inputs, samples * self._periods)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
@@ -116,7 +123,7 @@ class ReducedTwins:
         lateral_stroke: tuple[float, float] | None = None,
         sheath_bend: ArrayLike | None = None,
         tolerance: float = TOLERANCE,
-    ) -> Inverse:
+    ) -> "Inverse":
         """Return the pulls that bring given bends at the end of the next sample; nothing moves.
 
         Drives take part: a servo that cannot be there in time does not reach the bend.
@@ -131,10 +138,6 @@ class ReducedTwins:
 
         Returns:
             Pulls, the bends that they bring, and whether those are the ones wanted.
-
-        Raises:
-            ValueError: a value is not finite, a stroke is empty, the tolerance is not positive, or there is
-                no second plane.
         """
         planes = self.presets[0].bending_planes
         self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], sheath_bend)
@@ -153,8 +156,11 @@ class ReducedTwins:
             )
         if not tolerance > 0:
             raise InputError(f"tolerance = {tolerance:g} rad: must be positive")
-        found = new_inverse(*target.shape)
-        self._find_pulls(target, limits, float(tolerance), found)
+        from twin.reduced.inverse import Inverse, find_pulls
+
+        shape = target.shape
+        found = Inverse(np.empty(shape), np.empty(shape), np.empty((*shape, 2)), np.zeros(shape[0], bool))
+        find_pulls(*self._trial(), np.ones(1), target, limits, float(tolerance), found)
         return found
 
     def common_pull(
@@ -178,17 +184,21 @@ class ReducedTwins:
         Returns:
             The pull [m], and the sum that it brings [rad]. Where the stroke does not lead there, its end that
             is nearer: endoscopes that stick move only after a longer way.
-
-        Raises:
-            ValueError: the wanted sum is not finite.
         """
         if not np.isfinite(bend):
             raise InputError(f"wanted bend of {bend} rad: must be a finite number")
         self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], sheath_bend)
+        from twin.reduced.inverse import find_common_pull
+
         found = np.empty(4)
         shares, limits = np.asarray(weights, dtype=float), np.array(stroke, dtype=float)
-        self._find_common_pull(shares, float(bend), limits, float(tolerance), found)
+        find_common_pull(*self._trial(), shares, float(bend), limits, float(tolerance), found)
         return float(found[0]), float(found[1])
+
+    def _trial(self) -> "tuple[Parameters, ReducedState, ReducedState, Workspace, Array, int]":
+        """Return the arguments that both inverses share."""
+        of_twins = (self._parameters, self._state, self._trial_state)
+        return *of_twins, self._work, self._inputs, self._periods
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -212,21 +222,17 @@ class ReducedTwins:
 
     def sheath_friction(self) -> Array:
         """Return the breakaway friction force of each sheath element [N], (M, wires, elements)."""
-        own, state = self.parameters, self.state
-        drift = friction_drift(own.warm_up, own.warm_up_time, own.wear, state.time, state.travel)
+        of, state = self.parameters.constants.T, self.state
+        drift = friction_drift(of[WARM_UP], of[WARM_UP_TIME], of[WEAR], state.time, state.travel)
         tension, _ = self.wire_tension_and_slack()
-        return sheath_friction(own, tension, state.command[:, 2], drift)
+        return sheath_friction(self.parameters, tension, state.command[:, 2], drift)
 
     def save_state(self) -> ReducedState:
         """Return the complete state, friction memory included."""
         return ReducedState._make(values.copy() for values in self.state)
 
     def restore_state(self, state: ReducedState) -> None:
-        """Restore a saved state of endoscopes of the same layout; the run continues bit for bit.
-
-        Raises:
-            ValueError: the state is of another number or layout of endoscopes, or of another twin.
-        """
+        """Restore a saved state of endoscopes of the same layout; the run continues bit for bit."""
         if not isinstance(state, ReducedState):
             raise InputError(f"a state of reduced twins is needed, this is a {type(state).__name__:.40}")
         fits = len(state.time) == len(self.presets) and state.past.shape == self.state.past.shape
@@ -242,3 +248,79 @@ class ReducedTwins:
     def _bends(self) -> Array:
         bends: Array = (self.state.hinge * self.parameters.size).sum(axis=2)
         return bends
+
+
+class ReducedEndoscope:
+    """One reduced twin, driven step by step, with the readings of the MuJoCo twin's `Endoscope`."""
+
+    def __init__(self, preset: Preset, step_time: float | None = None) -> None:
+        """Build the endoscope of a preset, at rest; a step is a control period where no time is given [s]."""
+        self.preset = preset
+        self.twins = ReducedTwins([preset], step_time)
+        self._group_of = group_of_hinge(preset.vertebrae)
+
+    @classmethod
+    def from_preset(cls, preset: Preset) -> "ReducedEndoscope":
+        """Build the endoscope of a preset, at rest."""
+        return cls(preset)
+
+    def reset(self) -> None:
+        """Reset to rest, with a new sheath; drive and wear are reset too."""
+        self.twins.reset()
+
+    def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
+        """Advance the endoscope by one step.
+
+        Args:
+            pull: commanded pulling distance of wire a at the end of the step [m].
+            lateral_pull: the same of wire c; it needs two bending planes.
+            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
+        """
+        self.twins.step(pull, lateral_pull, sheath_bend)
+        if not self.twins.converged[0]:
+            raise not_converged(self.preset, float(self.twins.state.missing[0]))
+
+    def bend(self) -> float:
+        """Return the bending angle of the tip in the plane of wires a and b [rad]: the sum of all hinges."""
+        return float(self.twins.bend()[0])
+
+    def lateral_bend(self) -> float:
+        """Return the bending angle of the tip in the plane of wires c and d [rad]; 0 with one plane."""
+        return float(self.twins.lateral_bend()[0])
+
+    def joint_angle(self) -> Array:
+        """Return the hinge angles in the plane of wires a and b, base to tip (vertebrae,) [rad]."""
+        angle: Array = self.twins.state.hinge[0, 0][self._group_of]
+        return angle
+
+    def lateral_joint_angle(self) -> Array:
+        """Return the hinge angles in the plane of wires c and d, (vertebrae,) [rad]; empty with one plane."""
+        lateral: Array = self.twins.state.hinge[0, 1:, self._group_of].reshape(-1)
+        return lateral
+
+    def pull(self) -> float:
+        """Return the distance by which the pulley has pulled wire a [m]."""
+        return float(self.twins.state.pulley[0, 0])
+
+    def wire_tension(self) -> Array:
+        """Return the tension of each wire segment, pulley to tip (wires, elements + 1) [N]; 0 where slack."""
+        tension: Array = self.twins.wire_tension_and_slack()[0][0]
+        return tension
+
+    def wire_slack(self) -> Array:
+        """Return the slack of each wire segment, (wires, elements + 1) [m]; 0 where taut."""
+        slack: Array = self.twins.wire_tension_and_slack()[1][0]
+        return slack
+
+    def sheath_friction(self) -> Array:
+        """Return the breakaway friction force of each sheath element, (wires, elements) [N]."""
+        friction: Array = self.twins.sheath_friction()[0]
+        return friction
+
+    def save_state(self) -> ReducedState:
+        """Return the complete state, friction memory included."""
+        return self.twins.save_state()
+
+    def restore_state(self, state: ReducedState) -> None:
+        """Restore a saved state of an endoscope of the same preset; the run continues bit for bit."""
+        self.twins.restore_state(state)

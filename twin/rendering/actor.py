@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES, Episode
+from twin.mechanics.kinematics import Frames, link_frames
 from twin.physics.drawing.canvas import Layer, View
 from twin.physics.drawing.drawn import DrawnEndoscope
-from twin.physics.drawing.frames import Frames, link_frames, sheath_frames
+from twin.physics.drawing.surfaces import sheath_frames
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]

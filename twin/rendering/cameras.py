@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter
 
 from twin.physics.drawing.canvas import Layer, View
-from twin.physics.drawing.parts import OUTER, cap_length, wheel_place
+from twin.physics.drawing.drawn import OUTER, cap_length, wheel_place
 from twin.rendering.actor import Actor
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 import dataclasses
 
 from twin.errors import InputError
-from twin.physics.drawing.parts import SLEEVES
+from twin.physics.drawing.drawn import SLEEVES
 
 CAMERAS = ("side", "top", "tip", "overview", "endoscopic")
 PANELS = ("both", "view", "curves")

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
+from twin.mechanics.kinematics import link_frames
 from twin.physics.drawing.canvas import View
 from twin.physics.drawing.drawn import DrawnEndoscope
-from twin.physics.drawing.frames import link_frames
 from twin.preset.preset import Preset
 from twin.rendering.actor import PLAIN, Actor, TensionColours
 from twin.rendering.cameras import shot

@@ -29,9 +29,6 @@ def command(
 
     Returns:
         (N,) pulling distance [m].
-
-    Raises:
-        ValueError: the kind is unknown, the interval is empty or the record is shorter than two samples.
     """
     if kind not in SIGNALS:
         raise InputError(f"unknown signal {kind!r}; valid: {', '.join(SIGNALS)}")
@@ -65,11 +62,7 @@ def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
 
 
 def check_finite(pull: Array) -> None:
-    """Check that every sample of a command is finite.
-
-    Raises:
-        ValueError: a sample is NaN or infinite.
-    """
+    """Check that every sample of a command is finite."""
     bad = np.flatnonzero(~np.isfinite(pull))
     if bad.size:
         first = bad[0]

@@ -1,6 +1,6 @@
 """Measurement noise in degrees: the RAM paper's Gaussian and Poisson, and others that it never trains on.
 
-A kind of noise has one level. A filter is told the variance, a set-membership filter the largest magnitude;
+A kind of noise has one level. A filter knows the variance, a set-membership filter the largest magnitude;
 Fisher's information is there for a Cramer-Rao bound.
 """
 
@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.signals.sensor_faults import FAULTS, SensorErrors
-from twin.signals.stereo_noise import STEREO, stereo_noise
+from twin.signals.sensor_errors import FAULTS, STEREO, SensorErrors, stereo_noise
 
 Array = NDArray[np.float64]
 
@@ -65,9 +64,6 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
     Returns:
         Noise to be added to the true angle [deg]. Poisson and gamma noise are not centred: their means are
         lambda and sqrt(`GAMMA_SHAPE` R).
-
-    Raises:
-        ValueError: the kind is unknown or the level is out of range.
     """
     known = _known(kind)
     if not (np.isfinite(level) and level >= 0):
@@ -91,9 +87,6 @@ def draw_errors(
 
     Returns:
         (N,) errors to be added to the true angle, NaN where nothing is measured [deg].
-
-    Raises:
-        ValueError: the kind is unknown or the level is out of range.
     """
     sensor = SENSORS.get(kind)
     if sensor is None:
@@ -104,7 +97,7 @@ def draw_errors(
 
 
 def noise_variance(kind: str, level: float) -> float:
-    """Return the variance of a noise [deg^2]: the R that a Kalman filter is told."""
+    """Return the variance of a noise [deg^2]: the R of a Kalman filter."""
     return SENSORS[kind].variance(level) if kind in SENSORS else _known(kind).variance(level)
 
 

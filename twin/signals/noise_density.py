@@ -23,7 +23,7 @@ from twin.signals.noise import (
     STUDENT_FREEDOM,
     noise_variance,
 )
-from twin.signals.stereo_noise import STEREO, stereo_noise
+from twin.signals.sensor_errors import STEREO, stereo_noise
 
 Array = NDArray[np.float64]
 
@@ -34,26 +34,17 @@ _INNOVATIONS = 150 * np.sinh(np.linspace(-7, 7, 2001)) / np.sinh(7)  # [deg], de
 
 @dataclasses.dataclass(frozen=True)
 class NoiseDensity:
-    """Score of innovations and its mean slope, tabulated over the standard deviation s of the belief.
+    """Score of innovations and its mean slope, tabulated over the standard deviation s of the belief."""
 
-    Attributes:
-        mean: mean of the noise [deg].
-        variance: variance R of the noise [deg^2].
-        scores: (R + s^2) times the score (minus the slope of the log-density), (spreads, innovations) [deg].
-        informations: (R + s^2) times the Fisher information of an innovation about the angle, (spreads,).
-        log_densities: (R + s^2) times the log-density of an innovation under its largest, as `scores`.
-        log_peaks: largest log-density of an innovation, (spreads,).
-        rough: whether it only stands for what the sensor does: counts whose dither is not small beside them,
-            errors that depend on the angle.
-    """
-
-    mean: float
-    variance: float
-    scores: Array
-    informations: Array
-    log_densities: Array
-    log_peaks: Array
+    mean: float  # of the noise [deg]
+    variance: float  # R of the noise [deg^2]
+    scores: Array  # (spreads, innovations), (R + s^2) times the score [deg]
+    informations: Array  # (spreads,), (R + s^2) times the Fisher information of an innovation
+    log_densities: Array  # as `scores`: (R + s^2) times the log-density below its largest
+    log_peaks: Array  # (spreads,) largest log-density of an innovation
     rough: bool = False
+    """True if it only stands for what the sensor does: counts with a dither that is not small, errors that
+    depend on the angle."""
 
     def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
         """Return the log-density of innovations [of 1 / deg]; arguments as of `score`."""
@@ -83,9 +74,6 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
 
     Integer Poisson noise has the density of the dithered one: the lattice would give the angle away, and
     no estimator is to profit from that.
-
-    Raises:
-        ValueError: the kind has no density here.
     """
     if kind not in _MIXTURES:
         raise InputError(f"no density of {kind!r} noise; valid: {', '.join(_MIXTURES)}")
@@ -186,7 +174,7 @@ def _gamma(level: float) -> _Mixture:
 
 
 def _stereo(level: float) -> _Mixture:
-    """Errors of the stereo sensor over all angles, as uniform bins: what depends on the angle is not told."""
+    """Errors of the stereo sensor over all angles, as uniform bins: their dependence on the angle is lost."""
     counts, edges = np.histogram(stereo_noise().errors_deg, bins=40)
     return counts / counts.sum(), (edges[1:] + edges[:-1]) / 2, 0.0, np.diff(edges)
 

@@ -1,4 +1,4 @@
-"""Bending sensor: sampling rate, noise, resolution, latency, and hold between readings."""
+"""Bending sensor: sampling rate, noise, resolution, latency, hold between readings, plausible readings."""
 
 import math
 
@@ -10,6 +10,15 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
+LARGEST_BEND_DEG = 720.0
+"""Largest plausible magnitude of a bending angle, two full turns: no section bends so far [deg]."""
+LARGEST_PULL_MM = 200.0
+"""Largest plausible magnitude of a pulling distance, ten times the stroke of a long section [mm]."""
+LARGEST_TIME_S = 9.2e9
+"""Largest plausible magnitude of a time stamp: nanoseconds since 1970 end there too [s].
+
+These limits of logs and live streams find a broken packet or another unit, not a bad endoscope.
+"""
 _COINCIDENT = 1e-6
 """Tolerance of times, relative to the shortest sample time: sums of periods differ by rounding."""
 
@@ -38,9 +47,6 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
 
     Returns:
         (N,) reported bending angle [rad]; the true one, bit for bit, where the sensor's parameters are all 0.
-
-    Raises:
-        ValueError: `time` does not increase, or the shapes differ or are not (N,) with N of at least 1.
     """
     if time.ndim != 1 or time.shape != bend.shape or not len(time):
         raise InputError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")

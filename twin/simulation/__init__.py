@@ -13,8 +13,8 @@ from twin.preset.preset import Preset
 
 if TYPE_CHECKING:
     from twin.physics.endoscope import Endoscope, State
-    from twin.reduced.endoscope import ReducedEndoscope
-    from twin.reduced.state import ReducedState
+    from twin.reduced.parameters import ReducedState
+    from twin.reduced.twins import ReducedEndoscope
 
 Array = NDArray[np.float64]
 

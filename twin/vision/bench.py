@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.physics.drawing.drawn import DrawnEndoscope
-from twin.physics.drawing.frames import Frames, link_frames, sheath_frames
-from twin.physics.drawing.targets import AWAY, add_plate, add_rod
+from twin.mechanics.kinematics import Frames, link_frames
+from twin.physics.drawing.drawn import AWAY, DrawnEndoscope, add_plate, add_rod
+from twin.physics.drawing.surfaces import sheath_frames
 from twin.preset.preset import Preset
 from twin.rendering.actor import hinge_angles_of
 from twin.vision.optics import Lens, cv2, mounted_cameras

@@ -13,7 +13,7 @@ from PIL import Image
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.physics.drawing.frames import link_frames
+from twin.mechanics.kinematics import link_frames
 from twin.preset.preset import Preset
 from twin.recording.camera import STEREO_SIDES, calibration_message, picture_message, stereo_topics
 from twin.rendering.actor import shape_of

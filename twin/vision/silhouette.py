@@ -10,9 +10,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.drawing.frames import link_frames
-from twin.physics.drawing.parts import OUTER
-from twin.physics.drawing.targets import Plate
+from twin.mechanics.kinematics import link_frames
+from twin.physics.drawing.drawn import OUTER, Plate
 from twin.preset.preset import Preset
 from twin.vision.bench import Pair
 from twin.vision.calibration import StereoCalibration

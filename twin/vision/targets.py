@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.drawing.parts import OUTER
-from twin.physics.drawing.targets import Plate
+from twin.physics.drawing.drawn import OUTER, Plate
 from twin.preset.preset import Preset
 from twin.vision.optics import cv2
 from twin.vision.rig import StereoRig

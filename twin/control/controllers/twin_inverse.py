@@ -8,8 +8,7 @@ from twin.control.controller import Controller, Sensed
 from twin.control.knowledge import ControlKnowledge
 from twin.control.registry import ControllerSpec, register_controller
 from twin.estimation.registry import Style
-from twin.reduced.following import Following, Members
-from twin.reduced.member_set import MemberSet
+from twin.reduced.members import Following, Members, MemberSet
 
 
 class TwinInverse(Controller):

@@ -31,8 +31,7 @@ from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
 if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
-    from twin.reduced.following import Following, Members
-    from twin.reduced.member_set import MemberSet
+    from twin.reduced.members import Following, Members, MemberSet
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
@@ -94,7 +93,7 @@ class RamTwins(Estimator[TwinsState]):
         Raises:
             ValueError: it is no multiple of the members' control period.
         """
-        from twin.preset.sample_time import check_sample_time
+        from twin.preset.preset import check_sample_time
 
         check_sample_time(self.twins.presets[0], sample_time)
         return dataclasses.replace(self, sample_time=sample_time)
@@ -156,7 +155,7 @@ class RamTwins(Estimator[TwinsState]):
     @functools.cached_property
     def members(self) -> "Members":
         """The twins that follow the commands."""
-        from twin.reduced.following import Members
+        from twin.reduced.members import Members
 
         return Members(self.twins, self.sample_time)
 
@@ -168,7 +167,7 @@ def load(path: Path) -> RamTwins:
         FileNotFoundError: there is no such file.
         ValueError: the file is damaged or holds something else.
     """
-    from twin.reduced.member_set import members_from_dict
+    from twin.reduced.members import members_from_dict
 
     file = read_trained_file(path, AGENT)
     try:

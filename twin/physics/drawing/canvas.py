@@ -14,12 +14,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.headless import HOW_TO_INSTALL
-
 Array = NDArray[np.float64]
 Layer = NDArray[np.uint8]
 """(height, width, 4) red, green, blue and alpha; the colours are multiplied by alpha."""
 
+HOW_TO_INSTALL = (
+    "install libegl1 and libgl1-mesa-dri, or libosmesa6 (apt-get install libegl1 libgl1-mesa-dri)"
+)
 LARGEST = 4096
 """Most pixels along a side of a picture."""
 _MOST_SHAPES = 4000
@@ -28,25 +29,15 @@ _OPEN: "weakref.WeakSet[Canvas]" = weakref.WeakSet()
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """Camera: where it is, where it looks, and what it sees.
+    """Camera: where it is, where it looks, and what it sees."""
 
-    Attributes:
-        position: (3,) of the camera [m].
-        forward: (3,) unit vector to what it looks at.
-        up: (3,) unit vector, at right angles to that.
-        half_height: half the height that is seen [m] of a parallel projection; of a perspective one, of what
-            is seen at a distance of 1 m.
-        parallel: True for a parallel projection, in which a length is the same wherever it is.
-        shift: (2,) by which the centre of the picture lies right of, and above, where the camera looks, in
-            half heights.
-    """
-
-    position: Array
-    forward: Array
-    up: Array
+    position: Array  # (3,) [m]
+    forward: Array  # (3,) unit vector to what it looks at
+    up: Array  # (3,) unit vector, at right angles to that
     half_height: float
-    parallel: bool = False
-    shift: tuple[float, float] = (0.0, 0.0)
+    """Half the height that is seen [m]; with perspective, of what is seen at a distance of 1 m."""
+    parallel: bool = False  # a parallel projection, in which a length is the same wherever it is
+    shift: tuple[float, float] = (0.0, 0.0)  # of the picture right and up, in half heights
 
     @property
     def right(self) -> Array:
@@ -62,19 +53,10 @@ class View:
 
 
 class Canvas:
-    """Picture of a model that is drawn anew as often as wanted."""
+    """Picture of a model that is drawn as often as wanted."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Open the renderer, so that a missing library is reported at the start.
-
-        Args:
-            model: what is drawn.
-            width: of a picture [pixels].
-            height: of a picture [pixels].
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Open the renderer, so that a missing library is reported at the start; sizes in pixels."""
         if os.environ.get("MUJOCO_GL", "").lower() in ("disable", "disabled", "off", "false", "0"):
             raise OSError(f"nothing here can draw without a screen (MUJOCO_GL=disable): {HOW_TO_INSTALL}")
         self.width, self.height = width, height

@@ -1,9 +1,12 @@
-"""Drawn endoscope: the parts on their stage, which stand as a record says, before any camera.
+"""Drawn endoscope: the parts on their stage, which stand as a record states, before any camera.
 
-It is a model of its own, beside the one that is simulated: it has no joints and no masses, and every part is
-placed for each picture.
+It is a model of its own, besides the one that is simulated: it has no joints and no masses, and every part is
+placed for each picture; rigid ones are bodies, smooth ones skins. Lengths across are in distances of the
+wires from the axis (`Preset.wire_offset`), so that an endoscope of any thickness looks alike.
 """
 
+import dataclasses
+import math
 from collections.abc import Callable
 
 import mujoco
@@ -13,25 +16,40 @@ from scipy.spatial.transform import Rotation
 
 from twin.episode import WIRES
 from twin.files.assets import assets_folder
+from twin.mechanics.kinematics import Frames
 from twin.physics.drawing.canvas import Canvas, Layer, View
-from twin.physics.drawing.frames import SHEATH_BONES, Frames, sheath_frames
 from twin.physics.drawing.lumen import add_lumen
-from twin.physics.drawing.parts import (
-    add_bodies,
-    add_cap,
-    add_section,
-    add_sheath,
-    add_station,
-    wheel_place,
+from twin.physics.drawing.surfaces import (
+    SHEATH_BONES,
+    Array,
+    Bones,
+    add_skin,
+    drawn_sheath_length,
+    open_shell,
+    rings,
+    round_tube,
+    sheath_frames,
+    window,
 )
-from twin.physics.drawing.targets import AWAY
 from twin.preset.preset import Preset
-
-Array = NDArray[np.float64]
 
 SCENES = ("bench", "overview", "lumen")
 """Surroundings of the section: a straight shaft; sheath and pulleys; a cavity lit by the tip alone."""
+AWAY = np.array([0.0, 1e3, 0.0])
+"""Place of what is not in use [m]: far beyond everything."""
+OUTER = 1.40
+"""Radius of sleeve and sheath."""
+WIRE_PLACES = {"a": (0.0, 1.0), "b": (0.0, -1.0), "c": (1.0, 0.0), "d": (-1.0, 0.0)}
+"""Place of each wire across the section, (y, z)."""
+SLEEVES = ("cut", "whole", "none")
+"""Ways in which the sleeve of the bending section is drawn."""
+
 _PALER = 2.1
+_CAP, _INNER, _VERTEBRA, _CORE, _WIRE = 1.46, 1.26, 0.94, 0.42, 0.19
+_SLEEVE_OPENING, _SHEATH_OPENING = math.radians(76), math.radians(72)  # half of what is cut out
+_TOWARDS_VIEWER, _UPWARDS = math.pi, math.pi / 2
+_WHEEL_GAP, _WHEEL_THICK = 1.4, 0.24  # between sheath and wheel, and across its rim, in radii of the pulley
+_HOLES = 5
 
 
 class DrawnEndoscope:
@@ -46,14 +64,9 @@ class DrawnEndoscope:
         pale: bool = False,
         more: Callable[[mujoco.MjSpec], None] | None = None,
     ) -> None:
-        """Build the model.
+        """Build the model of a scene of `SCENES` and a sleeve of `SLEEVES`.
 
-        Args:
-            preset: shape and size.
-            scene: one of `SCENES`.
-            sleeve: one of `parts.SLEEVES`.
-            pale: True for lighter materials, which are seen on a dark background.
-            more: adds what else there is to the model.
+        It is `pale` for lighter materials on a dark background; `more` adds what else there is.
         """
         self.preset = preset
         self._overview = scene == "overview"
@@ -83,25 +96,19 @@ class DrawnEndoscope:
         self.place_sheath(sheath_frames(preset, 0.0))
 
     def stand(self, links: Frames, index: int) -> None:
-        """Set the pose of the bending section to that of a sample, as of `frames.link_frames`."""
+        """Set the pose of the bending section to that of a sample, as of `link_frames`."""
         for number in range(self.preset.vertebrae):
             self.place(f"link_{number}", links.position[index, number], links.rotation[index, number])
 
     def place_sheath(self, frames: Frames) -> None:
-        """Bend the sheath along its frames, from the base to the pulley, as of `frames.sheath_frames`."""
+        """Bend the sheath along its frames, from the base to the pulley, as of `sheath_frames`."""
         for number in range(SHEATH_BONES + 1):
             self.place(f"sheath_{number}", frames.position[number], frames.rotation[number])
         if self._overview:
             self.place("station", frames.position[-1], frames.rotation[-1])
 
     def turn_wheel(self, plane: int, pull: float, sheath: Frames) -> None:
-        """Turn the wheel of a bending plane to a pulling distance [m], at the pulley's end of a sheath.
-
-        Args:
-            plane: 0, or 1 for wires c and d.
-            pull: distance that wire a, or c, is pulled by [m].
-            sheath: frames of the sheath.
-        """
+        """Turn the wheel of a bending plane to a pulling distance [m], at the pulley's end of a sheath."""
         rotation = sheath.rotation[-1]
         centre = sheath.position[-1] + rotation @ np.array(wheel_place(self.preset, plane))
         across = np.eye(3) if plane == 0 else Rotation.from_rotvec([np.pi / 2, 0, 0]).as_matrix()
@@ -110,11 +117,7 @@ class DrawnEndoscope:
         self.place(f"wheel_{plane}", centre, rotation @ across @ turn)
 
     def paint_wires(self, colours: Array) -> None:
-        """Colour each length of each wire, pulley to tip.
-
-        Args:
-            colours: (wires, lengths, 3) red, green and blue, from 0 to 1; one length paints a whole wire.
-        """
+        """Colour each length of each wire, pulley to tip: (wires, lengths or 1, 3) from 0 to 1."""
         for (wire, element), skin in self._skins.items():
             length = min(element, colours.shape[1] - 1)
             self.model.skin_rgba[skin, :3] = colours[wire, length]
@@ -123,11 +126,7 @@ class DrawnEndoscope:
                 self.model.geom(f"wire_{WIRES[wire]}").rgba[:3] = colours[wire, 0]
 
     def open_canvas(self, width: int, height: int) -> None:
-        """Open the renderer for pictures of a size.
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Open the renderer for pictures of a size."""
         self._canvas = Canvas(self.model, width, height)
 
     def draw(self, view: View) -> Layer:
@@ -177,3 +176,298 @@ def _light_by_the_tip(spec: mujoco.MjSpec, preset: Preset) -> None:
             specular=[0.5, 0.5, 0.5],
             castshadow=False,
         )
+
+
+def cap_length(preset: Preset) -> float:
+    """Return how far the cap reaches beyond the end of the last link [m]."""
+    return 0.5 * preset.wire_offset
+
+
+def add_bodies(spec: mujoco.MjSpec, preset: Preset) -> tuple[Bones, Bones]:
+    """Add the bodies that are placed for each picture; returns the bones of the section and of the sheath."""
+    section, sheath = _section_bones(preset), _sheath_bones(preset)
+    for bones in (section, sheath):
+        for name, origin in zip(bones.names, bones.origin, strict=True):
+            spec.worldbody.add_body(name=name, pos=[origin, 0, 0], mocap=True)
+    return section, sheath
+
+
+def _section_bones(preset: Preset) -> Bones:
+    """Return the base, the links and the tip. The base holds the shaft straight."""
+    count, link = preset.vertebrae, preset.section_length / preset.vertebrae
+    names = ("base", *(f"link_{index}" for index in range(count)))
+    origin = np.array([0.0, *(link * np.arange(count))])
+    middle = np.array([-0.5 * link, *(link * (np.arange(count) + 0.5))])
+    return Bones(names, origin, middle)
+
+
+def _sheath_bones(preset: Preset) -> Bones:
+    """Return the frames of the sheath from the pulley to the base, so that x increases."""
+    length = drawn_sheath_length(preset)
+    names = tuple(f"sheath_{index}" for index in range(SHEATH_BONES, -1, -1))
+    origin = np.linspace(-length, 0.0, SHEATH_BONES + 1)
+    return Bones(names, origin, origin)
+
+
+def add_section(spec: mujoco.MjSpec, preset: Preset, bones: Bones, sleeve: str) -> None:
+    """Add the sleeve of the bending section, and where it is not whole, what is in it."""
+    radius, link, length = preset.wire_offset, preset.section_length / preset.vertebrae, preset.section_length
+    if sleeve != "whole":
+        _add_inside(spec, preset, bones)
+    if sleeve == "none":
+        return
+    start, end = min(1.2 * radius, 0.1 * length), length - max(3.0 * radius, 0.1 * length)
+    corner = min(1.6 * radius, 0.2 * length)
+    along = _window_rings(-0.5 * link, start, end, length, corner, length / 48)
+    opening = np.zeros(len(along))
+    if sleeve == "cut":
+        opening = window(along, start, end, _SLEEVE_OPENING, corner)
+    _shell(spec, "sleeve", along, opening, _TOWARDS_VIEWER, preset, bones)
+
+
+def _add_inside(spec: mujoco.MjSpec, preset: Preset, bones: Bones) -> None:
+    """Add vertebrae, core and wires."""
+    radius, link = preset.wire_offset, preset.section_length / preset.vertebrae
+    length, count = preset.section_length, preset.vertebrae
+    for index in range(count):
+        body = spec.body(f"link_{index}")
+        _cylinder(body, 0.22 * link, 0.78 * link, _VERTEBRA * radius, "vertebra")
+        for start, end in ((0.16, 0.22), (0.78, 0.84)):
+            _cylinder(body, start * link, end * link, 0.93 * _VERTEBRA * radius, "vertebra")
+    along = rings([-0.5 * link, 0.0, length], max(link / 3, length / 60))
+    add_skin(spec, "core", round_tube(along, _CORE * radius, 10), bones, "core")
+    for wire in WIRES[: preset.wires]:
+        y, z = WIRE_PLACES[wire]
+        tube = round_tube(along, _WIRE * radius, 8, (y * radius, z * radius))
+        add_skin(spec, f"wire_{wire}{preset.sheath_elements}", tube, bones, "wire")
+
+
+def add_cap(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Add the rigid tip: cap, lens, two windows of light, and the mouth of the working channel."""
+    radius, link = preset.wire_offset, preset.section_length / preset.vertebrae
+    body = spec.body(f"link_{preset.vertebrae - 1}")
+    front = link + cap_length(preset)
+    back = link - max(2.0 * radius, 0.6 * link)
+    chamfer = 0.22 * radius
+    profile = [
+        (back, 0.0),
+        (back, OUTER - 0.04),
+        (back + 0.05 * radius, _CAP),
+        (front - chamfer, _CAP),
+        (front - 0.3 * chamfer, _CAP - 0.13),
+        (front, _CAP - 0.26),
+    ]
+    _revolved(spec, body, "cap", [(x, share * radius) for x, share in profile], "cap")
+    _cylinder(body, front - chamfer, front + 0.02 * radius, (_CAP - 0.27) * radius, "face")
+    _cylinder(body, front, front + 0.04 * radius, 0.47 * radius, "vertebra", (0.0, 0.46 * radius))
+    dome = body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=[0.16 * radius, 0.40 * radius, 0.40 * radius]
+    )
+    dome.pos, dome.material = [front + 0.04 * radius, 0.0, 0.46 * radius], "lens"
+    _cylinder(body, front, front + 0.03 * radius, 0.36 * radius, "vertebra", (-0.34 * radius, -0.58 * radius))
+    _cylinder(body, front, front + 0.05 * radius, 0.31 * radius, "channel", (-0.34 * radius, -0.58 * radius))
+    for y, z in ((-0.78, 0.24), (0.78, 0.24), (0.46, -0.66)):
+        _cylinder(body, front, front + 0.05 * radius, 0.18 * radius, "light", (y * radius, z * radius))
+
+
+def add_sheath(spec: mujoco.MjSpec, preset: Preset, bones: Bones, *, opened: bool) -> None:
+    """Add the sheath, and if it is opened, the wires in it: a skin for each length between its elements."""
+    radius, length = preset.wire_offset, drawn_sheath_length(preset)
+    start, end, corner = -0.97 * length, -0.03 * length, 2.0 * radius
+    along = rings([-length, 0.0], length / 4)  # straight
+    opening = np.zeros(len(along))
+    if opened:
+        along = _window_rings(-length, start, end, 0.0, corner, length / (2 * SHEATH_BONES))
+        opening = window(along, start, end, _SHEATH_OPENING, corner)
+        elements = preset.sheath_elements
+        for wire in WIRES[: preset.wires]:
+            y, z = WIRE_PLACES[wire]
+            for element in range(elements):
+                start, end = (-length * (1 - share / elements) for share in (element, element + 1))
+                piece = rings([start, end], length / (2 * SHEATH_BONES))
+                tube = round_tube(piece, _WIRE * radius, 6, (y * radius, z * radius))
+                add_skin(spec, f"wire_{wire}{element}", tube, bones, "wire")
+        add_skin(spec, "sheath_core", round_tube(along, _CORE * radius, 8), bones, "core")
+    _shell(spec, "sheath", along, opening, _UPWARDS, preset, bones)
+    _cylinder(
+        spec.body("base"), -1.4 * radius, 0.7 * radius, _CAP * radius, "cap"
+    )  # over the joint with the sleeve
+
+
+def add_station(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Add the end of the sheath, and for each bending plane a wheel on its motor, with the wires to it.
+
+    The body `station` stands where the sheath ends; `wheel_0` and `wheel_1` turn on the axes of their motors.
+    """
+    station = spec.worldbody.add_body(name="station", mocap=True)
+    behind = 1.0 if math.cos(preset.sheath_bend) >= 0 else -1.0  # motors stand behind the wheels
+    radius, wheel = preset.wire_offset, preset.pulley_radius
+    _cylinder(station, -0.16 * wheel, 0.5 * wheel, 1.35 * OUTER * radius, "motor")
+    for plane in range(preset.bending_planes):
+        centre = np.array(wheel_place(preset, plane))
+        axis = np.array([[0.0, behind, 0.0], [0.0, 0.0, -1.0]][plane])
+        body = spec.worldbody.add_body(name=f"wheel_{plane}", mocap=True)
+        _add_wheel(body, wheel)
+        start, end = (centre + share * wheel * axis for share in (0.5 * _WHEEL_THICK, 1.5))
+        station.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            fromto=[*start, *end],
+            size=[0.62 * wheel, 0, 0],
+            material="motor",
+        )
+        for wire in WIRES[2 * plane : 2 * plane + 2]:
+            y, z = WIRE_PLACES[wire]
+            across = np.array([0.0, y, z])
+            station.add_geom(
+                name=f"wire_{wire}",
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[*(radius * across), *(centre + (wheel - 0.5 * _WIRE * radius) * across)],
+                size=[_WIRE * radius, 0, 0],
+                material="wire",
+            )
+
+
+def wheel_place(preset: Preset, plane: int) -> tuple[float, float, float]:
+    """Return the centre of the wheel of a bending plane, in the frame of the station [m]."""
+    return -(_WHEEL_GAP + 2.7 * plane) * preset.pulley_radius - preset.pulley_radius, 0.0, 0.0
+
+
+def _add_wheel(body: mujoco.MjsBody, radius: float) -> None:
+    """Add a wheel about the y axis of its body: rims around a groove, holes, and a mark to see its turn."""
+    half = 0.5 * _WHEEL_THICK * radius
+
+    def disc(
+        start: float, end: float, size: float, material: str, place: tuple[float, float] = (0, 0)
+    ) -> None:
+        x, z = place
+        ends = [x, start, z, x, end, z]
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=ends, size=[size, 0, 0], material=material)
+
+    disc(-half, -0.4 * half, 1.08 * radius, "wheel")
+    disc(-0.4 * half, 0.4 * half, 0.98 * radius, "vertebra")
+    disc(0.4 * half, half, 1.08 * radius, "wheel")
+    disc(-1.5 * half, 1.5 * half, 0.2 * radius, "motor")
+    for hole in range(_HOLES):
+        angle = 2 * np.pi * (hole + 0.5) / _HOLES
+        place = (0.6 * radius * np.cos(angle), 0.6 * radius * np.sin(angle))
+        disc(-1.1 * half, 1.1 * half, 0.2 * radius, "mark", place)
+    for side in (-1.05, 1.05):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[0.0, side * half, 0.90 * radius],
+            size=[0.045 * radius, 0.1 * half, 0.17 * radius],
+            rgba=[0.75, 0.13, 0.10, 1],
+        )
+
+
+def _window_rings(
+    first: float, start: float, end: float, last: float, corner: float, spacing: float
+) -> Array:
+    """Return places of rings, dense where an opening from `start` to `end` has its round corners [m]."""
+    bow = corner * (1 - np.cos(np.linspace(0, np.pi / 2, 7)))
+    stops = [first, *(start + bow[:-1]), start + corner, end - corner, *(end - bow[-2::-1]), last]
+    return rings(stops, spacing)
+
+
+def _shell(
+    spec: mujoco.MjSpec, name: str, along: Array, opening: Array, towards: float, preset: Preset, bones: Bones
+) -> None:
+    outer, inner = (np.full(len(along), share * preset.wire_offset) for share in (OUTER, _INNER))
+    seam = towards if opening.any() else towards + math.pi  # of a whole one, out of sight
+    wall, cut = open_shell(along, outer, inner, opening, 24, seam)
+    add_skin(spec, name, wall, bones, name)
+    add_skin(spec, f"{name}_cut", cut, bones, "cut")
+
+
+def _cylinder(
+    body: mujoco.MjsBody,
+    start: float,
+    end: float,
+    radius: float,
+    material: str,
+    place: tuple[float, float] = (0.0, 0.0),
+) -> None:
+    """Add a cylinder along x."""
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[start, *place, end, *place],
+        size=[radius, 0, 0],
+        material=material,
+    )
+
+
+def _revolved(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, profile: list[tuple[float, float]], material: str
+) -> None:
+    """Add a solid of revolution about x, closed at its ends: `profile` is (x, radius) from back to front."""
+    sides = 40
+    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    points = [[x, r * np.cos(a), r * np.sin(a)] for x, r in profile for a in angle]
+    points += [[profile[-1][0], 0.0, 0.0]]
+    faces = []
+    for row in range(len(profile) - 1):
+        for k in range(sides):
+            here, right = row * sides + k, row * sides + (k + 1) % sides
+            faces += [[here, right, right + sides], [here, right + sides, here + sides]]
+    last, centre = (len(profile) - 1) * sides, len(points) - 1
+    faces += [[last + k, last + (k + 1) % sides, centre] for k in range(sides)]
+    spec.add_mesh(
+        name=name,
+        uservert=np.ravel(points).tolist(),
+        userface=np.ravel(faces).astype(int).tolist(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=material)
+
+
+@dataclasses.dataclass(frozen=True)
+class Plate:
+    """Flat plate with a printed front."""
+
+    name: str  # of it, and of its body where it has one of its own
+    picture: NDArray[np.uint8]  # (height, width) grey levels of its front
+    size: tuple[float, float]  # width and height [m]
+    body: str = ""  # that carries it; empty: one of its own, which is placed for each picture
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of its front, in the frame of the body [m]
+    right: tuple[float, float, float] = (1.0, 0.0, 0.0)  # unit vector along its rows, in the same frame
+    down: tuple[float, float, float] = (0.0, 0.0, -1.0)  # along its columns; right x down points into it
+
+    def corners(self) -> Array:
+        """Return the corners of its front (4, 3) in the body's frame, from the upper left clockwise [m]."""
+        right = np.array(self.right) * self.size[0] / 2
+        down = np.array(self.down) * self.size[1] / 2
+        around = np.array([-right - down, right - down, right + down, -right + down])
+        corners: Array = np.array(self.centre) + around
+        return corners
+
+
+def add_plate(spec: mujoco.MjSpec, plate: Plate) -> None:
+    """Add a plate; its front has no gloss."""
+    name = plate.body or plate.name
+    if not plate.body:
+        spec.worldbody.add_body(name=name, pos=AWAY.tolist(), mocap=True)
+    height, width = plate.picture.shape
+    texture = spec.add_texture(
+        name=plate.name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
+    )
+    texture.data = np.repeat(plate.picture[..., None], 3, axis=-1).tobytes()
+    material = spec.add_material(name=plate.name, specular=0.0, shininess=0.0, rgba=[1, 1, 1, 1])
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = plate.name
+    front = plate.corners()
+    skin = spec.add_skin(name=plate.name, material=plate.name)
+    skin.vert = front.ravel().tolist()
+    skin.texcoord = [0, 0, 1, 0, 1, 1, 0, 1]
+    skin.face = [0, 3, 2, 0, 2, 1]
+    skin.bodyname, skin.vertid, skin.vertweight = [name], [[0, 1, 2, 3]], [[1.0] * 4]
+    skin.bindpos, skin.bindquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+
+
+def add_rod(spec: mujoco.MjSpec, name: str, radius: float, length: float) -> None:
+    """Add a dark rod along the x axis of a body of its own: an instrument that passes before the cameras."""
+    body = spec.worldbody.add_body(name=name, pos=AWAY.tolist(), mocap=True)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[-length / 2, 0, 0, length / 2, 0, 0],
+        size=[radius, 0, 0],
+        material="motor",
+    )

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from twin.physics.drawing.frames import Array
+Array = NDArray[np.float64]
 
 _SEED = 7  # of its shape and its vessels: there is one lumen
 _RADIUS, _CENTRE = 1.18, 0.5  # in lengths of the bending section
@@ -20,12 +20,7 @@ _CALYCES = 11
 
 
 def add_lumen(spec: mujoco.MjSpec, section_length: float) -> None:
-    """Add the cavity, seen from inside; it holds every pose of a section of this length.
-
-    Args:
-        spec: the stage.
-        section_length: of the bending section [m].
-    """
+    """Add the cavity, seen from inside; it holds every pose of a section of this length."""
     rng = np.random.default_rng(_SEED)
     polar = np.linspace(0.0, np.pi, _ROWS + 1)
     around = np.linspace(0.0, 2 * np.pi, _COLUMNS + 1)

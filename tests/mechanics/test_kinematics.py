@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from plain_endoscope import PLAIN
 
-from twin.mechanics.tip_position import tip_position
+from twin.mechanics.kinematics import link_frames
 from twin.physics.endoscope import Endoscope
 
 LENGTH = 0.04  # [m]
+
+
+def tip_position(*arguments) -> np.ndarray:
+    """Position of the tip, (N, 3) [m]."""
+    return link_frames(*arguments).position[:, -1]
 
 
 def test_tip_is_where_mujoco_has_it_in_two_planes():

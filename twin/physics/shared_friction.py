@@ -1,10 +1,15 @@
 """Dry friction that opposes the motion in both bending planes as one, by constraints that MuJoCo has.
 
-`twin/reduced/shared_friction.py` states the law: neighbours slide in the direction tau / F, with tau the
+`twin/reduced/two_planes.py` states the law: neighbours slide in the direction tau / F, with tau the
 forces that friction holds over the friction F of each. Here every pair has a constraint along tau and one
 across it. With a friction of 1 each, in units of F, the pair slides along tau, and across it hardly at all.
 The direction follows the force from one control period to the next. What slides gives way as the direction
-turns, so that the force across it, which told the turn, falls: the turn is taken by an implicit step.
+turns, so that the force across it, which determines the turn, falls: the step is implicit.
+
+Stick and slip: elements of the sheath at rest are held by more than they slide against (`stiction`). One that
+has broken away slides until it has caught up with what pulls it; then it is held again, and the tip moves in
+steps. Friction falls within some control periods: MuJoCo takes two time steps to brake what slides, so that
+an element let go at once would slide several times too far.
 """
 
 from collections.abc import Sequence
@@ -12,16 +17,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.compiled import entry
-from twin.mechanics.friction import LEAST_FRICTION
-from twin.mechanics.hinges import hinge_groups
+from twin.mechanics.friction import CAUGHT_UP, LEAST_FRICTION, hinge_groups
+from twin.mechanics.kernels import entry
 from twin.physics.layout import Index, Layout
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-TOLD = 1e-3
-"""Force over friction above which it tells a direction [-]."""
+LEAST_FORCE = 1e-3
+"""Force over friction above which it determines a direction [-]."""
+BREAKS_AWAY = 0.99
+"""Force beyond sliding friction at which an element breaks away, as a share of what stiction adds [-]."""
+FALL = 0.8
+"""Factor within a control period on what stiction adds to the friction of an element that slides [-]."""
 
 
 class SharedFriction:
@@ -47,7 +55,7 @@ class SharedFriction:
         self._first_wrap = np.concatenate([[0], np.cumsum(2 * self._members)])
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Set all directions to the first plane."""
         self.direction[:] = 0.0
 
     def write(self, sheath: Array, joints: Array, loss: Array, coefficient: Array) -> None:
@@ -62,14 +70,14 @@ class SharedFriction:
         friction = self._of_pairs(sheath, joints)
         write_pairs(friction, self.direction, self._members, self._first_wrap, loss, coefficient)
 
-    def note(
+    def observe_constraints(
         self, constraint: Array, qvel: Array, sheath: Array, joints: Array, damping: Array, moving: Index
     ) -> None:
         """Turn the directions towards those of the forces that friction holds.
 
         Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs
         k_p. Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with
-        a across it. So the turn that the force across tells is divided by 1 + c.
+        a across it. So the turn by the force across is divided by 1 + c.
 
         Args:
             constraint: (B, nv) forces of MuJoCo's constraints, of which there are no others.
@@ -89,8 +97,8 @@ class SharedFriction:
         held, ahead = (tau * across).sum(axis=1), (tau * along).sum(axis=1)
         # Back along the same line is no turn.
         turn = np.arctan2(np.copysign(held, held * ahead), np.abs(ahead)) / (1 + lost)
-        told = np.hypot(tau[:, 0], tau[:, 1]) > TOLD
-        self.direction[moving] = np.where(told, before + turn, before)
+        loaded = np.hypot(tau[:, 0], tau[:, 1]) > LEAST_FORCE
+        self.direction[moving] = np.where(loaded, before + turn, before)
 
     def _stiffness(self, damping: Array, moving: Index) -> Array:
         """Return what holds each member of a pair but friction, (b, 2, pairs) [N / m] and [N m / rad]."""
@@ -133,3 +141,37 @@ def write_pairs(
             coefficient[b, 0, middle:end] = sin * second / largest
             coefficient[b, 1, start:middle] = -sin * first / largest
             coefficient[b, 1, middle:end] = cos * second / largest
+
+
+class Sticking:
+    """Elements at rest, of B endoscopes of one layout. With two planes, neighbours stick and slip as one.
+
+    Attributes:
+        grip: (B, sides, elements) share of what stiction adds that holds each, 1 at rest [-]; the sides are
+            wires a and b, or with two planes a with c and b with d.
+    """
+
+    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
+        """Begin with all at rest."""
+        self._wires: Index = np.arange(layout.wires).reshape(len(layout.hinge), -1)
+        self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
+        self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
+
+    def reset(self) -> None:
+        """Set all to rest."""
+        self.grip[:] = 1.0
+
+    def hold(self, sheath: Array, tension: Array) -> None:
+        """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
+
+        Args:
+            sheath: (B, wires, elements) friction of sliding [N].
+            tension: (B, wires, elements + 1) of the segments, without damping [N].
+        """
+        pulled = (np.diff(tension, axis=2) / sheath)[:, self._wires]
+        beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0
+        slides = (beyond >= BREAKS_AWAY * self._stiction) | (self.grip < 1.0)
+        self.grip[slides] *= FALL
+        self.grip[beyond <= CAUGHT_UP * self._stiction] = 1.0
+        for wires in self._wires:
+            sheath[:, wires] *= 1 + self._stiction * self.grip

@@ -1,28 +1,36 @@
-"""Simulation by the reduced twin along command signals: presets and arrays in, `Episode`s out."""
+"""Simulation by the reduced twin along command signals, and its derivatives with respect to parameters."""
 
+import dataclasses
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.mechanics.batch import commands_of
-from twin.mechanics.command import Command
-from twin.mechanics.hinges import group_of_hinge
-from twin.mechanics.record import record_of
-from twin.preset.preset import Preset
-from twin.reduced.advance import Trace, advance_record, keep, new_trace
-from twin.reduced.endoscope import ReducedEndoscope
-from twin.reduced.parameters import Parameters, parameters_of
-from twin.reduced.readings import sheath_friction, tension_and_slack
-from twin.reduced.rest import state_at_rest
-from twin.reduced.state import MISSING_LIMIT_N, ReducedState, not_converged
-from twin.reduced.workspace import new_workspace
+from twin.errors import InputError
+from twin.mechanics.command import Command, commands_of, record_of
+from twin.mechanics.friction import group_of_hinge
+from twin.preset.preset import Preset, parameter_limits
+from twin.reduced.advance import Trace, advance_record, keep, new_trace, new_workspace, state_at_rest
+from twin.reduced.parameters import (
+    MISSING_LIMIT_N,
+    Parameters,
+    ReducedState,
+    not_converged,
+    parameters_of,
+    sheath_friction,
+    tension_and_slack,
+)
+from twin.reduced.twins import ReducedEndoscope
 
 Array = NDArray[np.float64]
+
+SHARE = 1e-4
+"""Step of a parameter as a share of its value: far above what equilibrium leaves open, far below a loop."""
 
 
 def simulate_batch(
@@ -48,9 +56,6 @@ def simulate_batch(
 
     Returns:
         B records; None in the place of an endoscope that did not converge to equilibrium.
-
-    Raises:
-        ValueError: the endoscopes differ in layout, gravity pulls at one, or a command cannot be.
     """
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     parameters = parameters_of(presets)
@@ -97,10 +102,6 @@ def simulate(
             along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
-
-    Raises:
-        ValueError: as `simulate_batch`.
-        FloatingPointError: it did not converge to equilibrium.
     """
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
     endoscope = endoscope or ReducedEndoscope.from_preset(preset)
@@ -109,8 +110,8 @@ def simulate(
         endoscope.restore_state(state)
     else:
         _approach(parameters, own, 0, command)
-    note = None if on_sample is None else functools.partial(on_sample, endoscope)
-    record = _record(parameters, own, 0, command, note)
+    notify = None if on_sample is None else functools.partial(on_sample, endoscope)
+    record = _record(parameters, own, 0, command, notify)
     if record is None:
         raise not_converged(preset, float(own.missing[0]))
     return record
@@ -118,12 +119,12 @@ def simulate(
 
 def _approach(parameters: Parameters, state: ReducedState, m: int, command: Command) -> None:
     """Advance one endoscope from rest to the first sample of its command, in steps as long as a sample."""
-    each, way = command.between.shape[1], command.before
-    stops = np.arange((len(way) - 1) % each + 1, len(way) + 1, each)
+    each, path = command.between.shape[1], command.before
+    stops = np.arange((len(path) - 1) % each + 1, len(path) + 1, each)
     state.command[m, 2] = command.sheath_bend[0]
     periods = np.diff(stops, prepend=0)
     trace = new_trace(parameters, len(stops))
-    advance_record(parameters, state, new_workspace(parameters), m, way[stops - 1], periods, trace)
+    advance_record(parameters, state, new_workspace(parameters), m, path[stops - 1], periods, trace)
 
 
 def _record(
@@ -151,18 +152,7 @@ def _record(
             on_sample()
     if not state.missing[m] <= MISSING_LIMIT_N:
         return None
-    return _episode(_only(parameters, m), command, *(kept[:, None] for kept in trace))
-
-
-def _only(parameters: Parameters, m: int) -> Parameters:
-    """Return the parameters of one endoscope."""
-    shared = ("size", "late", "control_period")
-    return Parameters(
-        **{
-            name: values if name in shared else values[m : m + 1]
-            for name, values in parameters._asdict().items()
-        }
-    )
+    return _episode(parameters.only(m), command, *(kept[:, None] for kept in trace))
 
 
 def _episode(
@@ -180,3 +170,103 @@ def _episode(
         pulley=pulley[:, 0, 0],
         metadata={"physics": "reduced"},
     )
+
+
+@dataclasses.dataclass(frozen=True)
+class Derivatives:
+    """A record and how it changes with the parameters of its endoscope.
+
+    Attributes:
+        record: at the parameters themselves.
+        bend: (N, P) change of the bend with each parameter [rad per unit of the parameter].
+        lateral_bend: (N, P) the same of the second plane; zero with one plane.
+    """
+
+    record: Episode
+    bend: Array
+    lateral_bend: Array
+
+
+def derivatives(
+    preset: Preset,
+    pull: Array,
+    sample_time: float,
+    names: Sequence[str],
+    *,
+    lateral_pull: Array | None = None,
+    sheath_bend: Array | float | None = None,
+    steps: Mapping[str, float] | None = None,
+    threads: int = 0,
+) -> Derivatives:
+    """Return a record and its derivatives with respect to parameters, by differences of second order.
+
+    They are central, but one-sided where a parameter is at its limit. All records run side by side.
+
+    Args:
+        preset: the endoscope.
+        pull: (N,) commanded pulling distance of wire a [m], as `simulate` takes it.
+        sample_time: time between two samples [s].
+        names: P parameters of the preset.
+        lateral_pull: (N,) of wire c [m].
+        sheath_bend: (N,) or one angle [rad].
+        steps: of parameters, in their units; without one, a ten-thousandth of the value.
+        threads: number of threads; 0 for one per core.
+    """
+    presets, shares = [preset], []
+    for name in names:
+        given = (steps or {}).get(name)
+        moved, weights = _stencil(preset, name, given)
+        presets += [preset.replace(**{name: value}) for value in moved]
+        shares.append(weights)
+    count = len(presets)
+    records = simulate_batch(
+        presets,
+        [pull] * count,
+        sample_time,
+        lateral_pulls=[lateral_pull] * count,
+        sheath_bends=[sheath_bend] * count,
+        threads=threads,
+    )
+    inputs: dict[str, Any] = {"lateral_pull": lateral_pull, "sheath_bend": sheath_bend}
+    # Of one without equilibrium, another run says by how much it was missed.
+    whole = [
+        simulate(one, pull, sample_time, **inputs) if record is None else record
+        for one, record in zip(presets, records, strict=True)
+    ]
+    changes = [
+        _weighed([whole[0], whole[1 + 2 * place], whole[2 + 2 * place]], weights)
+        for place, weights in enumerate(shares)
+    ]
+    bend, lateral = (np.stack(columns, axis=1) for columns in zip(*changes, strict=True))
+    return Derivatives(whole[0], bend, lateral)
+
+
+def _stencil(preset: Preset, name: str, step: float | None) -> tuple[list[float], Array]:
+    """Return two values of a parameter beside its own, and the weights (3,) of the records at all three."""
+    low, high = parameter_limits(name)
+    if isinstance(getattr(preset, name), int):
+        raise InputError(f"{name} is a whole number: it has no derivative")
+    value = float(getattr(preset, name))
+    if step is None:
+        step = SHARE * abs(value)
+    if not (step > 0 and np.isfinite(step)):
+        raise InputError(f"{name} = {value:g} has a step of {step:g}: give a positive one in its unit")
+    if low <= value - step and value + step <= high:
+        return [value + step, value - step], np.array([0.0, 0.5, -0.5]) / step
+    side = step if value + 2 * step <= high else -step
+    if not low <= value + 2 * side <= high:
+        raise InputError(
+            f"{name} = {value:g} cannot take steps of {step:g}: its limits are {low:g} to {high:g}"
+        )
+    return [value + side, value + 2 * side], np.array([-1.5, 2.0, -0.5]) / side
+
+
+def _weighed(records: Sequence[Episode], weights: Array) -> tuple[Array, Array]:
+    """Return the weighed sums of bends and lateral bends, both (N,)."""
+    bend: Array = sum(weight * record.bend for weight, record in zip(weights, records, strict=True))
+    if not len(records[0].lateral_bend):
+        return bend, np.zeros_like(bend)
+    lateral: Array = sum(
+        weight * record.lateral_bend for weight, record in zip(weights, records, strict=True)
+    )
+    return bend, lateral

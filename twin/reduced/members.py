@@ -5,6 +5,7 @@ say nothing of that; those of some sheaths that move, each at a pace of its own,
 weights of an ensemble can follow.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -15,7 +16,9 @@ from twin.errors import InputError
 from twin.files.shown import shown
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import NEVER_DRAWN
-from twin.reduced.parameters import refuse_gravity
+from twin.reduced.parameters import ReducedState, refuse_gravity
+from twin.reduced.twins import ReducedTwins
+from twin.signals.excitation import approach
 
 Array = NDArray[np.float64]
 LEAST_PERIOD_S = 1e-3  # control period of members: a shorter one would hold every sample up
@@ -92,11 +95,7 @@ def members_to_dict(members: MemberSet) -> dict[str, Any]:
 
 
 def members_from_dict(values: Any) -> MemberSet:
-    """Return the members of what `members_to_dict` returned.
-
-    Raises:
-        ValueError: it is something else, or a value cannot be.
-    """
+    """Return the members of what `members_to_dict` returned."""
     # Here, so that a table of methods needs none of it.
     from twin.files.json_text import validated
     from twin.files.trained_schema import MOST_MEMBERS, MembersFile
@@ -128,11 +127,7 @@ def members_from_dict(values: Any) -> MemberSet:
 
 
 def check_members(presets: Sequence[Preset]) -> None:
-    """Refuse members that reduced twins cannot be, or that would take hours for a sample.
-
-    Raises:
-        ValueError: they have two bending planes or gravity, or a control period below 1 ms.
-    """
+    """Refuse members that reduced twins cannot be, or that would take hours for a sample."""
     for preset in presets:
         if preset.bending_planes != 1:
             raise InputError(
@@ -143,3 +138,109 @@ def check_members(presets: Sequence[Preset]) -> None:
             raise InputError(
                 f"control_period = {preset.control_period:g} s: must be at least {LEAST_PERIOD_S:g} s"
             )
+
+
+class Following(NamedTuple):
+    """Members along the commands of B filters.
+
+    Attributes:
+        twins: state of the M members along each of G commands.
+        command: (B,) number of the command that each filter follows.
+        bend_deg: (G, M) angle of the members there [deg].
+        time: since the first sample [s].
+    """
+
+    twins: tuple[ReducedState, ...]
+    command: NDArray[np.int64]
+    bend_deg: Array
+    time: float
+
+    def of_filters(self) -> Array:
+        """Return the (B, M) angle of the members that each filter has [deg]."""
+        return self.bend_deg[self.command]
+
+
+class Members:
+    """M reduced twins that are stepped along any number of commands, with one command's memory at a time."""
+
+    def __init__(self, members: MemberSet, sample_time: float) -> None:
+        """Build the twins."""
+        self.sample_time = sample_time
+        self._members, self._moves = members, members.moves
+        self._twins = ReducedTwins(members.at_start(), sample_time)
+        self._zero_mm = members.presets[0].command_zeros[0] * 1e3
+        self._at_rest = self._twins.save_state()
+
+    def start(self, pull_mm: Array) -> Following:
+        """Return the members of B filters at their first pull (B,) [mm], to which they go from rest."""
+        pulls, command = np.unique(pull_mm, return_inverse=True)
+        states, bends = [], []
+        for pull in pulls:
+            self._twins.restore_state(self._at_rest)
+            for on_the_way in approach((pull - self._zero_mm) * 1e-3, self.sample_time):
+                self._twins.step(on_the_way + self._zero_mm * 1e-3)
+            states.append(self._twins.save_state())
+            bends.append(np.degrees(self._twins.bend()))
+        return Following(tuple(states), command.reshape(-1).astype(np.int64), np.array(bends), 0.0)
+
+    def step(self, following: Following, pull_mm: Array) -> Following:
+        """Return the members one sample later, at the pulls (B,) [mm] of their filters.
+
+        Filters that part from each other have members of their own from there on.
+        """
+        states: list[ReducedState] = []
+        bends: list[Array] = []
+        command = np.empty_like(following.command)
+        time = following.time + self.sample_time
+        sheath = self._sheath_bend(time)
+        for number, state in enumerate(following.twins):
+            mine = np.flatnonzero(following.command == number)
+            for pull in np.unique(pull_mm[mine]):
+                self._twins.restore_state(state)
+                bend = np.degrees(self._twins.step(pull * 1e-3, sheath_bend=sheath))
+                # A member that found no equilibrium says nothing: the step is refused, not believed.
+                bends.append(np.where(self._twins.converged, bend, np.nan))
+                command[mine[pull_mm[mine] == pull]] = len(states)
+                states.append(self._twins.save_state())
+        return Following(tuple(states), command, np.array(bends), time)
+
+    def bends_along(self, following: Following, pull_mm: Array, samples: NDArray[np.int64]) -> Array:
+        """Return the angles (N, M) [deg] along a way of the command; nothing moves.
+
+        Args:
+            following: members along one command.
+            pull_mm: (N,) pulls, one after the other, along straight lines [mm].
+            samples: (N,) time that each takes.
+        """
+        self._twins.restore_state(following.twins[0])
+        bends, time = [], following.time
+        for pull, took in zip(pull_mm, samples, strict=True):
+            time += int(took) * self.sample_time
+            sheath = self._sheath_bend(time)
+            bends.append(self._twins.step(pull * 1e-3, sheath_bend=sheath, samples=int(took)))
+        return np.degrees(bends)
+
+    def _sheath_bend(self, time: float) -> Array | None:
+        """Return the bend of the members' sheaths at a time [rad]; None where none moves."""
+        return self._members.sheath_bend(time) if self._moves else None
+
+    def common_pull_mm(
+        self, following: Following, weights: Array, bend_deg: float, within_mm: tuple[float, float]
+    ) -> float:
+        """Return the pull [mm] of the next sample that brings a weighted sum of the members' bends.
+
+        Args:
+            following: members along one command.
+            weights: (M,) of the bend of each.
+            bend_deg: wanted sum; no pull, NaN, is returned where it is not finite [deg].
+            within_mm: lowest and highest pull; the end that is nearer, where none brings it [mm].
+        """
+        if not math.isfinite(bend_deg):
+            return math.nan
+        self._twins.restore_state(following.twins[0])
+        low, high = within_mm
+        sheath = self._sheath_bend(following.time + self.sample_time)
+        pull, _ = self._twins.common_pull(
+            weights, float(np.radians(bend_deg)), (low * 1e-3, high * 1e-3), sheath_bend=sheath
+        )
+        return pull * 1e3

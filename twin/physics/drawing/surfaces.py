@@ -1,7 +1,8 @@
-"""Smooth tubes: surfaces around a centre line that bends, whole or cut open, as skins of MuJoCo.
+"""Surfaces of the drawn endoscope: smooth tubes around a centre line that bends, as skins of MuJoCo.
 
 A skin's vertices follow the frames ("bones") that they are bound to. A vertex between the middles of two
-links is bound to both, by its distances, so that a chain of rigid links is drawn as one smooth curve.
+links is bound to both, by its distances, so that a chain of rigid links is drawn as one smooth curve. The
+drawn sheath is a centre line of its own, from the base to the pulley.
 """
 
 import dataclasses
@@ -12,36 +13,36 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.kinematics import Frames
+from twin.preset.preset import Preset
+
 Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
+
+_SHEATH_LENGTHS, _SHEATH_RADII = 4.0, 36.0
+SHEATH_BONES = 40
+"""Number of frames along the drawn sheath."""
+_STRAIGHT = 0.12
+"""Share of the drawn sheath that is straight at either end."""
+_RISE = 3.2
+"""Height that a sheath gains over a whole turn, in distances of the wires: a loop passes over itself."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Bones:
-    """Frames that a skin is bound to, along the x axis in the pose of rest.
+    """Frames that a skin is bound to, along the x axis in the pose of rest."""
 
-    Attributes:
-        names: of the bodies.
-        origin: (bones,) where the body's frame is at rest [m].
-        middle: (bones,) where a vertex follows this bone alone, increasing [m].
-    """
-
-    names: tuple[str, ...]
-    origin: Array
-    middle: Array
+    names: tuple[str, ...]  # of the bodies
+    origin: Array  # (bones,) where the body's frame is at rest [m]
+    middle: Array  # (bones,) where a vertex follows this bone alone, increasing [m]
 
 
 @dataclasses.dataclass(frozen=True)
 class Surface:
-    """Triangles of a part of a tube, at rest along the x axis.
+    """Triangles of a part of a tube, at rest along the x axis."""
 
-    Attributes:
-        vertices: (n, 3) [m].
-        faces: (m, 3) indices of vertices, counter-clockwise as seen from outside.
-    """
-
-    vertices: Array
-    faces: Faces
+    vertices: Array  # (n, 3) [m]
+    faces: Faces  # (m, 3) indices of vertices, counter-clockwise as seen from outside
 
     def __add__(self, other: "Surface") -> "Surface":
         """Return both surfaces as one."""
@@ -50,14 +51,7 @@ class Surface:
 
 
 def round_tube(along: Array, radius: float, sides: int, place: tuple[float, float] = (0.0, 0.0)) -> Surface:
-    """Return a closed tube.
-
-    Args:
-        along: (n,) where its rings are, increasing [m].
-        radius: of it [m].
-        sides: number of flat sides around it.
-        place: (y, z) of its own centre line [m].
-    """
+    """Return a closed tube with rings at places `along` (n,) and its centre line at `place` (y, z) [m]."""
     sheet = _sheet(along, np.full(len(along), radius), np.zeros(len(along)), sides)
     return Surface(sheet.vertices + np.array([0.0, *place]), sheet.faces)
 
@@ -67,38 +61,22 @@ def open_shell(
 ) -> tuple[Surface, Surface]:
     """Return a tube with a wall, cut open lengthwise, and the faces of the cut.
 
-    Args:
-        along: (n,) where its rings are, increasing [m].
-        outer: (n,) radius outside [m].
-        inner: (n,) radius inside [m].
-        opening: (n,) half the angle that is cut out of the ring; 0 where it is whole [rad].
-        sides: number of flat sides around it.
-        towards: direction of the middle of the opening, from y towards z [rad].
+    Its rings at places `along` (n,) have an outer and an inner radius [m]; half the angle `opening` is cut
+    out of each, about the direction `towards`, from y towards z [rad].
     """
     outside = _sheet(along, outer, opening, sides, towards)
     inside = _sheet(along, inner, opening, sides, towards)
     inside = Surface(inside.vertices, inside.faces[:, ::-1])
     rings, around = len(along), sides + 1
     out, within = (surface.vertices.reshape(rings, around, 3) for surface in (outside, inside))
-    cut = [_strip(within[0], out[0]), _strip(out[-1], within[-1])]
+    rim = _strip(within[0], out[0]) + _strip(out[-1], within[-1])
     if opening.any():
-        cut += [_strip(out[:, 0], within[:, 0]), _strip(within[:, -1], out[:, -1])]
-    rim = cut[0]
-    for part in cut[1:]:
-        rim = rim + part
+        rim = rim + _strip(out[:, 0], within[:, 0]) + _strip(within[:, -1], out[:, -1])
     return outside + inside, rim
 
 
 def window(along: Array, start: float, end: float, half_angle: float, corner: float) -> Array:
-    """Return half the angle of an opening with round corners, at each ring [rad].
-
-    Args:
-        along: (n,) where the rings are [m].
-        start: where the opening begins [m].
-        end: where it ends [m].
-        half_angle: half of it in its middle [rad].
-        corner: length over which it opens and closes [m].
-    """
+    """Return half the angle of an opening from `start` to `end`, with round corners, at each ring [rad]."""
     depth = np.clip(np.minimum(along - start, end - along) / corner, 0.0, 1.0)
     opened: Array = half_angle * np.sqrt(1 - (1 - depth) ** 2)
     return opened
@@ -163,3 +141,43 @@ def _weights(along: Array, middle: Array) -> Array:
     if len(middle) > 1:
         weights[np.arange(len(along)), lower + 1] += share
     return weights
+
+
+def drawn_sheath_length(preset: Preset) -> float:
+    """Return the length of the drawn sheath [m]: at its true length all else would be tiny.
+
+    It is some lengths of the bending section, or enough for a thick one to be bent.
+    """
+    return max(_SHEATH_LENGTHS * preset.section_length, _SHEATH_RADII * preset.wire_offset)
+
+
+def sheath_frames(preset: Preset, bend: float) -> Frames:
+    """Return frames along the drawn sheath, evenly from the base to the pulley, (`SHEATH_BONES` + 1).
+
+    It leaves the base straight, turns by `bend` in the horizontal plane, away from the viewer, and ends
+    straight.
+    """
+    length = drawn_sheath_length(preset)
+    share = np.linspace(0.0, 1.0, 20 * SHEATH_BONES + 1)
+    turned = bend * _smooth(np.clip((share - _STRAIGHT) / (1 - 2 * _STRAIGHT), 0.0, 1.0))
+    rise = _RISE * preset.wire_offset * turned / (2 * np.pi)
+    along = np.stack([np.cos(turned), np.sin(turned)], axis=1)  # against the path
+    steps = (along[1:] + along[:-1]) / 2 * length / (len(share) - 1)
+    flat = np.concatenate([np.zeros((1, 2)), -np.cumsum(steps * [1, -1], axis=0)])
+    position = np.column_stack([flat[:, 0], flat[:, 1], rise])[::20]
+    turned = turned[::20]
+    rotation = np.zeros((len(turned), 3, 3))
+    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(turned)
+    rotation[:, 0, 1], rotation[:, 1, 0] = np.sin(turned), -np.sin(turned)
+    rotation[:, 2, 2] = 1.0
+    return Frames(position, rotation)
+
+
+def _smooth(share: Array) -> Array:
+    """Return the share of the bend that is reached: the curvature rises and falls over a tenth."""
+    edge = 0.1
+    rising = np.where(share < edge, share**2 / (2 * edge), share - edge / 2)
+    end = 1 - share
+    falling = (1 - edge) - np.where(end < edge, end**2 / (2 * edge), end - edge / 2)
+    reached: Array = np.where(share < 0.5, rising, falling) / (1 - edge)
+    return reached

@@ -1,0 +1,118 @@
+"""Kernels: functions of numbers and arrays that Numba compiles where it is installed; Python runs them else.
+
+Kernels call each other; an `entry` is one that the rest of the program calls, outside of the GIL. Its machine
+code, with all kernels that it calls inside, is kept in a folder that is named after a hash of the sources of
+all kernels: Numba looks at the file of the entry only, and would run stale code after an edit of another one.
+
+Small kernels are put into those that call them: arrays that are handed on cost an atomic count each.
+"""
+
+import contextlib
+import functools
+import hashlib
+import importlib.util
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+COMPILED = importlib.util.find_spec("numba") is not None
+"""True where kernels are compiled; else the same code runs interpreted, a few hundred times slower."""
+PACKAGES = ("mechanics", "physics", "reduced")
+"""Packages that have kernels."""
+
+
+def kernel(function: Kernel) -> Kernel:
+    """Compile a function that other kernels call."""
+    return _njit(function)
+
+
+def inlined(function: Kernel) -> Kernel:
+    """Compile a function into the kernels that call it."""
+    return _njit(function, forceinline=True)
+
+
+def entry(function: Kernel) -> Kernel:
+    """Compile a function that the rest of the program calls, and keep its machine code.
+
+    It takes numbers, arrays, None and tuples of these by position, and returns nothing: results go into
+    arrays.
+    """
+    folder = cache_folder() if COMPILED else None
+    if folder is None:
+        return _njit(function)
+    import numba
+
+    config = cast(Any, numba.config)
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)  # read when a function is decorated
+    try:
+        return _njit(function, cache=True)
+    finally:
+        config.CACHE_DIR = before
+
+
+def _njit(function: Kernel, **options: bool) -> Kernel:
+    if not COMPILED:
+        return function
+    import numba
+
+    return cast(Kernel, cast(Any, numba.njit)(error_model="numpy", nogil=True, **options)(function))
+
+
+@functools.cache
+def cache_folder() -> Path | None:
+    """Return the folder of machine code: in the user's cache, or else next to the sources; None without.
+
+    Machine code is only read from a folder of this user that no one else can write to.
+    """
+    import numba
+
+    digest = hashlib.sha256(numba.__version__.encode())
+    here = Path(__file__).parent
+    for package in PACKAGES:
+        for path in sorted((here.parent / package).glob("*.py")):
+            digest.update(path.read_bytes())
+    bases = [here / "__pycache__"]
+    with contextlib.suppress(RuntimeError):  # without a home
+        bases.insert(0, Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "endotwin")
+    for base in bases:
+        folder = base / f"kernels-{digest.hexdigest()[:16]}"
+        with contextlib.suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(folder) and os.access(folder, os.W_OK):
+                return folder
+    return None
+
+
+def _is_private(folder: Path) -> bool:
+    """Return whether a folder, itself and no link, is this user's and writable by no one else."""
+    status = folder.lstat()
+    owned = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+    return owned and not folder.is_symlink() and not status.st_mode & 0o022
+
+
+@contextlib.contextmanager
+def on_compile(notify: Callable[[], None]) -> Iterator[None]:
+    """Call a function, once, when a kernel is compiled within the block: that takes up to a minute."""
+    if not COMPILED:
+        yield
+        return
+    from numba.core import event
+
+    class Once(event.Listener):
+        """Listener that calls the function at the first event."""
+
+        waiting = True
+
+        def on_start(self, event: Any) -> None:
+            if self.waiting:
+                self.waiting = False
+                notify()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Once()):
+        yield

@@ -1,0 +1,415 @@
+"""Quasi-static equilibrium of one bending plane after an increment of the pull.
+
+An element of the sheath rubs on its node with the force F = c (T_left + T_right) + floor (capstan, see
+`twin/mechanics/friction.py`), a group of n equal hinges with the torque F_g; T(s) is the tension of a segment
+at a stretch s (`chain.py` draws the chain). In each increment the positions minimise elastic energy plus
+dissipation,
+
+    E(x) + F |x - x_before|  ->  min      so that      T_left - T_right  in  F sign(x - x_before)
+
+(incremental energy minimisation: Mielke and Roubicek 2015, Rate-Independent Systems, chapter 1.6; with F that
+follows the state: chapter 3.2). F is that at the end of the increment, found together with the positions.
+
+Which nodes slip, and in which direction, is found by an active-set form of Newton's method (Hintermueller,
+Ito and Kunisch 2002): the linear system is tridiagonal, with the groups of hinges folded into the row of z
+and the pulley's own spring added as a border. Where Newton's steps do not settle, sweeps over the nodes
+(Gauss-Seidel) take turns with them: each node in turn is brought to its own equilibrium between its
+neighbours. Sweeps converge for these chains (Rheinboldt 1970, M-functions), but slowly.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from twin.mechanics.friction import CAUGHT_UP
+from twin.mechanics.kernels import inlined, kernel
+from twin.reduced.chain import (
+    BEFORE,
+    FORCE,
+    HELD,
+    NODE,
+    RESIDUAL_N,
+    SLOPE,
+    STRETCH,
+    STRETCH_BEFORE,
+    TENSION,
+    Array,
+    Plane,
+    Signs,
+    bend_of,
+    hinge_torque,
+    larger,
+    load_of,
+    turn_of,
+)
+
+NEWTON_STEPS = 25
+SWEEPS = 25
+"""Sweeps in the first turn; each turn has twice as many as the one before, up to 32 times these."""
+ROUNDS = 40
+"""Times that Newton's steps and sweeps take turns, before the increment is given up."""
+TRIALS = 80
+"""Most steps of the bracketed search for the equilibrium of one node."""
+
+LOWER, MAIN, UPPER, RIGHT, BORDER = range(7, 12)
+"""Rows of the linear system of the nodes, after those of `chain.py`.
+
+Three diagonals [N / m], right side [N] and then solution [m], and response to the pulley [-].
+"""
+HINGE_BEFORE, WRAPPED, HINGE_RESIDUAL, HINGE_SLOPE = range(4)
+"""Rows of the groups of hinges.
+
+Angle of a hinge at the start of the increment [rad], routing friction as a share of the tension [-], torque
+that is missing [N m], and its derivative by the angle [N m / rad].
+"""
+
+
+class Work(NamedTuple):
+    """Scratch arrays of `solve_plane`."""
+
+    chain: Array  # (12, N + 1) rows of nodes and segments
+    group: Array  # (4, G) rows of groups of hinges
+
+
+def new_work(elements: int, groups: int) -> Work:
+    """Return scratch arrays."""
+    return Work(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
+
+
+@inlined
+def solve_plane(
+    plane: Plane, work: Work, element: Array, hinge: Array, pulley: float, slip: Signs, turn: Signs
+) -> tuple[float, float]:
+    """Bring a plane to equilibrium after an increment.
+
+    Args:
+        plane: parameters.
+        work: scratch arrays; they hold the tensions at the end.
+        element: (2 E,) positions of the elements in the order of the chain [m]; rewritten.
+        hinge: (G,) angle of a hinge of each group [rad]; rewritten.
+        pulley: its position [m].
+        slip: (2 E,) direction in which each element slides: -1, 0 or 1, of the last increment; rewritten.
+        turn: (G,) the same of the groups.
+
+    Returns:
+        Position of the pulley [m] and largest force that is missing [N].
+    """
+    E, chain, group = plane.elements, work.chain, work.group
+    for j in range(2 * E):
+        chain[BEFORE, j if j < E else j + 1] = element[j]
+    chain[BEFORE, E] = plane.arm * bend_of(plane.size, hinge)
+    for i in range(2 * E + 1):
+        chain[NODE, i] = chain[BEFORE, i]
+    for g in range(len(hinge)):
+        group[HINGE_BEFORE, g] = hinge[g]
+    _fill_stretch(plane, chain, STRETCH_BEFORE, pulley)
+    _load_segments(plane, chain, pulley)
+    if plane.holds > 1.0:
+        _hold_caught_up(plane, chain, slip)
+    pulley = pulley + _pulley_force(plane, chain, pulley) / plane.pulley_stiffness
+
+    missing = math.inf
+    for turns in range(ROUNDS):
+        pulley, missing, settled = _settle(plane, work, hinge, pulley, slip, turn)
+        if settled:
+            break
+        for _ in range(SWEEPS << min(turns, 5)):
+            pulley = _sweep(plane, work, hinge, pulley, slip, turn)
+    for j in range(2 * E):
+        element[j] = chain[NODE, j if j < E else j + 1]
+    return pulley, missing
+
+
+@inlined
+def _fill_stretch(plane: Plane, chain: Array, row: int, pulley: float) -> None:
+    """Fill a row with the stretch of all segments [m]; below 0 where one is slack."""
+    last = 2 * plane.elements + 1
+    for i in range(last + 1):
+        left = pulley if i == 0 else chain[NODE, i - 1]
+        right = pulley if i == last else chain[NODE, i]
+        chain[row, i] = plane.rest[i] + left - right
+
+
+@inlined
+def _load_segments(plane: Plane, chain: Array, pulley: float) -> None:
+    """Fill in stretch, tension, force and slope of all segments."""
+    _fill_stretch(plane, chain, STRETCH, pulley)
+    for i in range(2 * plane.elements + 2):
+        loaded = load_of(plane.segment, chain[STRETCH, i], chain[STRETCH_BEFORE, i])
+        chain[TENSION, i], chain[FORCE, i], chain[SLOPE, i] = loaded
+
+
+@inlined
+def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
+    """Hold the elements that have caught up with what pulls them, by the tensions before an increment."""
+    most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
+    for j in range(len(slip)):
+        i = j if j < plane.elements else j + 1
+        ahead, behind = chain[TENSION, i], chain[TENSION, i + 1]
+        if abs(ahead - behind) <= most * (plane.per_tension * (ahead + behind) + plane.floor):
+            slip[j] = 0
+
+
+@inlined
+def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
+    """Return the force that is missing at the pulley [N], between its spring and both wires."""
+    first, last = chain[FORCE, 0], chain[FORCE, 2 * plane.elements + 1]
+    missing: float = plane.pulley_stiffness * (plane.target - pulley) - first + last
+    return missing
+
+
+@inlined
+def _settle(
+    plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs
+) -> tuple[float, float, bool]:
+    """Take Newton's steps; return the pulley [m], the force missing [N], and whether it is in equilibrium."""
+    missing = math.inf
+    for _ in range(NEWTON_STEPS):
+        _load_segments(plane, work.chain, pulley)
+        nodes_changed, of_nodes = _assemble_nodes(plane, work.chain, slip)
+        hinges_changed, of_hinges = _assemble_hinges(plane, work.chain, work.group, hinge, turn)
+        of_pulley = _pulley_force(plane, work.chain, pulley)
+        missing = larger(larger(of_nodes, of_hinges), abs(of_pulley))
+        if not nodes_changed and not hinges_changed and missing <= RESIDUAL_N:
+            return pulley, missing, True
+        pulley += _step(plane, work.chain, work.group, hinge, slip, turn, of_pulley)
+    return pulley, missing, False
+
+
+@inlined
+def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
+    """Return the direction in which a node slides, from the one assumed, its motion and the net force on it.
+
+    One that slid stops where it would go back. One that was held slides where the force exceeds the friction
+    at rest.
+    """
+    if sign != 0:
+        return 0 if moved * sign < 0.0 else sign
+    if force > at_rest + RESIDUAL_N:
+        return 1
+    if force < -at_rest - RESIDUAL_N:
+        return -1
+    return 0
+
+
+@inlined
+def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, float]:
+    """Fill the rows of the sheath's elements; return whether a sign changed, and the force missing [N]."""
+    E, c = plane.elements, plane.per_tension
+    changed, missing = False, 0.0
+    for j in range(2 * E):
+        i = j if j < E else j + 1
+        ahead, behind = chain[FORCE, i], chain[FORCE, i + 1]
+        friction = c * (chain[TENSION, i] + chain[TENSION, i + 1]) + plane.floor
+        moved = chain[NODE, i] - chain[BEFORE, i]
+        s = _next_sign(slip[j], moved, ahead - behind, plane.holds * friction)
+        if s != slip[j]:
+            slip[j] = s
+            changed = True
+        if s == 0:
+            chain[LOWER, i], chain[MAIN, i], chain[UPPER, i], chain[RIGHT, i] = 0.0, 1.0, 0.0, -moved
+            changed = changed or moved != 0.0
+            continue
+        A, B = (1.0 - s * c) * chain[SLOPE, i], (1.0 + s * c) * chain[SLOPE, i + 1]
+        chain[LOWER, i], chain[MAIN, i], chain[UPPER, i] = -A, A + B, -B
+        chain[RIGHT, i] = ahead - behind - s * friction
+        missing = larger(missing, abs(chain[RIGHT, i]))
+        if A == 0.0 or B == 0.0:  # slack on one side: neighbours that slide with it may be held by nothing
+            chain[MAIN, i] += HELD * plane.segment.stiffness
+    return changed, missing
+
+
+@inlined
+def _assemble_hinges(
+    plane: Plane, chain: Array, group: Array, hinge: Array, turn: Signs
+) -> tuple[bool, float]:
+    """Fold the groups of hinges, which follow the moment of the tip, into the row of z; return likewise."""
+    E, arm = plane.elements, plane.arm
+    moment = arm * (chain[FORCE, E] - chain[FORCE, E + 1])
+    both = chain[TENSION, E] + chain[TENSION, E + 1]
+    changed, missing = False, 0.0
+    A = B = rest = passed = 0.0
+    for g in range(len(hinge)):
+        size = plane.size[g]
+        turned = turn_of(size, hinge[g], 0.0)
+        wrapped = plane.routing * (passed + turned / 2.0)
+        passed += turned
+        torque, slope = hinge_torque(plane.hinge, hinge[g], group[HINGE_BEFORE, g])
+        group[WRAPPED, g], group[HINGE_SLOPE, g] = wrapped, slope
+        friction = plane.joint_friction[g] + arm * wrapped * both
+        moved = hinge[g] - group[HINGE_BEFORE, g]
+        s = _next_sign(turn[g], moved, moment - torque, friction)
+        if s != turn[g]:
+            turn[g] = s
+            changed = True
+        if s == 0:
+            group[HINGE_RESIDUAL, g] = 0.0
+            rest -= arm * size * moved
+            changed = changed or moved != 0.0
+            continue
+        residual = moment - torque - s * friction
+        group[HINGE_RESIDUAL, g] = residual
+        missing = larger(missing, abs(residual) / arm)
+        share = arm * size / slope
+        A += share * arm * (1.0 - s * wrapped) * chain[SLOPE, E]
+        B += share * arm * (1.0 + s * wrapped) * chain[SLOPE, E + 1]
+        rest += share * residual
+    chain[LOWER, E], chain[MAIN, E], chain[UPPER, E] = -A, 1.0 + A + B, -B
+    chain[RIGHT, E] = rest + (arm * bend_of(plane.size, hinge) - chain[NODE, E])
+    return changed, missing
+
+
+@inlined
+def _step(
+    plane: Plane, chain: Array, group: Array, hinge: Array, slip: Signs, turn: Signs, of_pulley: float
+) -> float:
+    """Solve the linear system, move all nodes and hinges, and return the travel of the pulley [m]."""
+    E, last = plane.elements, 2 * plane.elements
+    # The border is how the first and the last element follow the pulley.
+    for i in range(last + 1):
+        chain[BORDER, i] = 0.0
+    chain[BORDER, 0] = 0.0 if slip[0] == 0 else -chain[LOWER, 0]
+    chain[BORDER, last] = 0.0 if slip[last - 1] == 0 else -chain[UPPER, last]
+    for i in range(1, last + 1):
+        ratio = chain[LOWER, i] / chain[MAIN, i - 1]
+        chain[MAIN, i] -= ratio * chain[UPPER, i - 1]
+        chain[RIGHT, i] -= ratio * chain[RIGHT, i - 1]
+        chain[BORDER, i] -= ratio * chain[BORDER, i - 1]
+    chain[RIGHT, last] /= chain[MAIN, last]
+    chain[BORDER, last] /= chain[MAIN, last]
+    for row in (RIGHT, BORDER):
+        for i in range(last - 1, -1, -1):
+            chain[row, i] = (chain[row, i] - chain[UPPER, i] * chain[row, i + 1]) / chain[MAIN, i]
+
+    first_slope, last_slope = chain[SLOPE, 0], chain[SLOPE, last + 1]
+    first, end = chain[BORDER, 0], chain[BORDER, last]
+    yielding = plane.pulley_stiffness + first_slope * (1.0 - first) + last_slope * (1.0 - end)
+    pulley: float = (of_pulley + first_slope * chain[RIGHT, 0] + last_slope * chain[RIGHT, last]) / yielding
+    for i in range(last + 1):
+        chain[RIGHT, i] += chain[BORDER, i] * pulley
+
+    of_a = plane.arm * chain[SLOPE, E] * (chain[RIGHT, E - 1] - chain[RIGHT, E])
+    of_b = plane.arm * chain[SLOPE, E + 1] * (chain[RIGHT, E] - chain[RIGHT, E + 1])
+    for g in range(len(hinge)):
+        s = turn[g]
+        if s == 0:
+            hinge[g] = group[HINGE_BEFORE, g]
+            continue
+        pulled = (1.0 - s * group[WRAPPED, g]) * of_a - (1.0 + s * group[WRAPPED, g]) * of_b
+        hinge[g] += (group[HINGE_RESIDUAL, g] + pulled) / group[HINGE_SLOPE, g]
+    for j in range(last):
+        i = j if j < E else j + 1
+        chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + chain[RIGHT, i]
+    chain[NODE, E] = plane.arm * bend_of(plane.size, hinge)
+    return pulley
+
+
+@kernel
+def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs) -> float:
+    """Bring one node after the other to its own equilibrium; return the pulley's position [m]."""
+    E, last, chain = plane.elements, 2 * plane.elements, work.chain
+    for i in range(last + 1):
+        if i == E:
+            _sweep_hinges(plane, work, hinge, turn)
+            continue
+        left = pulley if i == 0 else chain[NODE, i - 1]
+        right = pulley if i == last else chain[NODE, i + 1]
+        ahead, behind = plane.rest[i] + left, plane.rest[i + 1] - right
+        chain[NODE, i], slip[i if i < E else i - 1] = _rest_of_node(plane, chain, i, ahead, behind)
+    _load_segments(plane, chain, pulley)
+    yielding = plane.pulley_stiffness + chain[SLOPE, 0] + chain[SLOPE, last + 1]
+    moved: float = _pulley_force(plane, chain, pulley) / yielding
+    return pulley + moved
+
+
+@inlined
+def _direction(force: float, friction: float) -> int:
+    """Return the direction in which a node leaves its place: 1, -1, or 0 where friction holds it."""
+    if abs(force) <= friction:
+        return 0
+    return 1 if force > 0.0 else -1
+
+
+@inlined
+def _within(x: float, near: float, far: float) -> float:
+    """Return a step of Newton's where it is in the bracket, else the middle of that."""
+    return x if min(near, far) < x < max(near, far) else (near + far) / 2.0
+
+
+@inlined
+def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: float) -> tuple[float, int]:
+    """Return where an element comes to rest between its neighbours, and the direction of its motion.
+
+    `ahead` less the position is the stretch on its left, `behind` plus the position that on its right.
+    """
+    c, before = plane.per_tension, chain[BEFORE, i]
+    s, x, near, far = 0, before, before, before
+    for trial in range(TRIALS):
+        a, a_force, a_slope = load_of(plane.segment, ahead - x, chain[STRETCH_BEFORE, i])
+        b, b_force, b_slope = load_of(plane.segment, behind + x, chain[STRETCH_BEFORE, i + 1])
+        friction = c * (a + b) + plane.floor
+        if trial == 0:
+            s = _direction(a_force - b_force, plane.holds * friction)
+            if s == 0:
+                break
+            # Further on, the force is against the node: the wire that pulls it there would be slack.
+            far = ahead if s > 0 else -behind
+        excess = a_force - b_force - s * friction
+        if abs(excess) <= 0.1 * RESIDUAL_N:
+            break
+        if excess * s > 0.0:
+            near = x
+        else:
+            far = x
+        x = _within(x + excess / ((1.0 - s * c) * a_slope + (1.0 + s * c) * b_slope), near, far)
+    return x, s
+
+
+@inlined
+def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
+    """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
+    size, passed = plane.size, 0.0
+    bend = bend_of(size, hinge)
+    for g in range(len(hinge)):
+        others = bend - size[g] * hinge[g]
+        turned = turn_of(size[g], hinge[g], 0.0)
+        wrapped = plane.routing * (passed + turned / 2.0)
+        passed += turned
+        hinge[g], turn[g] = _rest_of_group(plane, work, g, others, wrapped)
+        bend = others + size[g] * hinge[g]
+    work.chain[NODE, plane.elements] = plane.arm * bend
+
+
+@inlined
+def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: float) -> tuple[float, int]:
+    """Return the angle where the hinges of a group come to rest [rad], and the direction of their motion.
+
+    The bend of the other groups is `others` [rad]; routing friction is a share `wrapped` of the tension [-].
+    """
+    E, arm, n, chain = plane.elements, plane.arm, plane.size[g], work.chain
+    before = work.group[HINGE_BEFORE, g]
+    left, right = plane.rest[E] + chain[NODE, E - 1], plane.rest[E + 1] - chain[NODE, E + 1]
+    s, x, near, far = 0, before, before, before
+    for trial in range(TRIALS):
+        z = arm * (others + n * x)
+        a, a_force, a_slope = load_of(plane.segment, left - z, chain[STRETCH_BEFORE, E])
+        b, b_force, b_slope = load_of(plane.segment, right + z, chain[STRETCH_BEFORE, E + 1])
+        torque, slope = hinge_torque(plane.hinge, x, before)
+        force = arm * (a_force - b_force) - torque
+        friction = plane.joint_friction[g] + arm * wrapped * (a + b)
+        if trial == 0:
+            s = _direction(force, friction)
+            if s == 0:
+                break
+            far = s * math.inf
+        excess = force - s * friction
+        if abs(excess) <= 0.1 * RESIDUAL_N * arm:
+            break
+        if excess * s > 0.0:
+            near = x
+        else:
+            far = x
+        slope += arm * arm * n * ((1.0 - s * wrapped) * a_slope + (1.0 + s * wrapped) * b_slope)
+        x = _within(x + excess / slope, near, far)
+    return x, s
