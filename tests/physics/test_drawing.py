@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from twin.mechanics.kinematics import link_frames
-from twin.physics import headless, simulate
+from twin.physics import choose_backend, simulate
 from twin.physics.drawing.canvas import Canvas, View
 from twin.physics.drawing.drawn import OUTER, SCENES, SLEEVES, DrawnEndoscope
 from twin.physics.drawing.surfaces import (
@@ -29,7 +29,7 @@ from twin.preset.file import load_preset
 from twin.rendering.portrait import SIZE, Portrait
 
 mujoco = pytest.importorskip("mujoco")
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 PRESET = load_preset("ureteroscope")
 FRONT = View(
     np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), 0.05, parallel=True

@@ -13,14 +13,14 @@ from small_dataset import SMALL, changed, make
 
 from twin.dataset.verify import replay, verify
 from twin.episode import Episode
-from twin.physics import headless, simulate
+from twin.physics import choose_backend, simulate
 from twin.preset.file import load_preset
 from twin.recording import read_episode
 from twin.recording.camera import picture_message
 from twin.rendering.camera import Camera, pictures
 from twin.rendering.portrait import SIZE, EpisodePortrait, Portrait
 
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 SAMPLE_TIME = 0.02
 TINY_CAMERA = Camera(10.0, 80, 120)
 

@@ -13,10 +13,10 @@ from rl.registration import ENVIRONMENT_ID, TRACKING_ID
 from rl.tracking import TRAVEL_COST_PER_MM, TrackingEnvironment
 from twin.control.tracking_view import ERROR_DEG, SMOOTHING_S
 from twin.errors import InputError
-from twin.physics import headless
+from twin.physics import choose_backend
 from twin.preset.file import load_preset
 
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 T = 0.02
 STILL = np.zeros(1, np.float32)
 

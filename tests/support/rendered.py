@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from twin.episode import Episode
-from twin.physics import headless
+from twin.physics import choose_backend
 from twin.rendering.film import Film
 from twin.rendering.look import Look
 from twin.rendering.overlay import Overlay
 
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 VERTEBRAE = 16
 SMALL = (320, 180)
 STRAIGHT, UP, DOWN = 0, 10, 30  # samples of the episode below

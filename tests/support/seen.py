@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from twin.episode import Episode
-from twin.physics import headless
+from twin.physics import choose_backend
 
-needs_gl = pytest.mark.skipif(headless.choose_backend() == "disable", reason=headless.HOW_TO_INSTALL)
+needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 
 
 def record(
