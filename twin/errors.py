@@ -4,11 +4,11 @@ import importlib.util
 
 
 class EndoTwinError(Exception):
-    """Base class of all exceptions below: what a user can put right, told in one line."""
+    """Base class of all exceptions below: a user's mistake, in one line."""
 
 
 class InputError(EndoTwinError, ValueError):
-    """A value, a file's content or a combination of options that cannot be."""
+    """An invalid value, file content or combination of options."""
 
 
 class MissingFileError(EndoTwinError, FileNotFoundError):
@@ -20,7 +20,7 @@ class DivergedError(EndoTwinError, FloatingPointError):
 
 
 class MissingExtraError(EndoTwinError, ImportError):
-    """A package that is not installed, as it belongs to an extra of EndoTwin."""
+    """A package of an extra of EndoTwin that is not installed."""
 
 
 EXTRA_OF = {
@@ -50,25 +50,13 @@ EXTRA_OF = {
 
 
 def missing_extra(error: ImportError, what: str = "this") -> MissingExtraError | None:
-    """Return an error that says which extra to install.
-
-    Args:
-        error: of an import.
-        what: the function or command that needs the module.
-
-    Returns:
-        The error; None if the module belongs to no extra, or is there and broken.
-    """
+    """Return an error that names the extra to install for `what`; None if the module belongs to no extra."""
     is_missing = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
     return _not_installed(str(error.name), what) if is_missing else None
 
 
 def require_extra(extra: str, what: str = "this") -> None:
-    """Refuse to begin what needs an extra, before any work.
-
-    Raises:
-        ImportError: a module of the extra is not installed.
-    """
+    """Refuse to begin `what` needs an extra that is not installed, before any work."""
     for module, its_extra in EXTRA_OF.items():
         if its_extra == extra and importlib.util.find_spec(module) is None:
             raise _not_installed(module, what)

@@ -170,35 +170,11 @@ def test_uneven_samples_are_no_frames_and_a_sample_time_is_named():
         frames_per_second(dataclasses.replace(make_episode(), time=drifting))
 
 
-def test_a_full_file_is_followed_by_another_and_no_episode_is_cut(tmp_path):
-    episodes = [make_full(400, seed) for seed in range(6)]
-    write_lerobot(tmp_path, ((str(k), episode, {}) for k, episode in enumerate(episodes)), file_megabytes=0.6)
-    rows, info = rows_of(tmp_path), info_of(tmp_path)
-    files = sorted((tmp_path / "data").glob("*/*.parquet"))
-    assert 2 <= len(files) < 6
-    assert all(file.stat().st_size < 0.6 * 2**20 for file in files)
-    for row in rows:
-        place = {key: row[f"data/{key}"] for key in ("chunk_index", "file_index")}
-        file = tmp_path / info["data_path"].format(**place)
-        assert file in files
-        inside = np.array(pq.read_table(file, columns=["index"])["index"])
-        wanted = np.arange(row["dataset_from_index"], row["dataset_to_index"])
-        assert np.isin(wanted, inside).all()
-    groups = [pq.ParquetFile(file).num_row_groups for file in files]
-    assert sum(groups) == 6
-    np.testing.assert_array_equal(column(tmp_path, "index")[:, 0], np.arange(2400))
-
-
-def test_a_chunk_holds_a_thousand_files(tmp_path, monkeypatch):
-    monkeypatch.setattr("twin.export.lerobot.CHUNK_FILES", 2)
-    monkeypatch.setattr("twin.export.lerobot._ROWS_AT_ONCE", 3)
-    write_lerobot(tmp_path, ((str(seed), make_full(9, seed), {}) for seed in range(5)), file_megabytes=1e-9)
-    files = sorted(str(file.relative_to(tmp_path / "data")) for file in (tmp_path / "data").glob("*/*"))
-    assert files == [f"chunk-{k // 2:03d}/file-{k % 2:03d}.parquet" for k in range(5)]
-    places = [(row["data/chunk_index"], row["data/file_index"]) for row in rows_of(tmp_path)]
-    assert places == [divmod(k, 2) for k in range(5)]
-    assert [row["episode_index"] for row in rows_of(tmp_path)] == list(range(5))
-    assert [row["meta/episodes/chunk_index"] for row in rows_of(tmp_path)] == [0] * 5
+def test_each_episode_is_one_row_group_in_order(dataset):
+    folder, episodes = dataset
+    file = pq.ParquetFile(folder / info_of(folder)["data_path"].format(chunk_index=0, file_index=0))
+    lengths = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+    assert lengths == [len(episode.time) for episode in episodes]
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,8 @@ from twin.episode import Record
 from twin.errors import InputError
 from twin.evaluation.protocol import Condition
 from twin.evaluation.score import LONGEST_TEXT, Score
-from twin.files.arrays import MOST_ARRAYS
+from twin.files.arrays import MOST_ARRAYS, read_headed, write_headed
 from twin.files.bounded import MEBIBYTE
-from twin.files.headed_arrays import read_headed, write_headed
 
 Array = NDArray[np.float64]
 Name = Annotated[str, Field(max_length=LONGEST_TEXT)]

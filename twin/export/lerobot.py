@@ -21,11 +21,9 @@ them. LeRobot's loader makes float32 of the float64 columns; pandas and Arrow do
 import contextlib
 import io
 import json
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +36,7 @@ from twin.errors import InputError
 from twin.export.columns import (
     QUANTILES,
     VIDEO_PATH,
+    Column,
     colour_statistics,
     frame_columns,
     frames_per_second,
@@ -47,24 +46,19 @@ from twin.export.columns import (
     write_episode_video,
 )
 from twin.files.assets import card_environment
-from twin.files.atomic import write_whole
+from twin.files.atomic import WholeFile, write_whole
 from twin.files.shown import in_code
 from twin.recording.camera import Pictures
 
 VERSION = "v3.0"
-FILE_MEGABYTES = 100
-"""Parquet files are about as large as this at most, LeRobot's own size [MiB]."""
+FILE = "chunk-000/file-000.parquet"
+"""Frames, and descriptions of episodes, are in one file each: a row group per episode needs no more."""
 CHUNK_FILES = 1000
-"""Files in one `chunk-...` folder."""
-_ROWS_AT_ONCE = 100  # episodes whose description is held until it is written
-_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+"""Films in one `chunk-...` folder."""
 
 
 def write_lerobot(
-    folder: Path,
-    episodes: Iterable[tuple[str, Episode, Mapping[str, Pictures]]],
-    *,
-    file_megabytes: float = FILE_MEGABYTES,
+    folder: Path, episodes: Iterable[tuple[str, Episode, Mapping[str, Pictures]]]
 ) -> dict[str, Any]:
     """Write a dataset; one episode at a time is in memory, and then one column for its statistics.
 
@@ -72,21 +66,22 @@ def write_lerobot(
         folder: an empty folder; under an exception, what is in it is not complete.
         episodes: a name, a record at even samples and its pictures by the name of the camera, each with the
             same columns, samples per second, cameras and size of the pictures.
-        file_megabytes: where a Parquet file ends and the next one begins [MiB].
 
     Returns:
         The contents of `info.json`.
     """
-    limit = file_megabytes * 2**20
-    with (
-        _PartWriter(folder / "data", limit) as data,
-        _PartWriter(folder / "meta" / "episodes", limit) as meta,
-    ):
-        dataset = _Dataset(folder, data, meta)
+    dataset = _Dataset(folder)
+    with WholeFile(_made(folder / "data" / FILE)) as file, contextlib.ExitStack() as stack:
         for name, episode, pictures in episodes:
-            dataset.add(name, episode, pictures)
-        dataset.flush()
-    info = dataset.info(file_megabytes)
+            columns = dataset.add(name, episode, pictures)
+            table = pa.table({key: column.array for key, column in columns.items()})
+            if dataset.episodes == 1:
+                writer = stack.enter_context(pq.ParquetWriter(file, table.schema, compression="zstd"))
+            writer.write_table(table, row_group_size=max(len(table), 1))
+    info = dataset.info()
+    rows = pa.Table.from_pylist(dataset.rows, schema=dataset.row_schema())
+    with WholeFile(_made(folder / "meta" / "episodes" / FILE)) as file:
+        pq.write_table(rows, file, compression="zstd")
     write_whole(folder / "meta" / "info.json", _json(info))
     write_whole(folder / "meta" / "stats.json", _json(dataset.statistics()))
     write_whole(folder / "meta" / "tasks.parquet", _tasks(dataset.tasks))
@@ -94,79 +89,28 @@ def write_lerobot(
     return info
 
 
-class _PartWriter:
-    """Context manager: a Parquet table in parts, `chunk-000/file-000.parquet` and so on.
-
-    Each table becomes one row group, in a new file where it would probably make a file larger than `limit`
-    [bytes]. Under an exception, the last file is left incomplete.
-    """
-
-    def __init__(self, folder: Path, limit: float) -> None:
-        self._folder, self._limit = folder, limit
-        self._number = -1  # of the file, over all chunks
-        self._rows = 0  # in this file
-        self._writer: pq.ParquetWriter | None = None
-        self._file: BinaryIO | None = None
-
-    def __enter__(self) -> "_PartWriter":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        # Under an exception, what is left to write may fail as well, and so hide why.
-        with contextlib.suppress(OSError, ValueError) if error else contextlib.nullcontext():
-            self._finish()
-
-    def place(self, rows: int) -> tuple[int, int]:
-        """Open the file for the next table, of so many rows; returns the numbers of its chunk and itself."""
-        if self._file is None or (
-            self._rows > 0 and self._file.tell() * (1 + rows / self._rows) > self._limit
-        ):
-            self._finish()
-            self._number += 1
-            self._rows = 0
-            chunk, file = divmod(self._number, CHUNK_FILES)
-            path = self._folder / _PATH.format(chunk_index=chunk, file_index=file)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("xb")
-        return divmod(self._number, CHUNK_FILES)
-
-    def write(self, table: pa.Table) -> None:
-        """Write a table into the file that `place` has opened."""
-        if self._writer is None:
-            self._writer = pq.ParquetWriter(self._file, table.schema, compression="zstd")
-        self._writer.write_table(table, row_group_size=max(len(table), 1))
-        self._rows += len(table)
-
-    def _finish(self) -> None:
-        writer, file, self._writer, self._file = self._writer, self._file, None, None
-        if file is not None:
-            with file:
-                if writer is not None:
-                    writer.close()
-                file.flush()
-                os.fsync(file.fileno())
+def _made(path: Path) -> Path:
+    """Return a path whose folder is there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 class _Dataset:
     """Facts of the episodes written so far."""
 
-    def __init__(self, folder: Path, data: _PartWriter, meta: _PartWriter) -> None:
+    def __init__(self, folder: Path) -> None:
         self.tasks: dict[str, int] = {}
+        self.rows: list[dict[str, Any]] = []
+        self.episodes = 0
         self._folder = folder
-        self._data, self._meta = data, meta
         self._robots: set[str] = set()
         self._features: dict[str, dict[str, Any]] = {}
         self._colours: dict[str, NDArray[np.int64]] = {}  # (256, 3) counts of each video
-        self._rows: list[dict[str, Any]] = []
         self._first = ""
-        self._per_second = self._episodes = self._frames = 0
+        self._per_second = self._frames = 0
 
-    def add(self, name: str, episode: Episode, pictures: Mapping[str, Pictures]) -> None:
+    def add(self, name: str, episode: Episode, pictures: Mapping[str, Pictures]) -> dict[str, Column]:
+        """Describe an episode and write its films; returns its columns."""
         robot, task = _robot_and_task(episode)
         count = len(episode.time)
         try:
@@ -176,7 +120,7 @@ class _Dataset:
         columns = frame_columns(
             episode,
             per_second=per_second,
-            episode_index=self._episodes,
+            episode_index=self.episodes,
             first_index=self._frames,
             task_index=self.tasks.setdefault(task, len(self.tasks)),
         )
@@ -184,14 +128,14 @@ class _Dataset:
         features |= {video_key(camera): video_feature(seen, per_second) for camera, seen in pictures.items()}
         self._check(name, per_second, features)
         self._robots.add(robot)
-        chunk, file = self._data.place(count)
-        self._data.write(pa.table({key: column.array for key, column in columns.items()}))
         row = {
-            "episode_index": self._episodes,
+            "episode_index": self.episodes,
             "tasks": [task],
             "length": count,
-            "data/chunk_index": chunk,
-            "data/file_index": file,
+            "data/chunk_index": 0,
+            "data/file_index": 0,
+            "meta/episodes/chunk_index": 0,
+            "meta/episodes/file_index": 0,
             "dataset_from_index": self._frames,
             "dataset_to_index": self._frames + count,
             "source": name,
@@ -201,15 +145,14 @@ class _Dataset:
             row |= self._add_video(name, video_key(camera), episode, seen)
         for key, column in columns.items():
             row |= {f"stats/{key}/{name}": figures for name, figures in statistics(column.values).items()}
-        self._rows.append(row)
-        self._episodes += 1
+        self.rows.append(row)
+        self.episodes += 1
         self._frames += count
-        if len(self._rows) >= _ROWS_AT_ONCE:
-            self.flush()
+        return columns
 
     def _add_video(self, name: str, key: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
         """Write the film of an episode; returns where it is, and its statistics."""
-        chunk, file = divmod(self._episodes, CHUNK_FILES)
+        chunk, file = divmod(self.episodes, CHUNK_FILES)
         path = self._folder / VIDEO_PATH.format(video_key=key, chunk_index=chunk, file_index=file)
         try:
             pixels = write_episode_video(path, episode, pictures, self._per_second)
@@ -226,31 +169,22 @@ class _Dataset:
         figures = colour_statistics(counts)
         return place | {f"stats/{key}/{statistic}": numbers for statistic, numbers in figures.items()}
 
-    def flush(self) -> None:
-        """Write the descriptions of episodes that are still held."""
-        if not self._rows:
-            return
-        chunk, file = self._meta.place(len(self._rows))
-        place = {"meta/episodes/chunk_index": chunk, "meta/episodes/file_index": file}
-        self._meta.write(pa.Table.from_pylist([row | place for row in self._rows], schema=self._row_schema()))
-        self._rows = []
-
-    def info(self, file_megabytes: float) -> dict[str, Any]:
+    def info(self) -> dict[str, Any]:
         """Return the contents of `info.json`."""
-        if self._episodes == 0:
+        if self.episodes == 0:
             raise InputError("there is no episode to write")
         return {
             "codebase_version": VERSION,
             "robot_type": self._robots.pop() if len(self._robots) == 1 else "endoscope",
-            "total_episodes": self._episodes,
+            "total_episodes": self.episodes,
             "total_frames": self._frames,
             "total_tasks": len(self.tasks),
             "chunks_size": CHUNK_FILES,
-            "data_files_size_in_mb": file_megabytes,
+            "data_files_size_in_mb": 100,
             "video_files_size_in_mb": 200,
             "fps": self._per_second,
-            "splits": {"train": f"0:{self._episodes}"},
-            "data_path": f"data/{_PATH}",
+            "splits": {"train": f"0:{self.episodes}"},
+            "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": VIDEO_PATH if self._colours else None,
             "features": self._features,
         }
@@ -273,7 +207,7 @@ class _Dataset:
 
     def _check(self, name: str, per_second: int, features: dict[str, dict[str, Any]]) -> None:
         """Take the first episode as the measure of the others."""
-        if self._episodes == 0:
+        if self.episodes == 0:
             self._first, self._per_second, self._features = name, per_second, features
             videos = (key for key, feature in features.items() if _is_video(feature))
             self._colours = {key: np.zeros((256, 3), dtype=np.int64) for key in videos}
@@ -288,7 +222,7 @@ class _Dataset:
             if this != first:
                 raise InputError(f"{name} has {this}, {self._first} has {first}: export them apart")
 
-    def _row_schema(self) -> pa.Schema:
+    def row_schema(self) -> pa.Schema:
         types = {
             "episode_index": pa.int64(),
             "tasks": pa.list_(pa.string()),

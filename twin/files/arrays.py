@@ -1,19 +1,28 @@
-"""Reader of `.npz` files that others wrote: plain numbers and text, of sizes known before they are read."""
+"""Arrays in `.npz` files that others wrote: plain numbers and text, of sizes known before they are read."""
 
 import io
+import json
 import math
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.files.atomic import write_whole
 from twin.files.bounded import MEBIBYTE, read_limited
+from twin.files.json_text import parse_json, rule_of
 from twin.files.shown import cut
+
+if TYPE_CHECKING:  # plain arrays are read without it
+    from pydantic import BaseModel, TypeAdapter
+
+Head = TypeVar("Head", bound="BaseModel")
+Item = TypeVar("Item")
 
 MOST_BYTES = 256 * MEBIBYTE
 """Size of a file, and of all its arrays once they are unpacked [bytes]."""
@@ -25,17 +34,9 @@ _HEADER = 4096  # [bytes] of an array's description at most
 def read_arrays(
     path: str | Path, most_bytes: int = MOST_BYTES, what: str = "arrays"
 ) -> Mapping[str, NDArray[Any]]:
-    """Read all arrays of an `.npz` file.
+    """Read all arrays of an `.npz` file that holds plain numbers and text alone.
 
-    Args:
-        path: of the file.
-        most_bytes: limit of its size, and of all arrays together.
-        what: should be in it, for messages.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no regular file or no `.npz` file, is damaged, or holds more or other than plain
-            arrays.
+    `most_bytes` limits its size, and that of all arrays together; messages name `what` should be in it.
     """
     content = read_limited(path, most_bytes)
     try:
@@ -64,7 +65,7 @@ def read_arrays(
 
 
 def _array(data: bytes) -> NDArray[Any]:
-    """Return the array of one `.npy` file, which must be as large as it says."""
+    """Return the array of one `.npy` file, whose size must agree with its header."""
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
     if version not in ((1, 0), (2, 0)):
@@ -81,3 +82,46 @@ def _array(data: bytes) -> NDArray[Any]:
     file.seek(0)
     array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False, max_header_size=_HEADER)
     return array
+
+
+def write_headed(
+    path: Path, prefix: str, heads: "Sequence[BaseModel]", arrays: Sequence[NDArray[Any]]
+) -> None:
+    """Write arrays with a head each into one `.npz`, each under `prefix` and its number."""
+    held = {f"{prefix}_{number}": array for number, array in enumerate(arrays)}
+    stated = np.array(json.dumps([head.model_dump() for head in heads]))
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, heads=stated, **held)
+    write_whole(path, buffer.getvalue())
+
+
+def read_headed(
+    path: Path,
+    prefix: str,
+    heads: "TypeAdapter[list[Head]]",
+    item: Callable[[Head, NDArray[Any]], Item],
+    what: str,
+    most_bytes: int,
+) -> list[Item]:
+    """Read a file of `write_headed`.
+
+    Args:
+        path: of the file.
+        prefix: of the names of the arrays.
+        heads: type of the heads.
+        item: makes an item of a head and its array; raises `ValueError` where they do not fit.
+        what: should be in the file, for messages.
+        most_bytes: limit of the file, packed and unpacked.
+    """
+    from pydantic import ValidationError
+
+    arrays = read_arrays(path, most_bytes, what)
+    try:
+        stated = heads.validate_python(parse_json(str(arrays["heads"])))
+        return [item(head, arrays[f"{prefix}_{number}"]) for number, head in enumerate(stated)]
+    except KeyError as error:
+        raise InputError(f"{path} holds no {what}: {cut(error)} is missing") from error
+    except ValidationError as error:
+        raise InputError(f"{path} holds no {what}: heads: {rule_of(error.errors()[0]['msg'])}") from None
+    except ValueError as error:
+        raise InputError(f"{path} holds no {what}: {cut(error)}") from error

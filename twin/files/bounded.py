@@ -1,4 +1,4 @@
-"""Bytes of a regular file, up to a limit: what every reader begins with."""
+"""Bytes of a regular file, up to a limit, with which every reader begins; and its SHA-256."""
 
 import errno
 import hashlib
@@ -16,17 +16,10 @@ _UNREADABLE = (errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno
 
 
 def read_limited(path: str | Path, most_bytes: int) -> bytes:
-    """Read a regular file of at most so many bytes.
+    """Read a regular file of at most so many bytes; a link is followed.
 
-    A named pipe would block for ever and a device never end: neither is opened for waiting, neither is read.
-
-    Args:
-        path: of the file; a link is followed.
-        most_bytes: limit; of a file that grows while it is read, one byte more is taken at most.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is a folder, a pipe or a device, is larger, or may not be read.
+    A named pipe would block for ever and a device never end: neither is read. Of a file that grows while it
+    is read, at most one byte more is read.
     """
     descriptor = open_regular(path)
     with open(descriptor, "rb") as file:
@@ -42,15 +35,9 @@ def read_limited(path: str | Path, most_bytes: int) -> bytes:
 def open_regular(path: str | Path, wanted: str = "a file") -> int:
     """Open a regular file for reading; returns its descriptor, which the caller closes.
 
-    Args:
-        path: of the file; a link is followed.
-        wanted: what it should be, for messages.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is a folder, a pipe or a device, or may not be read.
+    Messages name what is `wanted`.
     """
-    # Without O_NONBLOCK, opening a pipe waits for who writes into it.
+    # Without O_NONBLOCK, opening a pipe waits for a writer.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
         descriptor = os.open(path, flags | getattr(os, "O_BINARY", 0))

@@ -1,7 +1,7 @@
-"""Schema of `dataset.json`, the file that describes a dataset: written by three, validated by every reader.
+"""Schema of `dataset.json`, the file that describes a dataset, which every reader validates.
 
-`generate`, `import` and the full suite write it; `source` says which of them, and so which keys are there.
-Every key must be there but those of a simulated recipe that have a default, and no other key may be.
+`generate`, `import` and the full suite write it; `source` names which of them, and so which keys are there.
+Every key is required but those of a simulated recipe that have a default; no other key may be there.
 """
 
 import itertools
@@ -209,12 +209,7 @@ _REMEDY = "remove it, and generate the dataset again; measured logs, import agai
 
 
 def read_contents(folder: Path) -> Dataset:
-    """Return what the `dataset.json` of a folder says, once it fits the schema.
-
-    Raises:
-        FileNotFoundError: there is no such folder or file: the dataset is not complete, or it is no dataset.
-        ValueError: it is damaged or of an older version; the line says which key is wrong, and what to do.
-    """
+    """Return the contents of the `dataset.json` of a folder."""
     path = folder / NAME
     if not folder.is_dir():
         raise MissingFileError(f"no folder {folder}")
@@ -230,28 +225,14 @@ def read_contents(folder: Path) -> Dataset:
 
 
 def write_contents(folder: Path, values: Mapping[str, Any]) -> None:
-    """Write the `dataset.json` of a folder, whole or not at all, if it fits the schema.
-
-    Raises:
-        ValueError: it does not.
-        OSError: the disk is full or fails.
-    """
-    text = to_text(values)
+    """Write the `dataset.json` of a folder, whole or not at all, if it fits the schema."""
+    text = json.dumps(values, indent=2, allow_nan=False) + "\n"
     parse_contents(text)
     write_whole(folder / NAME, text)
 
 
-def to_text(values: Mapping[str, Any]) -> str:
-    """Return contents as the text of the file."""
-    return json.dumps(values, indent=2, allow_nan=False) + "\n"
-
-
 def parse_contents(text: str | bytes) -> Dataset:
-    """Return what the text of a `dataset.json` says.
-
-    Raises:
-        ValueError: it does not fit the schema; the line says which key is wrong, and what to do.
-    """
+    """Return the contents of the text of a `dataset.json`; an error names the key, and the remedy."""
     try:
         values = parse_json_object(text, MOST_BYTES)
     except ValueError as error:
@@ -274,5 +255,5 @@ def parse_contents(text: str | bytes) -> Dataset:
 
 
 def to_json_values(part: BaseModel) -> dict[str, Any]:
-    """Return a part of the contents as the plain values that stand in the file."""
+    """Return a part of the contents as the plain values of the file."""
     return part.model_dump(mode="json", exclude_unset=True)

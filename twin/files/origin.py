@@ -1,4 +1,4 @@
-"""Origin of a result: the command that makes it again, the versions behind it, the hash of its data."""
+"""Origin of a result: the command that makes it again, its versions, the hash of its data."""
 
 import contextlib
 import hashlib
@@ -15,7 +15,7 @@ from twin.files.bounded import sha256_of
 from twin.files.dataset_json import NAME
 
 PACKAGES = ("mujoco", "numpy", "scipy", "onnxruntime")
-"""Packages whose versions a result may depend on, beside EndoTwin's own."""
+"""Packages whose versions a result may depend on, in addition to EndoTwin's own."""
 
 Line = Annotated[str, Field(max_length=4000)]
 
@@ -51,12 +51,7 @@ class Origin(BaseModel):
 
 
 def origin_of(command: str, data: Sequence[Path]) -> dict[str, Any]:
-    """Return the origin of a result that is made now, as plain values.
-
-    Args:
-        command: that makes it again.
-        data: files and folders of records that it is made from.
-    """
+    """Return the origin of a result that is made now by a command from files and folders, as plain values."""
     versions = {"endotwin": __version__, "python": platform.python_version()}
     for name in PACKAGES:
         with contextlib.suppress(PackageNotFoundError):
@@ -66,11 +61,7 @@ def origin_of(command: str, data: Sequence[Path]) -> dict[str, Any]:
 
 
 def data_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file, of a dataset's `dataset.json`, or of the names and hashes in a folder.
-
-    Raises:
-        FileNotFoundError: there is no such file or folder.
-    """
+    """Return the SHA-256 of a file, of a dataset's `dataset.json`, or of the names and hashes in a folder."""
     if not path.is_dir():
         return sha256_of(path)
     if (path / NAME).is_file():

@@ -31,11 +31,7 @@ _HEADER_KEYS = {"endotwin", "key", "arrays", "sha256"}
 
 
 def state_key(*inputs: Any) -> str:
-    """Return the SHA-256 of the inputs of a run: plain values, bytes and arrays.
-
-    Args:
-        inputs: all that its result depends on.
-    """
+    """Return the SHA-256 of all inputs of a run: plain values, bytes and arrays."""
     whole = hashlib.sha256()
     for value in inputs:
         if isinstance(value, np.ndarray):
@@ -46,14 +42,7 @@ def state_key(*inputs: Any) -> str:
 
 
 def write_state(path: Path, kind: str, key: str, arrays: Mapping[str, Array]) -> None:
-    """Write a state, whole or not at all.
-
-    Args:
-        path: the file.
-        kind: what it is the state of.
-        key: of the run, from `state_key`.
-        arrays: finite numbers.
-    """
+    """Write a state of a kind: finite numbers, under the key of its run from `state_key`."""
     numbers = b"".join(np.ascontiguousarray(values, dtype=_NUMBER).tobytes() for values in arrays.values())
     head = {"endotwin": kind, "key": key, "arrays": {name: np.shape(of) for name, of in arrays.items()}}
     sealed = head | {"sha256": _seal(head, numbers)}
@@ -63,8 +52,7 @@ def write_state(path: Path, kind: str, key: str, arrays: Mapping[str, Array]) ->
 def read_state(path: Path, kind: str, key: str) -> dict[str, Array] | None:
     """Return the arrays of a state; None if there is none, or one of another run.
 
-    Raises:
-        ValueError: the file is not a state that EndoTwin wrote, or it is damaged; it stays as it is.
+    A file that is damaged or no state of EndoTwin is refused, and stays as it is.
     """
     content = _own_bytes(path, kind)
     if content is None:
@@ -83,16 +71,12 @@ def read_state(path: Path, kind: str, key: str) -> dict[str, Array] | None:
 
 
 def damaged_state(path: Path) -> InputError:
-    """Return the error for a state that is ours, but holds what no run has written."""
-    return InputError(f"{path} is damaged: remove it, and the run begins anew")
+    """Return the error for a state that is ours, but is not what a run has written."""
+    return InputError(f"{path} is damaged: remove it, and the run starts again")
 
 
 def remove_state(path: Path, kind: str) -> None:
-    """Remove a state of this kind, if there is one; anything else of that name stays.
-
-    Raises:
-        ValueError: the file is not such a state.
-    """
+    """Remove a state of this kind, if there is one; anything else of that name stays."""
     if _own_bytes(path, kind) is not None:
         path.unlink(missing_ok=True)
 
@@ -113,7 +97,7 @@ def _own_bytes(path: Path, kind: str) -> bytes | None:
     if not content.startswith(_MARK + json.dumps(kind).encode() + b","):
         raise foreign
     if len(content) > MOST_BYTES:
-        raise InputError(f"{path} is larger than {MOST_BYTES >> 20} MiB: remove it, and the run begins anew")
+        raise InputError(f"{path} is larger than {MOST_BYTES >> 20} MiB: remove it, and the run starts again")
     return content
 
 
@@ -130,7 +114,7 @@ def _split(shapes: dict[str, list[int]], numbers: bytes) -> dict[str, Array]:
             raise ValueError("a value is not finite")
         begin = end
     if begin != len(numbers):
-        raise ValueError("it goes on behind its end")
+        raise ValueError("it goes on after its end")
     return arrays
 
 
