@@ -16,7 +16,6 @@ from twin.evaluation.protocol import UNTRAINED_CONDITIONS
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.results import load_runs
 from twin.hysteresis import load_model
-from twin.report.comparison import page_name
 from twin.signals.excitation import SIGNALS
 
 METHODS = [
@@ -74,34 +73,27 @@ def small_numbers(in_one_process):
         yield
 
 
-@pytest.fixture(
-    scope="module",
-    params=[("0.1",), pytest.param(("0.1", "0.02"), marks=pytest.mark.slow)],
-    ids=["one sample time", "both sample times"],
-)
-def times(request):
-    return request.param
-
-
 @pytest.fixture(scope="module")
-def folder(times, tmp_path_factory):
+def folder(tmp_path_factory):
+    """Every method: for `make validate`."""
     out = tmp_path_factory.mktemp("full")
-    assert main([*SMALL.split(), "--out", str(out), "--sample-time", *times]) == 0
+    assert main([*SMALL.split(), "--out", str(out), "--sample-time", "0.1"]) == 0
     return out
 
 
 @pytest.fixture(scope="module")
-def few_words(folder):
-    """A comparison of a few methods on three records of the same benchmark, at another sample time too."""
-    data = [str(folder / "records" / f"record_{number:03d}.mcap") for number in range(3)]
-    return [*data, *SMALL.split(), "--train", str(folder / "train"), *FEW]
-
-
-@pytest.fixture(scope="module")
-def few(few_words, tmp_path_factory):
+def few(tmp_path_factory):
+    """A few methods, none of which is trained, at two sample times."""
     out = tmp_path_factory.mktemp("few")
-    assert main([*few_words, "--out", str(out), "--sample-time", "0.1", "0.08"]) == 0
+    assert main([*SMALL.split(), *FEW, "--out", str(out), "--sample-time", "0.1", "0.08"]) == 0
     return out
+
+
+@pytest.fixture(scope="module")
+def few_words(few):
+    """A comparison of a few methods on three records of the same suite."""
+    data = [str(few / "records" / f"record_{number:03d}.mcap") for number in range(3)]
+    return [*data, *SMALL.split(), "--train", str(few / "train"), *FEW]
 
 
 @pytest.fixture(scope="module")
@@ -109,12 +101,13 @@ def evaluation(folder):
     return json.loads((folder / "evaluation.json").read_text())
 
 
-def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, times):
+@pytest.mark.slow
+def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation):
     rows = evaluation["rows"]
-    assert len(rows) == len(METHODS) * NOISES * 3 * 3 * len(times)
+    assert len(rows) == len(METHODS) * NOISES * 3 * 3
     assert list(dict.fromkeys(row["method"] for row in rows)) == METHODS
     assert {row["twin"] for row in rows} == {"nominal", "bending sheath", "randomized"}
-    assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * NOISES * 9 * len(times)
+    assert [row["method"] for row in rows if row["oracle"]] == ["RAM (oracle)"] * NOISES * 9
     for row in rows:
         assert np.isfinite([row["rmse_deg"], row["rmse_steady_deg"], *row["rmse_ci95_deg"]]).all()
         stated = [row[name] for name in ("coverage95", "width95_deg", "nees", "crps_deg")]
@@ -124,6 +117,7 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation, 
         assert (row["nis"] is None) == (None in stated or not on_a_stream)
 
 
+@pytest.mark.slow
 def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
     def figures(method):
         return [row["rmse_deg"] for row in evaluation["rows"] if row["method"] == method]
@@ -132,14 +126,16 @@ def test_filters_that_are_the_same_on_this_model_have_the_same_rows(evaluation):
     np.testing.assert_allclose(figures("UKF"), figures("AM"), rtol=1e-9)
 
 
-def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation, times):
+@pytest.mark.slow
+def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation):
     rows = [row for row in evaluation["intervals"] if row["method"] == "ESMF (geometry)"]
-    assert len(rows) == 9 * len(times)  # strokes, twins, sample times
+    assert len(rows) == 9  # strokes, twins
     assert {row["noise"] for row in rows} == {"uniform"}
     assert all(row["runs_contained"] == 1.0 for row in rows)
     assert all(0.1 < row["width_deg"] < 2 * np.sqrt(3) for row in rows)  # narrower than one measurement
 
 
+@pytest.mark.slow
 def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
     limit = {
         (r["noise"], r["level"], r["sample_time_s"], r["twin"], *r["stroke_mm"]): r["rmse_deg"]
@@ -155,6 +151,7 @@ def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
             assert np.exp(np.mean(np.log(found))) > 0.999, method
 
 
+@pytest.mark.slow
 def test_tables_figures_and_fits_are_kept(folder):
     for name in (
         "benchmark.md",
@@ -173,6 +170,7 @@ def test_tables_figures_and_fits_are_kept(folder):
     assert 0 <= fits["constant gain"]["gain"][0] <= 1
 
 
+@pytest.mark.slow
 def test_ranks_and_runs_are_those_of_the_rows(folder, evaluation):
     """The first under each noise has the least RMSE, and runs give the figures of the rows again."""
     first = rankings_of(evaluation)[0]
@@ -190,14 +188,14 @@ def test_named_methods_alone_are_compared_at_every_sample_time(few):
     rows = json.loads((few / "evaluation.json").read_text())["rows"]
     assert list(dict.fromkeys(row["method"] for row in rows)) == FEW[1:]
     assert {row["sample_time_s"] for row in rows} == {0.1, 0.08}
-    assert len(rows) == len(FEW[1:]) * NOISES * 3 * 2  # three kinds of twin
+    assert len(rows) == len(FEW[1:]) * NOISES * 3 * 3 * 2  # strokes, kinds of twin, sample times
     assert not list(few.glob("T_0.1/*/*.onnx"))  # nothing is trained that nobody asked for
 
 
-def test_a_second_run_takes_what_is_there_and_says_the_same(few, few_words):
+def test_a_second_run_takes_what_is_there_and_says_the_same(few):
     before = json.loads((few / "evaluation.json").read_text())
     made = {path: path.stat().st_mtime_ns for path in few.glob("*/*") if path.is_file()}
-    assert main([*few_words, "--out", str(few), "--sample-time", "0.1", "--workers", "1"]) == 0
+    assert main([*SMALL.split(), *FEW, "--out", str(few), "--sample-time", "0.1", "--workers", "1"]) == 0
     assert {path: path.stat().st_mtime_ns for path in made} == made
     again = json.loads((few / "evaluation.json").read_text())
     slow = [row for row in before["rows"] if row["sample_time_s"] == 0.1]
@@ -206,6 +204,7 @@ def test_a_second_run_takes_what_is_there_and_says_the_same(few, few_words):
         assert second["rmse_deg"] == pytest.approx(first["rmse_deg"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_words, tmp_path):
     """One that was trained on twins serves every sample time; it needs no model in the suite `paper`."""
     out, policy = tmp_path / "out", str(folder / "ram-twins/policy.onnx")
@@ -223,6 +222,7 @@ def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_wor
     assert not methods & {"AM", "C-H", "RAM"}  # nobody has told a model
 
 
+@pytest.mark.slow
 def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     from scripts.import_log import main as import_log
 
@@ -247,17 +247,18 @@ def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     assert np.isfinite([row["rmse_deg"] for row in rows]).all()
 
 
-def test_what_was_made_from_something_else_is_not_taken(folder, capsys):
-    assert main([*SMALL.replace("--seed 1", "--seed 2").split(), "--out", str(folder)]) == 2
-    assert "holds a run of another configuration" in capsys.readouterr().err
+def test_what_was_made_from_something_else_is_not_taken(few, capsys):
+    assert main([*SMALL.replace("--seed 1", "--seed 2").split(), *FEW, "--out", str(few)]) == 2
+    assert "another configuration" in capsys.readouterr().err
 
 
-def test_records_are_not_trained_and_tested_on(folder, tmp_path, capsys):
-    train = str(folder / "train")
+def test_records_are_not_trained_and_tested_on(few, tmp_path, capsys):
+    train = str(few / "train")
     assert main([train, "--train", train, *SMALL.split(), "--out", str(tmp_path)]) == 2
     assert "is test data too" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
     words = [*few_words, "Ensemble", "--ensembles", "2", "--sample-time", "0.1", "--workers", "1"]
     assert main([*words, "--out", str(tmp_path)]) == 0
@@ -269,6 +270,7 @@ def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
         assert row["rmse_deg"] == pytest.approx(np.mean([one, *others]))
 
 
+@pytest.mark.slow
 def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_path):
     words = [*few_words[: few_words.index("--methods")], "--methods", "AM", "GRU"]
     shutil.copytree(folder / "T_0.1", tmp_path / "T_0.1")  # what is trained already is taken up
@@ -282,6 +284,7 @@ def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_pa
     assert first.read_bytes() != second.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = [*few_words, "--sample-time", "0.1"]
@@ -296,6 +299,7 @@ def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
     assert here["ranks"] == there["ranks"]
 
 
+@pytest.mark.slow
 def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_own(few_words, tmp_path):
     words = SMALL.replace("--suite full", "--suite untrained").split()
     train = few_words[few_words.index("--train") + 1]
@@ -308,25 +312,9 @@ def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_ow
     assert {row["twin"] for row in rows} == {
         *("nominal", "sheath moves suddenly", "tip touched", "wider ranges", "another endoscope")
     }
-    pages = sorted(path.name for path in out.glob("condition_*.md"))
-    assert pages == sorted(page_name(condition) for condition in UNTRAINED_CONDITIONS)
-    page = (out / "condition_stuck_0.1.md").read_text()
-    assert page.startswith("# Stuck, 0.1 of the time\n")
-    of = [row for row in rows if row["noise"] == "stuck" and row["twin"] == "tip touched"]
-    for row in of:
-        assert f"{row['rmse_deg']:.3f}" in page
 
 
-def test_pages_of_conditions_list_all_methods_the_best_on_top(folder, evaluation, times):
-    page = (folder / page_name(("gaussian", 5.0))).read_text()
-    assert page.count("\n## ") == 9 * len(times)
-    first = page.split("\n## ")[1]
-    lines = [line.split("|") for line in first.splitlines() if line.startswith("|")][2:]
-    found = [line[3].strip(" *").split()[0] for line in lines]
-    assert len(found) == len(METHODS)
-    assert [float(value) for value in found] == sorted(map(float, found))
-
-
+@pytest.mark.slow
 def test_the_table_of_scores_is_the_rows(folder, evaluation):
     with (folder / "scores.csv").open() as file:
         lines = list(csv.DictReader(file))
@@ -337,6 +325,7 @@ def test_the_table_of_scores_is_the_rows(folder, evaluation):
         assert (line["coverage95"] == "") == (row["coverage95"] is None)
 
 
+@pytest.mark.slow
 def test_each_method_says_what_it_costs(folder, evaluation):
     costs = evaluation["costs"]
     assert list(costs) == METHODS
@@ -354,6 +343,3 @@ def test_each_method_says_what_it_costs(folder, evaluation):
     assert list(lines) == METHODS
     assert int(lines["LSTM"]["parameters"]) == costs["LSTM"]["parameters"]
     assert lines["C-H"]["training_s"] == ""
-    whole = (folder / "benchmark.md").read_text().split("###")[1]
-    assert "a sample [µs]" in whole
-    assert "| RAM (twins)" in whole
