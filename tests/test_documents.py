@@ -1,7 +1,7 @@
 """Every command and every snippet of README and docs is parsed as printed; `make validate` runs them.
 
 They run at a small size: `documented.SMALLER` states by what each long one is shortened. Besides, trained
-files are exported by tracing, filters are tuned by 150 evaluations, and members are chosen from a few.
+files are exported by tracing, filters are tuned by 150 evaluations, members are chosen from a few, and the gate takes two twins.
 """
 
 import contextlib
@@ -19,6 +19,7 @@ from unittest import mock
 
 import briefly
 import documented
+import gated
 import pytest
 import tyro
 from documented import ALONE, NOT_RUN, TOGETHER, Snippet, documents, inline_commands, snippets, words_of
@@ -110,8 +111,8 @@ def test_the_first_commands_of_the_quick_start_run(tmp_path):
     assert (tmp_path / "dataset/report.html").is_file()
 
 
-def run(snippet: Snippet, folder: Path) -> None:
-    """Run a command or Python in a folder; a failure names where it is printed."""
+def fault_of(snippet: Snippet, folder: Path) -> str:
+    """Run a command or Python in a folder; the end of what a failure prints, else empty."""
     text = snippet.small
     good = next((codes for part, codes in MAY_REFUSE.items() if part in text), (0,))
     if snippet.language == "sh" and text.startswith("endotwin ") and not {"<", ">"} & set(text.split()):
@@ -127,7 +128,7 @@ def run(snippet: Snippet, folder: Path) -> None:
         }
         ended = subprocess.run(command, capture_output=True, text=True, **options)
         code, said = ended.returncode, ended.stderr
-    assert code in good, f"{snippet.name}: {text}\n{said[-1500:]}"
+    return "" if code in good else f"{snippet.name}: {text}\n{said[-1000:]}"
 
 
 def run_all(names: tuple[str, ...], folder: Path) -> None:
@@ -137,10 +138,12 @@ def run_all(names: tuple[str, ...], folder: Path) -> None:
     found: dict[str, Snippet] = {}
     for snippet in (snippet for name in names for snippet in snippets(name) if snippet.is_run):
         found.setdefault(snippet.text, snippet)
+    faults = []
     for snippet in found.values():
         begin = time.monotonic()
-        run(snippet, folder)
+        faults.append(fault_of(snippet, folder))
         print(f"{time.monotonic() - begin:6.1f} s  {snippet.name}: {snippet.small[:90]!r}", flush=True)
+    assert not any(faults), "\n\n".join(filter(None, faults))
 
 
 @pytest.fixture
@@ -152,6 +155,7 @@ def shortened(monkeypatch):
     briefly.tune_filters(monkeypatch)
     briefly.choose_members(monkeypatch)
     briefly.work_in_place(monkeypatch)
+    monkeypatch.setattr("twin.gate.QUICK", gated.SMALL)
 
 
 @pytest.mark.slow
@@ -165,7 +169,7 @@ def test_snippets_of_other_documents_run(tmp_path):
     others = [s for s in EVERY if s.language == "python" and s.document not in (*TOGETHER, *ALONE)]
     assert others
     for snippet in others:
-        run(snippet, tmp_path)
+        assert not fault_of(snippet, tmp_path)
 
 
 @pytest.mark.slow
