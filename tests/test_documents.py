@@ -1,7 +1,8 @@
 """Every command and every snippet of README and docs is parsed as printed; `make validate` runs them.
 
 They run at a small size: `documented.SMALLER` states by what each long one is shortened. Besides, trained
-files are exported by tracing, filters are tuned by 150 evaluations, members are chosen from a few, and the gate takes two twins.
+files are exported by tracing, filters are tuned by 150 evaluations, members are chosen from a few, and the
+gate takes two twins.
 """
 
 import contextlib

@@ -59,7 +59,7 @@ def test_whatever_is_wanted_a_number_within_the_limits_is_commanded(wanted, firs
 
 
 @pytest.mark.parametrize("name", DEPLOYABLE)
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(segments=SEGMENTS, seed=st.integers(0, 99))
 def test_every_controller_stays_within_the_limits_whatever_it_measures(name, segments, seed, files):
     rng = np.random.default_rng(seed)
