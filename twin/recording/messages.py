@@ -7,7 +7,7 @@ place of the recording that converts them.
 import dataclasses
 import itertools
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -20,6 +20,7 @@ from twin.episode import OPTIONAL, WIRES, Episode, without_holes
 from twin.errors import InputError
 from twin.recording.chunks import Stream
 from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
+from twin.recording.features import FEATURES
 from twin.recording.scene import (
     LATERAL_HINGE,
     hinge_angles,
@@ -233,15 +234,11 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     seen = ~np.isnan(episode.measured_bend)
     if not seen.any():
         raise InputError("measured_bend is NaN at every sample: a record needs a measurement")
-    command = {"pull_mm": episode.pull_mm, "lateral_pull_mm": episode.lateral_pull * 1e3}
-    streams = [
-        _scalars("/command", Command, _recorded(command)),
-        _scalars("/truth", Truth, _truth_columns(episode)),
-        _scalars("/measurement", Measurement, {"measured_deg": episode.measured_deg}, seen),
-    ]
-    if episode.wire_tension.shape[2] > 0:
-        tensions = {f"tension_{name}_n": episode.tension[:, wire] for wire, name in _indexed_wires(episode)}
-        streams.append(_scalars("/tension", Tension, tensions))
+    streams = []
+    for topic in ("/command", TRUTH_TOPIC, "/measurement", "/tension"):
+        if columns := _columns(episode, topic):
+            present = seen if topic == "/measurement" else np.ones(len(seen), bool)
+            streams.append(_scalars(topic, columns, present))
     if episode.joint_angle.shape[1] > 0:
         streams += _pose_streams(episode)
     drawing = scene(episode, start)
@@ -251,33 +248,27 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     return streams
 
 
-def _pose_streams(episode: Episode) -> list[Stream]:
-    angles = hinge_angles(episode)
-    names = list(angles)
-
-    def joints(row: Sequence[float], nanoseconds: int) -> Any:
-        return joint_states(names, row, nanoseconds)
-
-    streams = [_stream("/joint_states", joints, list(angles.values()))]
-    link = link_length(episode)
-    if link is not None:
-        parts = rotations(episode)
-
-        def frames(row: Sequence[float], nanoseconds: int) -> Any:
-            return transforms(link, list(parts), row, nanoseconds)
-
-        streams.append(_stream("/tf", frames, list(parts.values())))
-    return streams
+def _columns(episode: Episode, topic: str) -> dict[str, Array]:
+    """Return the columns of a topic's messages that were recorded, by field."""
+    wires = _wires_of(episode)
+    columns: dict[str, Array] = {}
+    for feature in FEATURES:
+        values = feature.values(episode)
+        if feature.topic != topic or len(values) == 0:
+            continue
+        if "*" in feature.field:
+            columns |= {feature.field.replace("*", name): values[:, k] for k, name in enumerate(wires)}
+        else:
+            columns[feature.field] = values
+    return columns
 
 
-def _scalars(
-    topic: str, kind: Any, columns: dict[str, Array], present: NDArray[np.bool_] | None = None
-) -> Stream:
+def _scalars(topic: str, columns: dict[str, Array], present: NDArray[np.bool_]) -> Stream:
     """Return the stream of a message whose fields are numbers, or rows of numbers, of the columns."""
     sizes = {field: values.shape[1] if values.ndim == 2 else None for field, values in columns.items()}
 
     def build(row: Sequence[float], nanoseconds: int) -> Any:
-        message, first = kind(), 0
+        message, first = SCHEMAS[topic](), 0
         for field, size in sizes.items():
             if size is None:
                 setattr(message, field, row[first])
@@ -286,18 +277,25 @@ def _scalars(
             first += 1 if size is None else size
         return message
 
-    return _stream(topic, build, list(columns.values()), present)
+    return Stream(topic, build, _stacked(list(columns.values()), len(present)), present)
 
 
-def _stream(
-    topic: str,
-    build: Callable[[Sequence[float], int], Any],
-    columns: list[Array],
-    present: NDArray[np.bool_] | None = None,
-) -> Stream:
-    count = len(columns[0])
-    present = np.ones(count, bool) if present is None else present
-    return Stream(topic, build, _stacked(columns, count), present)
+def _pose_streams(episode: Episode) -> list[Stream]:
+    angles, link, every = hinge_angles(episode), link_length(episode), np.ones(len(episode.time), bool)
+    names = list(angles)
+
+    def joints(row: Sequence[float], nanoseconds: int) -> Any:
+        return joint_states(names, row, nanoseconds)
+
+    streams = [Stream("/joint_states", joints, _stacked(list(angles.values()), len(every)), every)]
+    if link is not None:
+        parts = rotations(episode)
+
+        def frames(row: Sequence[float], nanoseconds: int) -> Any:
+            return transforms(link, list(parts), row, nanoseconds)
+
+        streams.append(Stream("/tf", frames, _stacked(list(parts.values()), len(every)), every))
+    return streams
 
 
 def _stacked(columns: Sequence[ArrayLike], count: int) -> Array:
@@ -306,34 +304,14 @@ def _stacked(columns: Sequence[ArrayLike], count: int) -> Array:
     return np.hstack(tables) if tables else np.empty((count, 0))
 
 
-def _truth_columns(episode: Episode) -> dict[str, Array]:
-    columns = {
-        "truth_deg": episode.truth_deg,
-        "lateral_bend_deg": np.degrees(episode.lateral_bend),
-        "pulley_mm": episode.pulley * 1e3,
-        "sheath_bend_deg": np.degrees(episode.sheath_bend),
-    }
-    for wire, name in _indexed_wires(episode):
-        columns[f"wire_tension_{name}_n"] = episode.wire_tension[:, wire]
-        columns[f"sheath_friction_{name}_n"] = episode.sheath_friction[:, wire]
-        if len(episode.wire_slack) > 0:
-            columns[f"wire_slack_{name}_mm"] = episode.wire_slack[:, wire] * 1e3
-    return _recorded(columns)
-
-
-def _recorded(columns: dict[str, Array]) -> dict[str, Array]:
-    return {name: values for name, values in columns.items() if len(values) > 0}
-
-
-def _indexed_wires(episode: Episode) -> list[tuple[int, str]]:
-    """Return the index and the name of each wire."""
-    lateral = (episode.lateral_pull, episode.lateral_bend, episode.lateral_joint_angle)
-    return list(enumerate(wire_names(lateral)))
+def _wires_of(episode: Episode) -> str:
+    """Return the names of the wires."""
+    return wire_names((episode.lateral_pull, episode.lateral_bend, episode.lateral_joint_angle))
 
 
 def _check_shapes(episode: Episode) -> None:
     """Refuse arrays whose axes are not those of their fields."""
-    count, wires = len(episode.time), len(_indexed_wires(episode))
+    count, wires = len(episode.time), len(_wires_of(episode))
     axes: dict[str, tuple[int | None, ...]] = {
         "joint_angle": (None,),
         "wire_tension": (wires, None),
