@@ -14,11 +14,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.limits import MARGIN, CommandLimits
-from twin.control.line import fit_line
-from twin.control.plant import Plant
-from twin.control.reference import SIGNALS, reference
-from twin.control.tracking_view import ERROR_DEG, OBSERVATION_LIMIT, OBSERVED, Observation, TrackingView
+from twin.control.conditions import SIGNALS, reference
+from twin.control.controller import MARGIN, CommandLimits, fit_line
+from twin.control.controllers.ppo import ERROR_DEG, OBSERVATION_LIMIT, OBSERVED, Observation, TrackingView
+from twin.control.trial import Plant
 from twin.errors import InputError
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
@@ -96,9 +95,9 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             randomized: whether every episode draws another endoscope, from the ranges of the preset's file;
                 line and scales remain those of the nominal one, as all that is known of it.
             stroke_mm: lowest and highest pull of the work, which references are made for; the command may
-                go further at either end, by `twin.control.limits.MARGIN` of its width [mm].
+                go further at either end, by `twin.control.controller.MARGIN` of its width [mm].
             speed_mm_s: fastest change of the command [mm / s].
-            signals: kinds of reference, one of which each episode draws (`twin.control.reference.SIGNALS`).
+            signals: kinds of reference, one of which each episode draws (`twin.control.conditions.SIGNALS`).
             noise_variance: R of the Gaussian noise of measurements [deg^2].
             sample_time: T [s].
             seconds: length of an episode behind its hold at the start [s].

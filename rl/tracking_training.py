@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rl.trainers import OnProgress
-from twin.control.controllers.ppo import AGENT, INPUT, OUTPUT
-from twin.control.tracking_view import ERROR_DEG, OBSERVED
+from twin.control.controllers.ppo import AGENT, ERROR_DEG, INPUT, OBSERVED, OUTPUT
 from twin.files.bounds import check_between
 
 if TYPE_CHECKING:

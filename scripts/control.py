@@ -13,10 +13,9 @@ from scripts.progress import Progress
 from twin.files.atomic import MADE_BY
 
 if TYPE_CHECKING:
-    from twin.control.comparison import Comparison
-    from twin.control.condition import ControlCondition
-    from twin.control.registry import ControllerSpec
-    from twin.control.settings import ControlSettings
+    from twin.control.conditions import ControlCondition, ControlSettings
+    from twin.control.controller import ControllerSpec
+    from twin.control.results import Comparison
 
 PAGE = "control.html"
 
@@ -79,17 +78,18 @@ def control(args: Control) -> Summary:
     for extra in ("sim", "viz"):
         require_extra(extra, "endotwin control")
     from twin.control.comparison import compare, specs_of
-    from twin.control.condition import find_conditions
+    from twin.control.conditions import ControlSettings, find_conditions
     from twin.control.results import (
         RECORD_SIGN,
         RECORDS,
         RESULTS,
+        TABLE,
+        control_table,
         control_values,
         write_record,
+        write_tables,
         write_values,
     )
-    from twin.control.settings import ControlSettings
-    from twin.control.tables import TABLE, control_table, write_tables
     from twin.files.origin import origin_of
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges

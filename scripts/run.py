@@ -145,7 +145,7 @@ def _stream(args: Run) -> Summary:
         raise InputError("stdin is closed: samples come from there, or name a log")
     runtime, counts, commands = _prepared(args)(), RunCounts(), None
     if args.stroke is not None:
-        from twin.control.live import prepare_commands
+        from twin.control.compensator import prepare_commands
 
         commands = prepare_commands(args.policy, runtime, args.stroke, args.speed, args.rate)
     facts, not_samples, ended, code = _facts(args, runtime), 0, "the stream has ended", 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from controlled import DEPLOYMENT, MODEL, STROKE_MM, R, T, closed_loop, knowledge
 
-from twin.control.controllers.active_model_pi import ACTIVE_MODEL_PI
+from twin.control.controllers.feedback import ACTIVE_MODEL_PI
 from twin.estimation.active_model import ActiveModel
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.control.anticipation import IN_TIME_DEG, LATE_DEG, LOOKS_EVERY_S, Anticipation
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits
 
 T = 0.02
 LIMITS = CommandLimits(-10.0, 10.0, 5.0)

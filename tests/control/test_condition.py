@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from controlled import PRESET, knowledge
 
-from twin.control.condition import (
+from twin.control.conditions import (
     BENDING_AT_S,
     BENDING_S,
     BENT_BY,
     CAPSTAN,
     CONDITIONS,
+    HOLD_S,
     TOUCHED_AT_S,
     ControlCondition,
+    ControlSettings,
 )
-from twin.control.reference import HOLD_S
-from twin.control.settings import ControlSettings
 from twin.preset import load_ranges
 from twin.simulation import simulate_batch
 

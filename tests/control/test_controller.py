@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_tracking import write_tiny
 
-from twin.control.controller import Controller, Sensed
-from twin.control.registry import controller_specs, find_controllers
+from twin.control.controller import Controller, Sensed, controller_specs, find_controllers
 
 DEPLOYABLE = [spec.name for spec in controller_specs() if not spec.oracle]
 any_number = st.one_of(st.floats(), st.sampled_from([math.nan, math.inf, -math.inf]))

@@ -8,9 +8,8 @@ from controlled import LIMITS, T, assert_within, closed_loop, knowledge
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.controller import Sensed
-from twin.control.feedback import PI_SETTINGS, EstimateFeedback
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits, Sensed
+from twin.control.controllers.feedback import PI_SETTINGS, EstimateFeedback
 
 GAINS = {name: setting.default for name, setting in PI_SETTINGS.items()}
 WIDE = CommandLimits(-20.0, 20.0, 200.0)
@@ -67,7 +66,7 @@ def test_a_reference_that_moves_is_commanded_ahead_by_the_line():
 def test_it_starts_without_a_jump_wherever_the_endoscope_stands(first, wanted):
     controller = feedback(WIDE)
     controller.start(first, wanted)
-    assert controller.bend_deg == wanted
+    assert controller.estimate_deg == wanted
     assert controller.step(Sensed(0.0, wanted, wanted, wanted)) == pytest.approx(first, abs=1e-12)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits
 
 any_number = st.one_of(st.floats(), st.sampled_from([math.nan, math.inf, -math.inf]))
 moderate = st.floats(-1e3, 1e3)

@@ -6,7 +6,7 @@ from controlled import PRESET
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.control.line import Line, fit_line
+from twin.control.controller import Line, fit_line
 from twin.signals.excitation import command
 from twin.simulation import simulate
 

@@ -8,7 +8,7 @@ from controlled import LIMITS, closed_loop, knowledge
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.controllers.linear import LINEAR
+from twin.control.controllers.feedback import LINEAR
 
 any_number = st.one_of(st.floats(), st.sampled_from([math.nan, math.inf, -math.inf]))
 
@@ -20,7 +20,7 @@ def test_it_is_the_line_of_the_next_reference_and_asks_no_sensor(measured):
     controller = LINEAR.make(known)
     course = closed_loop(controller, lambda pull: 0.0, wanted, lambda k, bend: measured[k])
     np.testing.assert_allclose(course.pull_mm[1:], wanted[1:] / known.line.slope, atol=1e-9)
-    assert math.isnan(controller.bend_deg)
+    assert math.isnan(controller.estimate_deg)
 
 
 def test_beyond_the_stroke_it_stands_at_its_end():

@@ -10,8 +10,8 @@ import pytest
 from gated import export_small
 from repository import ENVIRONMENT, command
 
-from twin.control.live import prepare_commands
-from twin.control.plant import Plant
+from twin.control.compensator import prepare_commands
+from twin.control.trial import Plant
 from twin.errors import InputError
 from twin.live import load_runtime
 from twin.live.lines import answers
@@ -91,7 +91,7 @@ def test_a_jump_that_is_told_ahead_is_answered_ahead(policy):
         for k, of in enumerate(wanted)
     ]
     samples[0]["pull_mm"] = 0.3
-    ahead = [of | {"coming_deg": wanted[k + 1 : k + 46]} for k, of in enumerate(samples)]
+    ahead = [of | {"reference_preview_deg": wanted[k + 1 : k + 46]} for k, of in enumerate(samples)]
     late, early = ([answer["command_mm"] for answer in told(policy, given)] for given in (samples, ahead))
     assert early[:104] == pytest.approx(late[:104], abs=1e-9)
     assert early[149] < late[149] - 0.1

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from controlled import LIMITS, PRESET, R, T, assert_within, closed_loop, knowledge
 
-from twin.control.controller import Sensed
-from twin.control.controllers.linear import LINEAR
-from twin.control.controllers.members_inverse import MEMBERS_INVERSE, MembersInverse
-from twin.control.feedback import PI_SETTINGS
-from twin.control.limits import CommandLimits
-from twin.control.plant import Plant
+from twin.control.controller import CommandLimits, Sensed
+from twin.control.controllers.feedback import LINEAR, PI_SETTINGS
+from twin.control.controllers.inverses import MEMBERS_INVERSE, MembersInverse
+from twin.control.trial import Plant
 from twin.estimation.learned.member_weights import MemberWeights
 from twin.live.reading import Alarm, Source
 
@@ -56,7 +54,7 @@ def test_its_command_moves_the_weighted_members_by_what_is_asked_of_them(twins_p
         members, before = advanced.estimator.members, advanced.state.following
         after = members.step(before, np.array([pull]))
         moved = weights @ (after.of_filters() - before.of_filters())[0]
-        error = sensed.reference_deg - driven.bend_deg
+        error = sensed.reference_deg - driven.estimate_deg
         asked = sensed.next_deg - sensed.reference_deg + (1 - math.exp(-RATE * T)) * error
         off.append(moved - asked)
         assert driven.runtime.reading.source is Source.ADVANCED
@@ -151,7 +149,7 @@ def test_hold_and_fallback_are_said_and_a_hold_ends_without_a_jump(twins_policy)
         seen = math.nan if 220 <= k < 240 else measure(k, bend) + 12.0 * (k >= 150)
         pulls.append(driven.step(Sensed(k * T, seen, WANTED[k], WANTED[k + 1])))
         held.append(driven.holds)
-        off.append(WANTED[k] - driven.bend_deg)
+        off.append(WANTED[k] - driven.estimate_deg)
         if held[-1]:
             assert driven.runtime.reading.alarms & Alarm.TIMEOUT
             assert pulls[-1] == pulls[-2]

@@ -17,8 +17,8 @@ from controlled import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.control.controllers.model_inverse import CLOSE_MM, MODEL_INVERSE
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits
+from twin.control.controllers.inverses import CLOSE_MM, MODEL_INVERSE
 from twin.hysteresis import ColemanHodgdon
 
 STEEPEST = 1.5 * (MODEL.c_deg_per_mm + 2 * MODEL.a_per_mm * MODEL.b_deg_per_mm * 3.5)

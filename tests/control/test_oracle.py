@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
-from twin.control.limits import CommandLimits
-from twin.control.reference import reference
+from twin.control.conditions import reference
+from twin.control.controller import CommandLimits
 from twin.control.trial import ControlCase, run_trial
 from twin.simulation import PHYSICS
 
@@ -33,7 +33,7 @@ def test_it_sees_what_happens_on_the_way(physics, what):
     course = PRESET.sheath_bend + path if what == "sheath_bend" else 0.05 * path
     trial = tracked(physics=physics, **{what: course})
     assert trial.rmse_deg < tracked(physics=physics).rmse_deg + 0.3
-    assert np.abs(trial.bend_deg - tracked(physics=physics).bend_deg).max() > 1e-3
+    assert np.abs(trial.truth_deg - tracked(physics=physics).truth_deg).max() > 1e-3
 
 
 def test_a_fast_reference_that_is_known_ahead_is_followed_through_its_dead_bands():

@@ -9,9 +9,8 @@ from controlled import LIMITS, T, closed_loop, knowledge
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.controller import Sensed
-from twin.control.controllers.pid import PID, LowPass
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits, Sensed
+from twin.control.controllers.feedback import PID, LowPass
 
 SETTINGS = {name: setting.default for name, setting in PID.settings.items()}
 cutoffs = st.floats(0.05, 20.0)

@@ -5,7 +5,7 @@ import pytest
 from both_twins import same_state
 from controlled import PRESET
 
-from twin.control.plant import Plant
+from twin.control.trial import Plant
 from twin.simulation import PHYSICS, simulate
 
 N = 25

@@ -11,9 +11,9 @@ from small_tracking import write_tiny
 
 from rl.tracking import TrackingEnvironment
 from twin.control.comparison import specs_of
+from twin.control.conditions import ControlSettings
 from twin.control.controller import Sensed
 from twin.control.controllers.ppo import TrackingLaw, load_tracking_policy
-from twin.control.settings import ControlSettings
 from twin.control.trial import ControlCase, run_trial
 from twin.errors import InputError
 from twin.estimation.learned.trained_file import METADATA_KEY
@@ -55,7 +55,7 @@ def test_it_commands_what_the_policy_did_in_its_environment(trained, stroke):
     trial = run_trial("ppo", known_of(environment, trained), case)
     pulls = np.array([info["pull_mm"] for info in infos])
     np.testing.assert_array_equal(trial.pull_mm, pulls)
-    np.testing.assert_array_equal(trial.bend_deg, [info["bend_deg"] for info in infos])
+    np.testing.assert_array_equal(trial.truth_deg, [info["bend_deg"] for info in infos])
     by_line = [environment.line.pull_mm(wanted) for wanted in trial.reference_deg]
     assert np.abs(pulls - by_line).max() > 0.01  # the policy has acted
 

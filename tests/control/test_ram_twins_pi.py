@@ -3,8 +3,8 @@
 import numpy as np
 from controlled import R, T, closed_loop, knowledge
 
-from twin.control.controllers.ram_twins_pi import RAM_TWINS_PI
-from twin.control.plant import Plant
+from twin.control.controllers.feedback import RAM_TWINS_PI
+from twin.control.trial import Plant
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import load
 

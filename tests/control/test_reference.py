@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.reference import FAST_PERIOD_S, HOLD_S, SHARE, SIGNALS, reference
+from twin.control.conditions import FAST_PERIOD_S, SHARE, SIGNALS, reference
+from twin.control.trial import HOLD_S
 
 kinds = st.sampled_from(SIGNALS)
 

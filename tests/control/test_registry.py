@@ -3,9 +3,9 @@
 import pytest
 from controlled import knowledge
 
-from twin.control import registry
-from twin.control.controllers.linear import LINEAR, LinearMap
-from twin.control.registry import ControllerSpec, Setting, controller_specs, find_controllers
+from twin.control import controller as registry
+from twin.control.controller import ControllerSpec, Setting, controller_specs, find_controllers
+from twin.control.controllers.feedback import LINEAR, LinearMap
 
 SETTINGS = {"gain": Setting(2.0, 1.0, 9.0), "rate_per_s": Setting(0.5, 0.1, 1.0)}
 
@@ -17,7 +17,7 @@ def new(monkeypatch) -> ControllerSpec:
     monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
 
     def build(known, settings):
-        made = LinearMap(known.line, known)
+        made = LinearMap(known, {})
         made.settings = settings
         return made
 

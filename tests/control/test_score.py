@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from twin.control.condition import CONDITIONS
-from twin.control.score import MEASURES, ControlResult, comparisons, measures_of
+from twin.control.conditions import CONDITIONS
+from twin.control.results import MEASURES, ControlResult, comparisons, measures_of
 from twin.control.trial import ControlTrial
 from twin.gate.trial import reduction_interval
 

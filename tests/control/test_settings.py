@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from controlled import PRESET, knowledge
 
-from twin.control.condition import BENT_BY, CONDITIONS
-from twin.control.reference import FAST_PERIOD_S, HOLD_S
-from twin.control.settings import TUNING, ControlSettings
+from twin.control.conditions import BENT_BY, CONDITIONS, FAST_PERIOD_S, HOLD_S, TUNING, ControlSettings
 from twin.preset import load_ranges
 
 T = 0.1

@@ -1,6 +1,6 @@
 """Tables of a comparison: every figure in its row and column, and nothing where there is none."""
 
-from twin.control.tables import control_table
+from twin.control.results import control_table
 
 
 def total(controller, rmse, condition="R = 1", **others):

@@ -9,12 +9,10 @@ from controlled import LIMITS, PRESET, T, assert_within, knowledge
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control import registry
-from twin.control.controller import Controller
-from twin.control.limits import CommandLimits
-from twin.control.reference import HOLD_S, reference
-from twin.control.registry import ControllerSpec, controller_specs
-from twin.control.trial import ControlCase, ControlTrial, run_trial
+from twin.control import controller as registry
+from twin.control.conditions import reference
+from twin.control.controller import CommandLimits, Controller, ControllerSpec, controller_specs
+from twin.control.trial import HOLD_S, ControlCase, ControlTrial, run_trial
 from twin.signals.sensor import measure
 from twin.simulation import PHYSICS, simulate
 
@@ -33,7 +31,7 @@ class Witness(Controller):
 
     def _wanted_mm(self, sensed) -> float:
         self.seen.append(sensed)
-        self.bend_deg, self.falls_back = float(len(self.seen)), len(self.seen) % 3 == 0
+        self.estimate_deg, self.falls_back = float(len(self.seen)), len(self.seen) % 3 == 0
         return 1.0 + 0.5 * math.sin(0.3 * len(self.seen))
 
 
@@ -68,8 +66,8 @@ def test_a_controller_is_given_the_reference_of_now_and_next_and_the_noisy_angle
     np.testing.assert_array_equal(now, given.reference_deg)
     np.testing.assert_array_equal(following[:-1], given.reference_deg[1:])
     assert following[-1] == given.reference_deg[-1]
-    assert not any(len(sensed.coming_deg) for sensed in witness.seen)
-    np.testing.assert_array_equal(measured, trial.bend_deg + given.noise_deg)
+    assert not any(len(sensed.reference_preview_deg) for sensed in witness.seen)
+    np.testing.assert_array_equal(measured, trial.truth_deg + given.noise_deg)
     assert np.isnan(measured[5:9]).all()
     np.testing.assert_array_equal(trial.measured_deg, measured)
     assert witness.started == [(trial.pull_mm[0], given.reference_deg[0])]
@@ -79,7 +77,7 @@ def test_a_reference_that_is_known_ahead_is_told_so_far_and_no_further(witnesses
     given = drive()
     run_trial("witness", knowledge(preview_s=0.5), given)
     for k, sensed in enumerate(witnesses[0].seen):
-        np.testing.assert_array_equal(sensed.coming_deg, given.reference_deg[k + 1 : k + 6])
+        np.testing.assert_array_equal(sensed.reference_preview_deg, given.reference_deg[k + 1 : k + 6])
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
@@ -87,7 +85,7 @@ def test_its_angle_is_that_of_a_simulation_along_its_commands(witnesses, physics
     sheath = PRESET.sheath_bend + 0.5 * np.linspace(0, 1, HELD + 20)
     trial = run_trial("witness", knowledge(), drive(physics=physics, sheath_bend=sheath))
     expected = simulate(PRESET, trial.pull_mm * 1e-3, T, physics=physics, sheath_bend=sheath)
-    np.testing.assert_array_equal(trial.bend_deg, expected.truth_deg)
+    np.testing.assert_array_equal(trial.truth_deg, expected.truth_deg)
     # The command of a sample acts at the end of it.
     samples = np.arange(1, len(trial.pull_mm))
     np.testing.assert_allclose(trial.pull_mm[2:], 1 + 0.5 * np.sin(0.3 * samples[1:]), atol=1e-12)
@@ -103,11 +101,11 @@ def test_a_late_sensor_says_what_the_sensor_of_a_record_would_say(witnesses, lat
     given = drive(preset, sample_time=sample_time)
     known = knowledge(sample_time=sample_time)
     trial = run_trial("witness", known, dataclasses.replace(given, noise_deg=0 * given.noise_deg))
-    time = np.arange(len(trial.bend_deg)) * sample_time
-    reported = measure(preset, time, np.radians(trial.bend_deg), np.random.default_rng(0))
+    time = np.arange(len(trial.truth_deg)) * sample_time
+    reported = measure(preset, time, np.radians(trial.truth_deg), np.random.default_rng(0))
     np.testing.assert_allclose(trial.measured_deg, np.degrees(reported), atol=1e-12)
     late = math.ceil(round(latency / sample_time, 6))
-    np.testing.assert_array_equal(trial.measured_deg[late:], trial.bend_deg[: len(time) - late])
+    np.testing.assert_array_equal(trial.measured_deg[late:], trial.truth_deg[: len(time) - late])
 
 
 def test_it_begins_at_the_pull_of_the_line_cut_by_the_limits(witnesses):

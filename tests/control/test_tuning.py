@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.control import tuning
-from twin.control.registry import ControllerSpec, Setting
-from twin.control.tuning import tune
+from twin.control import comparison as tuning
+from twin.control.comparison import tune
+from twin.control.controller import ControllerSpec, Setting
 from twin.errors import DivergedError
 
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
-from twin.control.controller import Sensed
-from twin.control.controllers.twin_inverse import TWIN_INVERSE
-from twin.control.limits import CommandLimits
-from twin.control.plant import Plant
-from twin.control.reference import SIGNALS, reference
-from twin.control.trial import ControlCase, run_trial
+from twin.control.conditions import SIGNALS, reference
+from twin.control.controller import CommandLimits, Sensed
+from twin.control.controllers.inverses import TWIN_INVERSE
+from twin.control.trial import ControlCase, Plant, run_trial
 from twin.reduced.twins import TOLERANCE
 
 

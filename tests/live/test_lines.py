@@ -85,13 +85,15 @@ def test_shipped_schema_is_that_of_the_models():
 
 
 @given(FLOATS, *[st.none() | FLOATS] * 3, st.none() | st.lists(FLOATS, max_size=256))
-def test_sample_is_read_to_the_last_bit(time_s, pull_mm, measurement_deg, reference_deg, coming_deg):
+def test_sample_is_read_to_the_last_bit(
+    time_s, pull_mm, measurement_deg, reference_deg, reference_preview_deg
+):
     given = {
         "time_s": time_s,
         "pull_mm": pull_mm,
         "measurement_deg": measurement_deg,
         "reference_deg": reference_deg,
-        "coming_deg": coming_deg,
+        "reference_preview_deg": reference_preview_deg,
     }
     for values in (given, {name: value for name, value in given.items() if value is not None}):
         line = json.dumps(values)
@@ -158,7 +160,7 @@ HOSTILE = [
     (b'{"time_s":1,"\\u001b[31m":2}', "unknown key"),
     (b'{"time_s":1,"' + b"k" * 60_000 + b'":2}', "unknown key kkk"),
     *[
-        (b'{"time_s":1,"reference_deg":2,"coming_deg":%b}' % line, "coming_deg")
+        (b'{"time_s":1,"reference_deg":2,"reference_preview_deg":%b}' % line, "reference_preview_deg")
         for line in (b"[null]", b'["1"]', b"1.0", b"[[1.0]]", b"[true]", b"[1" + b",1" * 256 + b"]")
     ],
     (None, f"the line is longer than {LONGEST_LINE} bytes"),

@@ -11,7 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_stable_basel
 
 from rl.registration import ENVIRONMENT_ID, TRACKING_ID
 from rl.tracking import TRAVEL_COST_PER_MM, TrackingEnvironment
-from twin.control.tracking_view import ERROR_DEG, SMOOTHING_S
+from twin.control.controllers.ppo import ERROR_DEG, SMOOTHING_S
 from twin.errors import InputError
 from twin.physics import choose_backend
 from twin.preset.file import load_preset

@@ -7,7 +7,7 @@ from gated import export_small
 from small_tracking import write_tiny
 from typed import typed
 
-from twin.control.registry import controller_specs
+from twin.control.controller import controller_specs
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
 

@@ -6,9 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin.control.controller import Controller, Sensed
-from twin.control.knowledge import ControlKnowledge
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits, ControlKnowledge, Controller, Sensed
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
 from twin.hysteresis import ColemanHodgdon
@@ -62,7 +60,7 @@ def closed_loop(
         following = wanted_deg[min(k + 1, len(wanted_deg) - 1)]
         sensed = Sensed(k * controller.sample_time, float(seen(k, bend)), float(wanted), float(following))
         command = controller.step(sensed)
-        rows.append((pull, bend, controller.bend_deg, controller.falls_back))
+        rows.append((pull, bend, controller.estimate_deg, controller.falls_back))
         pull = command
     return Course(*np.array(rows).T)
 

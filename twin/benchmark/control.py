@@ -18,13 +18,10 @@ NOISE_VARIANCE = 1.0  # [deg^2]
 
 def control_step(policy: Path, preset: Preset) -> dict[str, Result]:
     """Measure a controller on a trained file of RAM (twins), in a closed loop with a reduced twin."""
-    from twin.control.controller import Sensed
-    from twin.control.controllers.members_inverse import MEMBERS_INVERSE
-    from twin.control.knowledge import ControlKnowledge
-    from twin.control.limits import MARGIN, CommandLimits
-    from twin.control.plant import Plant
-    from twin.control.reference import reference
-    from twin.control.settings import PREVIEW_S
+    from twin.control.conditions import PREVIEW_S, reference
+    from twin.control.controller import MARGIN, CommandLimits, ControlKnowledge, Sensed
+    from twin.control.controllers.inverses import MEMBERS_INVERSE
+    from twin.control.trial import Plant
     from twin.estimation.deployment import deployment_of
 
     deployment = deployment_of(read_trained_file(policy))

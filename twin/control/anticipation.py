@@ -1,12 +1,12 @@
-"""Going ahead of a reference that is known: long ways of the command are begun before they are due.
+"""Anticipation of a known reference: long travels of the command begin before they are due.
 
-Behind a reversal, and wherever friction holds the bend, the command has a way of millimetres to go before the
-bend moves on. Where the motor cannot go it in time, who follows the reference sample by sample is late by
+After a reversal, and wherever friction holds the bend, the command travels millimetres before the bend moves
+on. Where the motor is too slow for that, a controller that follows the reference sample by sample is late by
 all of it. If the reference is known ahead, the command may leave early: the earlier it does, the further the
-bend is ahead of the reference at first, and the less it is behind later. The largest error is least where the
-two are equal, and that is when the command begins, at its limit of speed.
+bend is ahead of the reference at first, and the less it is late afterwards. The largest error is least where
+the two are equal, and that is when the command begins, at its speed limit.
 
-What a way brings is asked of a model: copies of the members of RAM (twins), of the endoscope for an oracle.
+A model predicts the bends: copies of the members of RAM (twins), or of the endoscope for an oracle.
 """
 
 import math
@@ -15,14 +15,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.limits import CommandLimits
+from twin.control.controller import CommandLimits
 
 Array = NDArray[np.float64]
 Along = Callable[[Array, NDArray[np.int64]], Array]
 """From pulls (N,) [mm], one after the other, and the samples (N,) that each takes: bends (N,) then [deg]."""
 
-NOTHING_COMES = np.empty(0)
-"""Wanted angles of a reference that is told sample by sample."""
 LATE_DEG, IN_TIME_DEG = 0.3, 0.1
 """Error behind the reference that the command goes ahead for, and the one that it goes on for [deg]."""
 LOOKS_EVERY_S = 0.06
@@ -46,12 +44,17 @@ class Anticipation:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Forget what was begun."""
         self.direction = 0.0
         self._goes, self._waits = False, 0
 
     def wanted_mm(
-        self, pull_mm: float, bend_deg: float, reference_deg: float, coming_deg: Array, along: Along
+        self,
+        pull_mm: float,
+        bend_deg: float,
+        reference_deg: float,
+        reference_preview_deg: Array,
+        along: Along,
     ) -> float:
         """Return the pull that is wanted at the next sample [mm]; NaN where nothing is to be done ahead.
 
@@ -59,39 +62,39 @@ class Anticipation:
             pull_mm: command that stands.
             bend_deg: bend now, as estimated.
             reference_deg: wanted angle now.
-            coming_deg: (H,) wanted angles at the next samples.
+            reference_preview_deg: (H,) wanted angles at the next samples.
             along: asks the model; nothing moves. Its bends count from the one that it has now.
         """
-        if len(coming_deg) < self._looks[0] or not np.isfinite(coming_deg).all():
+        if len(reference_preview_deg) < self._looks[0] or not np.isfinite(reference_preview_deg).all():
             self.forget()
             return math.nan
         if not self._waits:
             # It begins for what the reference asks, never for an error that the bend has already.
             at = bend_deg if self.direction else reference_deg
-            self._look(pull_mm, at, coming_deg, along)
+            self._look(pull_mm, at, reference_preview_deg, along)
             self._waits = self._every
         self._waits -= 1
-        ahead, left = bend_deg - coming_deg[0], coming_deg[-1] - bend_deg
+        ahead, left = bend_deg - reference_preview_deg[0], reference_preview_deg[-1] - bend_deg
         if not self._goes and not (self.direction * ahead > 0 and self.direction * left > 0):
             self.direction = 0.0
         if not self.direction:
             return math.nan
         return pull_mm + self.direction * self._way_mm * self._goes
 
-    def _look(self, pull_mm: float, bend_deg: float, coming_deg: Array, along: Along) -> None:
+    def _look(self, pull_mm: float, bend_deg: float, reference_preview_deg: Array, along: Along) -> None:
         """Compare the reference with what the limit of speed brings, and begin, go on or wait."""
-        looks = self._looks[self._looks <= len(coming_deg)]
-        direction = self.direction or math.copysign(1.0, coming_deg[-1] - bend_deg)
+        looks = self._looks[self._looks <= len(reference_preview_deg)]
+        direction = self.direction or math.copysign(1.0, reference_preview_deg[-1] - bend_deg)
         low, high = self._limits.low_mm, self._limits.high_mm
         pulls = np.clip(pull_mm + direction * self._way_mm * looks, low, high)
         # No endoscope bends against its pull; weighted members may, where some of them move first.
         brought = np.maximum(direction * along(pulls, np.diff(looks, prepend=0)), 0.0)
-        ahead = brought - direction * (coming_deg[looks - 1] - bend_deg)
+        ahead = brought - direction * (reference_preview_deg[looks - 1] - bend_deg)
         latest = int(np.argmin(ahead))
         behind = -float(ahead[latest])
         if self.direction:
             self._goes = behind > IN_TIME_DEG
         elif behind > LATE_DEG:
-            first = direction * (bend_deg - coming_deg[0])
+            first = direction * (bend_deg - reference_preview_deg[0])
             if behind >= max(first, float(ahead[:latest].max(initial=0.0))):
                 self.direction, self._goes = direction, True

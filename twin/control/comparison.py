@@ -2,48 +2,112 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gmean, qmc
 
 from twin import __version__
-from twin.control.condition import ControlCondition
-from twin.control.knowledge import ControlKnowledge
-from twin.control.registry import TRAINED, ControllerSpec, find_controllers
-from twin.control.score import MEASURES, ControlResult, measures_of
-from twin.control.settings import ControlSettings
-from twin.control.trial import ControlTrial, run_trial
-from twin.control.tuning import tune
-from twin.errors import InputError
+from twin.control.conditions import ControlCondition, ControlSettings
+from twin.control.controller import TRAINED, ControlKnowledge, ControllerSpec, find_controllers
+from twin.control.results import MEASURES, Comparison, ControlResult, measures_of
+from twin.control.trial import ControlCase, ControlTrial, run_trial
+from twin.errors import DivergedError, InputError
 from twin.estimation.deployment import Deployment
 from twin.files.state_file import read_state, state_key, write_state
 
 Array = NDArray[np.float64]
+AROUND_THE_BEST = 0.25
+"""Share of the settings that are drawn about the best of the others."""
+ABOUT_AS_GOOD = 1.05
+"""Error, in units of the least, within which the setting with the least travel is taken: travel is wear."""
+NARROWER = 0.15
+"""Half width of the range about the best, as a share of the whole."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuned:
+    """Result of a search.
+
+    Attributes:
+        settings: the best, by name.
+        rmse_deg: its error, geometric mean of the cases of the tuning [deg].
+        tried: how many settings were.
+    """
+
+    settings: dict[str, float]
+    rmse_deg: float
+    tried: int
+
+
+def tune(
+    spec: ControllerSpec, cases: Sequence[tuple[ControlKnowledge, ControlCase]], candidates: int, seed: int
+) -> Tuned:
+    """Search the settings of a controller."""
+    names = list(spec.settings)
+    if not names:
+        return Tuned({}, _trials(spec, {}, cases)[0], 1)
+    low, high = (
+        np.log([getattr(setting, end) for setting in spec.settings.values()]) for end in ("low", "high")
+    )
+    late = math.ceil(AROUND_THE_BEST * candidates)
+    early = max(candidates - late, 1)
+    default = np.log([setting.default for setting in spec.settings.values()])
+    tried = [default, *(low + point * (high - low) for point in _points(len(names), early - 1, seed))]
+    found = [_trials(spec, _named(names, values), cases) for values in tried]
+    best = tried[_best(found)]
+    for point in _points(len(names), candidates - early, seed + 1):
+        about = np.clip(best + (2 * point - 1) * NARROWER * (high - low), low, high)
+        tried.append(about)
+        found.append(_trials(spec, _named(names, about), cases))
+    least = _best(found)
+    return Tuned(_named(names, tried[least]), found[least][0], len(tried))
+
+
+def _best(found: Sequence[tuple[float, float]]) -> int:
+    """Return the place of the least travel among those with about the least error."""
+    error, travel = np.array(found).T
+    return int(np.argmin(np.where(error <= ABOUT_AS_GOOD * error.min(), travel, np.inf)))
+
+
+def _points(dimensions: int, count: int, seed: int) -> Array:
+    if count < 1:
+        return np.empty((0, dimensions))
+    sequence = qmc.Sobol(dimensions, seed=seed)
+    points: Array = sequence.random_base2(math.ceil(math.log2(count)) if count > 1 else 0)[:count]
+    return points
+
+
+def _named(names: Sequence[str], logarithms: Array) -> dict[str, float]:
+    return dict(zip(names, np.exp(logarithms).tolist(), strict=True))
+
+
+def _trials(
+    spec: ControllerSpec, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, ControlCase]]
+) -> tuple[float, float]:
+    """Return the geometric mean of the errors [deg] and the travel [mm] of all trials of a setting."""
+    errors, travel = [], 0.0
+    for knowledge, case in cases:
+        trial_knowledge = dataclasses.replace(knowledge, settings={**knowledge.settings, spec.name: settings})
+        try:
+            trial = run_trial(spec.name, trial_knowledge, case)
+        except DivergedError:
+            return math.inf, math.inf
+        errors.append(trial.rmse_deg)
+        travel += trial.travel_mm
+    return float(gmean(errors)), travel
+
+
 OnProgress = Callable[[int, int, str], None]
 PARTS = "parts"
 """Folder of what is done: one file for each search and for each controller under each condition."""
 _KIND = "part of a comparison of controllers"
-_TRACE = ("reference_deg", "pull_mm", "bend_deg", "measured_deg", "estimate_deg")
+_TRACE = ("reference_deg", "pull_mm", "truth_deg", "measured_deg", "estimate_deg")
 Arrays = dict[str, Array]
-
-
-@dataclasses.dataclass(frozen=True)
-class Comparison:
-    """All results, and the trials that figures show.
-
-    Attributes:
-        results: of each controller under each condition.
-        shown: by controller, the trial of the first twin, stroke, condition and signal.
-        tuned: by sensor and controller, settings and their error on the cases of the tuning.
-    """
-
-    results: list[ControlResult]
-    shown: dict[str, ControlTrial]
-    tuned: list[dict[str, Any]]
 
 
 def compare(
@@ -82,7 +146,7 @@ def compare(
         }
         for (sensor, name), arrays in parts.finish(begun).items():
             found = tuned[sensor][name] = _settings_of(arrays, name)
-            searched.append(_told(name, sensor, found, arrays))
+            searched.append(_search_entry(name, sensor, found, arrays))
     runs = {}
     for place, spec in sorted(compared, key=lambda one: (one[0], not one[1].needs)):  # the longest first
         condition = conditions[place]
@@ -153,7 +217,7 @@ class _Parts:
 
 
 def _plain(value: Any) -> Any:
-    """Return what a part is given, as text says it; settings are in every key."""
+    """Return an argument of a part as plain values; settings are in every key."""
     if isinstance(value, ControlSettings):
         return "settings"
     if isinstance(value, list):
@@ -198,8 +262,10 @@ def _sensor_name(sensor: tuple[float, float]) -> str:
     return f"{sensor[0]:g}_{sensor[1]:g}"
 
 
-def _told(name: str, sensor: tuple[float, float], found: dict[str, float], arrays: Arrays) -> dict[str, Any]:
-    """Return what `control.json` says of a search."""
+def _search_entry(
+    name: str, sensor: tuple[float, float], found: dict[str, float], arrays: Arrays
+) -> dict[str, Any]:
+    """Return the entry of a search in `control.json`."""
     return {
         "controller": name,
         "noise_variance_deg2": sensor[0],
@@ -225,9 +291,9 @@ def _run(
     """Run one controller under one condition on all strokes, twins and signals."""
     rows, first = [], None
     for known in _knowledge(settings, condition.sensor, deployments):
-        told = dataclasses.replace(known, settings=tuned)
-        for case in settings.cases(condition, known.stroke_mm, told):
-            trial = run_trial(name, told, case)
+        known = dataclasses.replace(known, settings=tuned)
+        for case in settings.cases(condition, known.stroke_mm, known):
+            trial = run_trial(name, known, case)
             first = first or trial
             rows.append(measures_of(trial))
     shape = len(settings.strokes_mm), settings.twins, len(condition.signals)
@@ -239,7 +305,7 @@ def _run(
 
 
 def _trial_of(arrays: Arrays, sample_time: float) -> ControlTrial:
-    unknown = np.full(len(arrays["bend_deg"]), np.nan)
+    unknown = np.full(len(arrays["truth_deg"]), np.nan)
     traces = {name: arrays.get(name, unknown) for name in _TRACE}
     return ControlTrial(**traces, fell_back=np.zeros(len(unknown), dtype=bool), sample_time=sample_time)
 

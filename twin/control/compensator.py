@@ -1,4 +1,4 @@
-"""Hysteresis compensation beside a running estimator: its members are inverted while it is trusted.
+"""Hysteresis compensation with a running estimator: its members are inverted while it is trusted.
 
 RAM (twins) predicts by twins that follow the command. The command of the next sample is the pull u with
 
@@ -7,31 +7,35 @@ RAM (twins) predicts by twins that follow the command. The command of the next s
 where w are the weights that the filter gives the members now, r the reference. Only what the reference
 moves and a share of the estimated error are asked for: one that asked for the whole error would follow the
 noise of the estimate. Nor does the command turn round, and cross the dead band of a reversal, for less than
-the estimate can tell: unless the reference turns, it must be off by a share of its 95 % interval.
+the estimate resolves: unless the reference turns, it must be off by a share of its 95 % interval.
 
-Where the reference is known ahead, the same members say which way of the command takes longer than there is
-time for, and that one is begun early (`twin/control/anticipation.py`).
+Where the reference is known ahead, the same members predict which travel of the command takes longer than
+there is time for, and that one begins early (`twin/control/anticipation.py`).
 
 While the runtime does not trust RAM (twins), linear map and PI on its estimate, the fallback's then, are
-in charge, without a jump. While the sensor is silent or stuck, the command is held.
+in charge, without a jump. While measurements are missing or stuck, the command is held.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.anticipation import NOTHING_COMES, Anticipation, Array
-from twin.control.feedback import LinearFeedback
-from twin.control.limits import CommandLimits
-from twin.control.line import Line
-from twin.control.registry import Setting
+from twin.control.anticipation import Anticipation, Array
+from twin.control.controller import NO_PREVIEW, CommandLimits, Line, Setting, fit_line, tuned
+from twin.control.controllers.feedback import PI_SETTINGS, LinearFeedback
 from twin.errors import InputError
+from twin.estimation.deployment import deployment_of
 from twin.estimation.learned.member_weights import MemberWeights
 from twin.estimation.learned.ram_twins import RamTwins, TwinsState
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.live.assured import AssuredEstimator
-from twin.live.reading import Alarm, Source
+from twin.live.reading import Alarm, Health, Source
+from twin.preset.file import preset_of
+from twin.preset.preset import Preset
 
 COMPENSATOR_SETTINGS = {"rate_per_s": Setting(20.0, 2.0, 100.0), "turning_share": Setting(1.5, 0.3, 3.0)}
 """Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in
@@ -40,7 +44,7 @@ _SILENT = Alarm.TIMEOUT | Alarm.STUCK
 
 
 class Compensator:
-    """Commands of one endoscope beside the runtime that estimates its bend.
+    """Commands of one endoscope, on the estimate of a running estimator.
 
     Attributes:
         falls_back: whether PI on the fallback's estimate is in charge.
@@ -69,7 +73,7 @@ class Compensator:
         self.falls_back = self.holds = False
 
     def wanted_mm(
-        self, pull_mm: float, reference_deg: float, next_deg: float, coming_deg: Array = NOTHING_COMES
+        self, pull_mm: float, reference_deg: float, next_deg: float, reference_preview_deg: Array = NO_PREVIEW
     ) -> float:
         """Return the pull that is wanted at the next sample [mm], within stroke and speed.
 
@@ -77,7 +81,8 @@ class Compensator:
             pull_mm: command that stands [mm].
             reference_deg: wanted angle now [deg].
             next_deg: wanted angle at the next sample [deg].
-            coming_deg: (H,) wanted angles from the next sample on, where they are known ahead [deg].
+            reference_preview_deg: (H,) wanted angles from the next sample on, where they are known ahead
+                [deg].
         """
         runtime = self._runtime
         reading, state = runtime.reading, runtime.advanced.state
@@ -86,7 +91,7 @@ class Compensator:
         if self.holds:
             return pull_mm
         if not self.falls_back and isinstance(state, TwinsState):
-            ahead = self._ahead_mm(state, pull_mm, reference_deg, coming_deg)
+            ahead = self._ahead_mm(state, pull_mm, reference_deg, reference_preview_deg)
             return self._inverse_mm(state, pull_mm, reference_deg, next_deg) if math.isnan(ahead) else ahead
         self.falls_back, self._direction = True, 0.0
         self._anticipation.forget()
@@ -94,7 +99,9 @@ class Compensator:
             self._feedback.begin(pull_mm, reference_deg, reading.bend_deg)
         return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
 
-    def _ahead_mm(self, state: TwinsState, pull_mm: float, reference_deg: float, coming_deg: Array) -> float:
+    def _ahead_mm(
+        self, state: TwinsState, pull_mm: float, reference_deg: float, reference_preview_deg: Array
+    ) -> float:
         """Return the pull of a way that is begun ahead of its reference [mm]; NaN where none is."""
         weights = self._weights.of(state)
         now = float(weights @ state.following.of_filters()[0])
@@ -104,7 +111,7 @@ class Compensator:
             return moved
 
         bend = self._runtime.reading.bend_deg
-        ahead = self._anticipation.wanted_mm(pull_mm, bend, reference_deg, coming_deg, along)
+        ahead = self._anticipation.wanted_mm(pull_mm, bend, reference_deg, reference_preview_deg, along)
         if ahead != pull_mm and not math.isnan(ahead):
             self._direction = ahead - pull_mm
         return ahead
@@ -123,3 +130,110 @@ class Compensator:
         now = float(weights @ state.following.of_filters()[0])
         within = self._limits.reach(pull_mm, self._runtime.sample_time)
         return self._members.common_pull_mm(state.following, weights, now + moved, within)
+
+
+_IGNORED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
+
+
+class LiveCommands:
+    """Commands of one endoscope, for a motor driver that reports its command in each sample.
+
+    A sample without a pull counts as one at the latest command; one without a reference keeps the latest. One
+    that the runtime ignores, as it is late or has no valid time, is answered by the latest command. While the
+    sensor is missing or stuck (alarms TIMEOUT and STUCK), the command that stands is held.
+
+    Attributes:
+        limits: of the command.
+        command_mm: latest command; NaN before the first [mm].
+        falls_back: whether the fallback's law is in charge.
+    """
+
+    def __init__(self, runtime: AssuredEstimator, compensator: Compensator, limits: CommandLimits) -> None:
+        self.limits, self.command_mm = limits, math.nan
+        self._runtime, self._compensator = runtime, compensator
+        self._reference_deg = math.nan
+
+    @property
+    def falls_back(self) -> bool:
+        """True while the fallback's law is in charge."""
+        return self._compensator.falls_back
+
+    @property
+    def holds(self) -> bool:
+        """True while the command is held, as no measurement comes."""
+        return self._compensator.holds
+
+    def after(
+        self, pull_mm: float, reference_deg: float, reference_preview_deg: Sequence[float] = ()
+    ) -> float:
+        """Return the pull to command at the next sample [mm]; NaN before the first pull and reference.
+
+        Args:
+            pull_mm: command that stands at the sample which the runtime has just taken in, NaN if
+                unknown [mm].
+            reference_deg: angle that is wanted at the next sample; NaN if unknown [deg].
+            reference_preview_deg: angles that are wanted at the samples after that, as far as they are known
+                [deg].
+        """
+        if self._runtime.reading.health & _IGNORED:
+            return self.command_mm
+        stands = self.command_mm if math.isnan(pull_mm) else pull_mm
+        now = self._reference_deg
+        if not math.isnan(reference_deg):
+            self._reference_deg = reference_deg
+        if math.isnan(stands) or math.isnan(self._reference_deg):
+            return self.command_mm
+        wanted = self._compensator.wanted_mm(
+            stands,
+            self._reference_deg if math.isnan(now) else now,
+            self._reference_deg,
+            np.array([self._reference_deg, *reference_preview_deg])
+            if len(reference_preview_deg)
+            else NO_PREVIEW,
+        )
+        self.command_mm = self.limits.within(wanted, stands, self._runtime.sample_time)
+        return self.command_mm
+
+
+def prepare_commands(
+    path: Path,
+    runtime: AssuredEstimator,
+    stroke_mm: tuple[float, float],
+    speed_mm_s: float | None = None,
+    rate_per_s: float = COMPENSATOR_SETTINGS["rate_per_s"].default,
+) -> LiveCommands:
+    """Return the commands on the estimate of a runtime.
+
+    Args:
+        path: its trained file, of RAM (twins).
+        runtime: that takes in each sample before `after` is called.
+        stroke_mm: lowest and highest command [mm].
+        speed_mm_s: its fastest change; if not given, that of the training, or of the preset's servo where it
+            is slower [mm / s].
+        rate_per_s: at which the estimated error is removed [1 / s].
+    """
+    if not 0 < rate_per_s < math.inf:
+        raise InputError(f"rate = {rate_per_s:g} 1/s: must be positive and finite")
+    file = read_trained_file(path)
+    deployment, preset = deployment_of(file), _preset_in(file.description, path)
+    if speed_mm_s is None:
+        speed_mm_s = deployment.pull_speed_mm_s
+        if preset.servo_speed:
+            speed_mm_s = min(speed_mm_s, preset.servo_speed * 1e3)
+    limits = CommandLimits(*stroke_mm, speed_mm_s)
+    low, high = deployment.pull_mm
+    if not low <= limits.low_mm < limits.high_mm <= high:
+        raise InputError(
+            f"stroke [{limits.low_mm:g}, {limits.high_mm:g}] mm: must be within [{low:.3g}, {high:.3g}], "
+            "the pulls that the file was trained for"
+        )
+    gains, settings = tuned(PI_SETTINGS, {}), tuned(COMPENSATOR_SETTINGS, {"rate_per_s": rate_per_s})
+    compensator = Compensator(runtime, limits, fit_line(preset, stroke_mm), settings, gains)
+    return LiveCommands(runtime, compensator, limits)
+
+
+def _preset_in(description: Mapping[str, Any], path: Path) -> Preset:
+    values = description.get("preset")
+    if not isinstance(values, Mapping):
+        raise InputError(f"{path} does not hold its endoscope: commands are made on RAM (twins)")
+    return preset_of("preset", values)

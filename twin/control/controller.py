@@ -1,14 +1,184 @@
-"""Interface of controllers: a reference and a measurement in, the pull to command out, sample by sample."""
+"""Controllers: their limits, their knowledge, their interface and their table.
+
+A reference and a measurement in, the pull to command out, sample by sample. Tuning, tables, figures and
+`endotwin control` read the table; a new controller is one file in `twin/control/controllers` that calls
+`register_controller`.
+"""
 
 import abc
+import dataclasses
+import functools
+import importlib
 import math
-from typing import TYPE_CHECKING, NamedTuple
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Self
 
-from twin.control.anticipation import NOTHING_COMES, Array
-from twin.control.limits import CommandLimits
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment
+from twin.estimation.learned.ram_twins import RAM_TWINS
+from twin.estimation.registry import Style
+from twin.hysteresis import ColemanHodgdon
+from twin.preset.preset import Preset
+from twin.simulation import simulate
 
 if TYPE_CHECKING:
-    from twin.control.plant import Plant
+    from twin.control.trial import Plant
+
+Array = NDArray[np.float64]
+MARGIN = 1.5
+"""Command beyond a stroke on either side, as a share of its width: the most that an endoscope of the
+ureteroscope's ranges needs to follow the references of a stroke is 1.4."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CommandLimits:
+    """Stroke and speed of the commanded pulling distance.
+
+    Attributes:
+        low_mm: lowest pulling distance [mm].
+        high_mm: highest [mm].
+        speed_mm_s: fastest change [mm / s].
+    """
+
+    low_mm: float
+    high_mm: float
+    speed_mm_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse an empty stroke and a speed that is not positive."""
+        if not (math.isfinite(self.low_mm + self.high_mm) and self.low_mm < self.high_mm):
+            raise InputError(
+                f"stroke [{self.low_mm:g}, {self.high_mm:g}] mm: the first must be below the second"
+            )
+        if not 0 < self.speed_mm_s < math.inf:
+            raise InputError(f"speed = {self.speed_mm_s:g} mm/s: must be positive and finite")
+
+    def wider(self, share: float) -> Self:
+        """Return limits that reach beyond either end by a share of the stroke's width."""
+        beyond = share * (self.high_mm - self.low_mm)
+        return dataclasses.replace(self, low_mm=self.low_mm - beyond, high_mm=self.high_mm + beyond)
+
+    def nearest(self, pull_mm: float) -> float:
+        """Return the pull within the stroke that is nearest to one [mm]."""
+        return min(max(pull_mm, self.low_mm), self.high_mm)
+
+    def reach(self, pull_mm: float, sample_time: float) -> tuple[float, float]:
+        """Return the lowest and the highest pull [mm] one sample after another one."""
+        way = self.speed_mm_s * sample_time
+        return self.nearest(pull_mm - way), self.nearest(pull_mm + way)
+
+    def within(self, wanted_mm: float, pull_mm: float, sample_time: float) -> float:
+        """Return the pull nearest to a wanted one [mm] that can follow `pull_mm`; NaN stays where it is."""
+        if math.isnan(wanted_mm):
+            wanted_mm = pull_mm
+        low, high = self.reach(pull_mm, sample_time)
+        return min(max(wanted_mm, low), high)
+
+
+_CYCLES, _PERIOD_S, _SAMPLE_TIME = 2, 10.0, 0.02
+
+
+class Line(NamedTuple):
+    """Bend as a linear function of the pull, on one stroke.
+
+    Attributes:
+        slope: [deg / mm].
+        offset_deg: at no pull [deg].
+        reached_deg: lowest and highest bend of the nominal twin on the stroke [deg].
+    """
+
+    slope: float
+    offset_deg: float
+    reached_deg: tuple[float, float]
+
+    def pull_mm(self, bend_deg: float) -> float:
+        """Return the pull that brings a bend, if there were no hysteresis [mm]."""
+        return (bend_deg - self.offset_deg) / self.slope
+
+
+@functools.lru_cache(maxsize=64)  # every trial of a comparison asks for the same few
+def fit_line(preset: Preset, stroke_mm: tuple[float, float]) -> Line:
+    """Return the line of least squares through the closed loop of an endoscope on a stroke [mm]."""
+    low, high = stroke_mm
+    time = np.arange(round(_CYCLES * _PERIOD_S / _SAMPLE_TIME)) * _SAMPLE_TIME
+    pull_mm = (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * time / _PERIOD_S)
+    episode = simulate(preset, pull_mm * 1e-3, _SAMPLE_TIME, physics="reduced")
+    closed = slice(len(time) // _CYCLES, None)  # the first loop begins inside
+    bend = episode.truth_deg[closed]
+    slope, offset = np.polyfit(pull_mm[closed], bend, 1)
+    return Line(float(slope), float(offset), (float(bend.min()), float(bend.max())))
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlKnowledge:
+    """Knowledge before a run, of one endoscope at one sample time.
+
+    Attributes:
+        preset: the nominal endoscope: what a maker knows of all of a kind.
+        stroke_mm: lowest and highest pull of the work [mm].
+        limits: of the command; wider than the stroke.
+        sample_time: T [s].
+        noise_variance: R of the sensor [deg^2].
+        deployment: tuned active model on the identified model of Coleman and Hodgdon.
+        preview_s: time for which the reference is known ahead [s].
+        policy: trained file of RAM (twins); None where there is none.
+        tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`; None where there is none.
+        settings: what was tuned, by controller and name.
+    """
+
+    preset: Preset
+    stroke_mm: tuple[float, float]
+    limits: CommandLimits
+    sample_time: float
+    noise_variance: float
+    deployment: Deployment
+    preview_s: float = 0.0
+    policy: Path | None = None
+    tracking_policy: Path | None = None
+    settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+
+    @property
+    def line(self) -> Line:
+        """The linear map of the nominal endoscope."""
+        return fit_line(self.preset, self.stroke_mm)
+
+    @property
+    def model(self) -> ColemanHodgdon:
+        """The identified model."""
+        model = self.deployment.fallback.model
+        assert isinstance(model, ColemanHodgdon)  # `Deployment.from_dict` refuses others
+        return model
+
+    @property
+    def active_model(self) -> ActiveModel:
+        """The active model with tuned noise, for the sensor."""
+        return self.deployment.fallback_at(self.sample_time, self.noise_variance)
+
+    @property
+    def trained(self) -> Path:
+        """The trained file of RAM (twins)."""
+        return self._trained("policy")
+
+    @property
+    def trained_tracking(self) -> Path:
+        """The trained file of PPO on `EndoTwin/Tracking-v0`."""
+        return self._trained("tracking_policy")
+
+    def _trained(self, name: str) -> Path:
+        path: Path | None = getattr(self, name)
+        if path is None:
+            raise InputError(f"a controller on {TRAINED[name]} needs a trained file")
+        return path
+
+
+NO_PREVIEW = np.empty(0)
+"""Preview of a reference that arrives sample by sample."""
 
 
 class Sensed(NamedTuple):
@@ -19,18 +189,19 @@ class Sensed(NamedTuple):
         measurement_deg: measured angle, NaN where there is none [deg].
         reference_deg: wanted angle now [deg].
         next_deg: wanted angle at the next sample [deg].
-        coming_deg: (H,) wanted angles from the next sample on, as far ahead as they are known [deg].
+        reference_preview_deg: (H,) wanted angles from the next sample on, as far ahead as they are known
+            [deg].
     """
 
     time_s: float
     measurement_deg: float
     reference_deg: float
     next_deg: float
-    coming_deg: Array = NOTHING_COMES
+    reference_preview_deg: Array = NO_PREVIEW
 
 
 class Controller(abc.ABC):
-    """A controller of one endoscope; made anew for each run.
+    """A controller of one endoscope, for one run.
 
     The pull that `step` returns is that of the end of the next sample. It is always a number within the
     limits, whatever a controller wants: it is bounded here, once for all of them.
@@ -39,7 +210,7 @@ class Controller(abc.ABC):
         limits: of the command.
         sample_time: T [s].
         pull_mm: latest command [mm].
-        bend_deg: what it believes the angle to be; NaN where it does not ask [deg].
+        estimate_deg: estimated angle, NaN where it uses none [deg].
         falls_back: whether a simpler law is in charge, as the better one is not trusted now.
         holds: whether the command is held, as no measurement comes.
     """
@@ -48,11 +219,11 @@ class Controller(abc.ABC):
         self.limits = limits
         self.sample_time = sample_time
         self.pull_mm = math.nan
-        self.bend_deg = math.nan
+        self.estimate_deg = math.nan
         self.falls_back = self.holds = False
 
-    def tell(self, plant: "Plant") -> None:  # noqa: B027  none but an oracle listens
-        """Tell an oracle the endoscope itself, before the run begins; no other controller is told."""
+    def observe(self, plant: "Plant") -> None:  # noqa: B027  only for an oracle
+        """Give an oracle the endoscope itself, before the run begins; other controllers ignore it."""
 
     def start(self, pull_mm: float, reference_deg: float) -> None:
         """Begin a run on an endoscope that rests at a pull [mm] near a first reference [deg]."""
@@ -74,3 +245,96 @@ class Controller(abc.ABC):
 
     def _commanded(self) -> None:  # noqa: B027  most need no note
         """Take note of `pull_mm`, which was bounded."""
+
+
+TRAINED = {"policy": RAM_TWINS.name, "tracking_policy": "PPO on EndoTwin/Tracking-v0"}
+"""Trained files that controllers run on: by the field of `ControlKnowledge`, what the file is of."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """A number that is tuned, on a logarithmic scale.
+
+    Attributes:
+        default: where nothing is tuned.
+        low: least value of the search.
+        high: greatest.
+    """
+
+    default: float
+    low: float
+    high: float
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerSpec:
+    """Declaration of one controller.
+
+    Attributes:
+        name: on the command line, in tables, figures and files.
+        rank: place in tables, the smallest first.
+        information: what it uses, in a few words.
+        build: makes one for a run, with its settings by name.
+        settings: numbers that are tuned, by name.
+        needs: trained file that it runs on, by its name in `TRAINED`; empty if it runs on none.
+        sample_time_of: reads the one sample time that its trained file is for [s]; None if it is for any.
+        falls_back_on: name of the controller whose settings it takes for its fallback, if it has one.
+        ours: whether it is this project's own, with which the others are compared.
+        oracle: whether it knows the endoscope itself: a limit, not a rival.
+        style: in figures.
+    """
+
+    name: str
+    rank: float
+    information: str
+    build: "Callable[[ControlKnowledge, Mapping[str, float]], Controller]"
+    settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
+    needs: str = ""
+    sample_time_of: "Callable[[Path], float] | None" = None
+    falls_back_on: str = ""
+    ours: bool = False
+    oracle: bool = False
+    style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
+
+    def make(self, knowledge: "ControlKnowledge") -> "Controller":
+        """Return a new controller, with what was tuned for it."""
+        return self.build(knowledge, tuned(self.settings, knowledge.settings.get(self.name, {})))
+
+
+def tuned(settings: Mapping[str, Setting], found: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of settings: what was found by tuning, else their defaults."""
+    return {name: setting.default for name, setting in settings.items()} | dict(found)
+
+
+_SPECS: dict[str, ControllerSpec] = {}
+
+
+def register_controller(spec: ControllerSpec) -> ControllerSpec:
+    """Add a controller to the table and return it."""
+    if spec.name in _SPECS:
+        raise InputError(f"controller {spec.name!r} is registered already")
+    _SPECS[spec.name] = spec
+    return spec
+
+
+def controller_specs() -> tuple[ControllerSpec, ...]:
+    """Return all controllers, in the order of tables."""
+    package = importlib.import_module("twin.control.controllers")
+    for found in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
+        importlib.import_module(found.name)
+    return tuple(sorted(_SPECS.values(), key=lambda spec: (spec.rank, spec.name)))
+
+
+def find_controllers(names: Sequence[str]) -> tuple[ControllerSpec, ...]:
+    """Return the controllers of these names, in the order of tables; `all` is every one."""
+    specs = controller_specs()
+    known = [spec.name for spec in specs]
+    for name in names:
+        if name != "all" and name not in known:
+            raise InputError(f"unknown controller {name!r:.60}; valid: all, {', '.join(known)}")
+    return tuple(spec for spec in specs if "all" in names or spec.name in names)
+
+
+def is_oracle(name: str) -> bool:
+    """Return whether a controller knows the endoscope itself."""
+    return any(spec.name == name and spec.oracle for spec in controller_specs())

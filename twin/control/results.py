@@ -2,20 +2,173 @@
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin import __version__
-from twin.control.comparison import Comparison
-from twin.control.score import comparisons
-from twin.control.settings import ControlSettings
+from twin.control.conditions import ControlCondition, ControlSettings
+from twin.control.controller import is_oracle
 from twin.control.trial import ControlTrial
 from twin.episode import Episode
-from twin.files.atomic import write_whole
+from twin.evaluation.metrics import confidence_interval
+from twin.files.atomic import MADE_BY, write_whole
+from twin.gate.trial import reduction_interval
 from twin.simulation import simulate
+
+Array = NDArray[np.float64]
+MEASURES = (
+    "rmse_deg",
+    "worst_deg",
+    "late_rmse_deg",
+    "late_worst_deg",
+    "travel_mm",
+    "estimate_rmse_deg",
+    "fallback_share",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlResult:
+    """Measures of all trials of one controller under one condition.
+
+    Attributes:
+        controller: its name.
+        condition: under which.
+        strokes_mm: strokes, in the order of the first axis.
+        measures: by the names of `MEASURES`, each (strokes, twins, signals).
+        settings: what was tuned for it.
+    """
+
+    controller: str
+    condition: ControlCondition
+    strokes_mm: tuple[tuple[float, float], ...]
+    measures: dict[str, Array]
+    settings: dict[str, float]
+
+    @property
+    def squares(self) -> Array:
+        """Mean square errors, (twins, strokes and signals) [deg^2]."""
+        error = self.measures["rmse_deg"]
+        return np.moveaxis(error, 1, 0).reshape(error.shape[1], -1) ** 2
+
+    @property
+    def by_twin_deg(self) -> Array:
+        """Root mean square error of each twin, (twins,) [deg]."""
+        error: Array = np.sqrt(self.squares.mean(axis=1))
+        return error
+
+    @property
+    def rmse_deg(self) -> float:
+        """Root mean square error of all trials [deg]."""
+        return float(np.sqrt(self.squares.mean()))
+
+    def total(self) -> dict[str, Any]:
+        """Return what all trials together come to; late values are of the last 20 s."""
+        measures = self.measures
+        return {
+            "controller": self.controller,
+            "oracle": is_oracle(self.controller),
+            "condition": self.condition.name,
+            "rmse_deg": self.rmse_deg,
+            "worst_twin_rmse_deg": float(self.by_twin_deg.max()),
+            "late_rmse_deg": float(np.sqrt(np.mean(measures["late_rmse_deg"] ** 2))),
+            "late_worst_deg": float(measures["late_worst_deg"].max()),
+            "travel_mm": float(measures["travel_mm"].mean()),
+            "fallback_share": float(measures["fallback_share"].mean()),
+        }
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each signal and stroke."""
+        condition, rows = self.condition, []
+        for s, stroke in enumerate(self.strokes_mm):
+            for k, signal in enumerate(condition.signals):
+                mine = {name: values[s, :, k] for name, values in self.measures.items()}
+                low, high = confidence_interval(mine["rmse_deg"])
+                estimate = float(mine["estimate_rmse_deg"].mean())
+                rows.append(
+                    {
+                        "controller": self.controller,
+                        "condition": condition.name,
+                        "noise": condition.noise,
+                        "level": condition.level,
+                        "sample_time_s": condition.sample_time,
+                        "signal": signal,
+                        "stroke_mm": list(stroke),
+                        "twins": len(mine["rmse_deg"]),
+                        "rmse_deg": float(mine["rmse_deg"].mean()),
+                        "rmse_ci95_deg": [low, high],
+                        "worst_twin_rmse_deg": float(mine["rmse_deg"].max()),
+                        "worst_deg": float(mine["worst_deg"].max()),
+                        "late_rmse_deg": float(mine["late_rmse_deg"].mean()),
+                        "late_worst_deg": float(mine["late_worst_deg"].max()),
+                        "travel_mm": float(mine["travel_mm"].mean()),
+                        "estimate_rmse_deg": estimate if estimate >= 0 else None,
+                        "fallback_share": float(mine["fallback_share"].mean()),
+                    }
+                )
+        return rows
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """All results, and the trials that figures show.
+
+    Attributes:
+        results: of each controller under each condition.
+        shown: by controller, the trial of the first twin, stroke, condition and signal.
+        tuned: by sensor and controller, settings and their error on the cases of the tuning.
+    """
+
+    results: list[ControlResult]
+    shown: dict[str, ControlTrial]
+    tuned: list[dict[str, Any]]
+
+
+def measures_of(trial: ControlTrial) -> tuple[float, ...]:
+    """Return the measures of a trial, in the order of `MEASURES`; -1 where nothing was estimated."""
+    off = (trial.estimate_deg - trial.truth_deg)[trial.scored]
+    estimate = float(np.sqrt(np.mean(off**2)))
+    return (
+        trial.rmse_deg,
+        trial.worst_deg,
+        float(np.sqrt(np.mean(trial.late_error_deg**2))),
+        float(np.abs(trial.late_error_deg).max()),
+        trial.travel_mm,
+        estimate if np.isfinite(estimate) else -1.0,
+        float(trial.fell_back[trial.scored].mean()),
+    )
+
+
+def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[dict[str, Any]]:
+    """Return how much less error ours has than each other controller, under each condition; oracles are none.
+
+    The 95 % interval is paired: both saw the same twins, references and noise.
+    """
+    found = []
+    for result in results:
+        if result.controller != ours:
+            continue
+        for other in results:
+            if other.condition != result.condition or other.controller == ours or is_oracle(other.controller):
+                continue
+            interval = reduction_interval(result.squares, other.squares, np.random.default_rng(seed))
+            found.append(
+                {
+                    "condition": result.condition.name,
+                    "controller": ours,
+                    "rival": other.controller,
+                    "rmse_deg": result.rmse_deg,
+                    "rival_rmse_deg": other.rmse_deg,
+                    "reduction": 1 - result.rmse_deg / max(other.rmse_deg, 1e-9),
+                    "reduction_ci95": list(interval),
+                }
+            )
+    return found
+
 
 RESULTS = "control.json"
 RECORDS = "records"
@@ -62,7 +215,7 @@ def write_values(folder: Path, values: dict[str, Any]) -> Path:
 
 
 def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -> Episode:
-    """Return the episode of a trial on the first twin, simulated anew along its commands."""
+    """Return the episode of a trial on the first twin, simulated again along its commands."""
     preset = settings.held_out(0)
     episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
     facts = {"controller": controller, RECORD_SIGN: trial.rmse_deg}
@@ -88,3 +241,88 @@ def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, c
                 message = estimate_message(float(trial.estimate_deg[k]))
                 writer.add_message(estimate_topic(controller), message, int(time))
     return path
+
+
+TABLE = "control.md"
+"""File of all tables."""
+
+Values = Mapping[str, Any]
+Cells = dict[str, dict[str, str]]
+
+
+def control_table(totals: Sequence[Values], fmt: str = "markdown") -> str:
+    """Return the table of errors: one row a condition, one column a controller [deg]."""
+    cells = _cells(totals, _condition, _error)
+    first = next(iter(cells))
+    ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
+    cells[f"way of the command, {first} [mm]"] = {name: f"{way:.1f}" for name, way in ways.items()}
+    return _table("condition", cells, fmt)
+
+
+def write_tables(folder: Path, values: Values) -> None:
+    """Write all tables as Markdown."""
+    totals, against = values["totals"], values["comparisons"]
+    parts = [
+        "RMSE of tracking [deg] of all trials, in brackets that of the worst twin.",
+        control_table(totals),
+        "The last 20 s: RMSE [deg], in brackets the largest error.",
+        _table("condition", _cells(totals, _condition, _late)),
+        "Way of the command, mean of a trial [mm].",
+        _table("condition", _cells(totals, _condition, lambda of: f"{of['travel_mm']:.1f}")),
+    ]
+    if against:
+        parts += [
+            f"How much less error {against[0]['controller']} has (95 % interval, paired).",
+            _table("condition", _cells(against, _condition, _less, column="rival")),
+        ]
+    parts += [
+        "Each reference: mean RMSE of the twins [deg], in brackets the worst.",
+        _table("reference", _cells(values["rows"], _reference, _error)),
+        f"<!-- {MADE_BY} -->",
+    ]
+    write_whole(folder / TABLE, "\n\n".join(parts) + "\n")
+
+
+def _condition(of: Values) -> str:
+    return str(of["condition"])
+
+
+def _reference(of: Values) -> str:
+    low, high = of["stroke_mm"]
+    return f"{of['condition']}: {of['signal']}, [{low:g}, {high:g}] mm"
+
+
+def _error(of: Values) -> str:
+    return f"{of['rmse_deg']:.2f} ({of['worst_twin_rmse_deg']:.2f})"
+
+
+def _late(of: Values) -> str:
+    return f"{of['late_rmse_deg']:.2f} ({of['late_worst_deg']:.1f})"
+
+
+def _less(of: Values) -> str:
+    low, high = of["reduction_ci95"]
+    return f"{100 * of['reduction']:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def _cells(
+    values: Sequence[Values],
+    row: Callable[[Values], str],
+    cell: Callable[[Values], str],
+    column: str = "controller",
+) -> Cells:
+    """Return texts by row and column, in the order in which both come."""
+    cells: Cells = {}
+    for of in values:
+        cells.setdefault(row(of), {})[of[column]] = cell(of)
+    return cells
+
+
+def _table(first: str, cells: Cells, fmt: str = "markdown") -> str:
+    """Return a table of texts; a row is empty where it has none."""
+    from tabulate import tabulate
+
+    names = list(dict.fromkeys(name for row in cells.values() for name in row))
+    rows = [[place, *(row.get(name, "") for name in names)] for place, row in cells.items()]
+    kind = "pipe" if fmt == "markdown" else fmt
+    return str(tabulate(rows, [first, *names], tablefmt=kind, disable_numparse=True))

@@ -1,20 +1,110 @@
 """A trial: one controller on one plant along one reference under one noise, sample by sample."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.controller import Sensed
-from twin.control.knowledge import ControlKnowledge
-from twin.control.plant import Plant
-from twin.control.reference import HOLD_S
-from twin.control.registry import find_controllers
-from twin.preset.preset import Preset
+from twin.control.controller import ControlKnowledge, Sensed, find_controllers
+from twin.errors import InputError
+from twin.preset.preset import Preset, check_sample_time
 from twin.signals.sensor import samples_late
+from twin.simulation import check_physics, simulate
+
+
+class Plant:
+    """One endoscope, stepped from sample to sample along straight lines between commands.
+
+    A run of `twin.simulate` along the same commands is the same, bit for bit.
+
+    Attributes:
+        preset: its parameters.
+        endoscope: the simulated one.
+        pull_mm: latest command [mm].
+        sheath_bend: latest bend of the sheath [rad].
+    """
+
+    def __init__(self, preset: Preset, sample_time: float, physics: str = "mujoco") -> None:
+        """Build the endoscope."""
+        if preset.bending_planes != 1:
+            raise InputError(f"{preset.name!r} has two bending planes: control is of one")
+        check_physics(physics)
+        self.preset, self._sample_time, self._physics = preset, sample_time, physics
+        self._periods = check_sample_time(preset, sample_time)
+        self.endoscope: Any
+        if physics == "reduced":
+            from twin.reduced.twins import ReducedEndoscope
+
+            self.endoscope = ReducedEndoscope(preset, sample_time)
+            self._periods = 1  # it is in equilibrium at samples alone, and finds its way between them itself
+        else:
+            from twin.physics import Endoscope
+
+            self.endoscope = Endoscope.from_preset(preset, drawn=False)
+        self.pull_mm, self.sheath_bend = preset.command_zero * 1e3, preset.sheath_bend
+
+    def start(self, pull_mm: float) -> float:
+        """Go from rest to a pull [mm], as the records of `simulate` begin; returns the bend [deg]."""
+        self.endoscope.reset()
+        self.pull_mm, self.sheath_bend = pull_mm, self.preset.sheath_bend
+        at_samples: list[Any] = []
+        simulate(
+            self.preset,
+            np.full(2, pull_mm * 1e-3),  # a record is no shorter
+            self._sample_time,
+            physics=self._physics,
+            endoscope=self.endoscope,
+            on_sample=lambda endoscope: at_samples.append(endoscope.save_state()),
+        )
+        self.endoscope.restore_state(at_samples[0])
+        return self.bend_deg()
+
+    def step(self, pull_mm: float, sheath_bend: float | None = None, tip_force: float = 0.0) -> float:
+        """Go to the next command in one sample; returns the bend [deg].
+
+        Args:
+            pull_mm: command [mm].
+            sheath_bend: bend of the sheath then, as before where not given [rad].
+            tip_force: pushes the tip sideways meanwhile, in MuJoCo alone [N].
+        """
+        bend = self.sheath_bend if sheath_bend is None else sheath_bend
+        before, now = self.pull_mm * 1e-3, pull_mm * 1e-3
+        self._push(tip_force)
+        for period in range(1, self._periods):
+            share = period / self._periods
+            self.endoscope.advance(
+                before * (1 - share) + now * share, 0.0, self.sheath_bend * (1 - share) + bend * share
+            )
+        self.endoscope.advance(now, 0.0, bend)
+        self.pull_mm, self.sheath_bend = pull_mm, bend
+        return self.bend_deg()
+
+    def _push(self, tip_force: float) -> None:
+        if self._physics == "mujoco":
+            self.endoscope.push_tip(tip_force)
+        elif tip_force:
+            raise InputError(f"force of {tip_force:g} N at the tip: needs MuJoCo, not {self._physics!r}")
+
+    def bend_deg(self) -> float:
+        """Return the bending angle [deg]."""
+        return float(np.degrees(self.endoscope.bend()))
+
+    def save_state(self) -> tuple[Any, float, float]:
+        """Return the complete state."""
+        return self.endoscope.save_state(), self.pull_mm, self.sheath_bend
+
+    def restore_state(self, state: tuple[Any, float, float]) -> None:
+        """Restore a state of `save_state`; the run continues bit for bit."""
+        endoscope, self.pull_mm, self.sheath_bend = state
+        self.endoscope.restore_state(endoscope)
+
 
 Array = NDArray[np.float64]
+HOLD_S = 3.0
+"""Time at the start for which the reference stands still; it is not scored [s]."""
 LATE_S = 20.0
+"""Time at the end that late errors are of [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,16 +135,16 @@ class ControlTrial:
     Attributes:
         reference_deg: (N,) wanted angle [deg].
         pull_mm: (N,) command [mm].
-        bend_deg: (N,) true angle [deg].
+        truth_deg: (N,) true angle [deg].
         measured_deg: (N,) measured angle [deg].
-        estimate_deg: (N,) what the controller believed; NaN where it does not ask [deg].
+        estimate_deg: (N,) angle that the controller estimated; NaN where it uses none [deg].
         fell_back: (N,) whether its fallback was in charge.
         sample_time: T [s].
     """
 
     reference_deg: Array
     pull_mm: Array
-    bend_deg: Array
+    truth_deg: Array
     measured_deg: Array
     estimate_deg: Array
     fell_back: NDArray[np.bool_]
@@ -62,13 +152,13 @@ class ControlTrial:
 
     @property
     def scored(self) -> slice:
-        """Samples behind the hold at the start."""
+        """Samples after the hold at the start."""
         return slice(round(HOLD_S / self.sample_time), None)
 
     @property
     def error_deg(self) -> Array:
         """Errors of the scored samples [deg]."""
-        return (self.bend_deg - self.reference_deg)[self.scored]
+        return (self.truth_deg - self.reference_deg)[self.scored]
 
     @property
     def rmse_deg(self) -> float:
@@ -82,7 +172,7 @@ class ControlTrial:
 
     @property
     def late_error_deg(self) -> Array:
-        """Errors of the last `LATE_S` [deg]: behind all that a condition lets happen on the way."""
+        """Errors of the last `LATE_S` [deg]: after all that happens in a condition."""
         return self.error_deg[-round(LATE_S / self.sample_time) :]
 
     @property
@@ -97,7 +187,7 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     driven, T = spec.make(knowledge), knowledge.sample_time
     plant = Plant(case.preset, T, case.physics)
     if spec.oracle:
-        driven.tell(plant)
+        driven.observe(plant)
     wanted, count = case.reference_deg, len(case.reference_deg)
     late = samples_late(case.preset.sensor_latency, T)
     ahead = round(knowledge.preview_s / T)
@@ -111,7 +201,7 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
         following = float(wanted[min(k + 1, count - 1)])
         coming = wanted[k + 1 : k + 1 + ahead]
         command = driven.step(Sensed(k * T, float(measured[k]), float(wanted[k]), following, coming))
-        estimate[k], fell_back[k] = driven.bend_deg, driven.falls_back
+        estimate[k], fell_back[k] = driven.estimate_deg, driven.falls_back
         if k + 1 < count:
             sheath = float(case.sheath_bend[k + 1]) if len(case.sheath_bend) else None
             force = float(case.tip_force[k + 1]) if len(case.tip_force) else 0.0

@@ -18,7 +18,7 @@ from twin.live.assured import AssuredEstimator
 from twin.live.reading import Alarm, Health, Source, StreamSample, flag_names
 
 if TYPE_CHECKING:
-    from twin.control.live import LiveCommands
+    from twin.control.compensator import LiveCommands
 
 LONGEST_LINE = 65_536
 """Bytes of a line without its end; a sample has about a hundred."""
@@ -51,7 +51,7 @@ class SampleLine(BaseModel):
         Number | None,
         Field(description="bending angle that is wanted at the next sample; without it, the last one [deg]"),
     ] = None
-    coming_deg: Annotated[
+    reference_preview_deg: Annotated[
         list[Number] | None,
         Field(max_length=MOST_COMING, description="angles that are wanted at the samples after that [deg]"),
     ] = None
@@ -154,8 +154,10 @@ def _answer(
         given = read_sample(line)
         if commands is None and given.reference_deg is not None:
             raise InputError("reference_deg: no commands are made here, as no stroke is given")
-        if given.coming_deg and given.reference_deg is None:
-            raise InputError("coming_deg: needs reference_deg, the angle that is wanted before these")
+        if given.reference_preview_deg and given.reference_deg is None:
+            raise InputError(
+                "reference_preview_deg: needs reference_deg, the angle that is wanted before these"
+            )
     except ValueError as error:
         return Answer(_ENCODER.encode({"error": str(error)[:LONGEST_ERROR], "line": number}), None)
     pull_mm, measurement_deg, reference_deg = (
@@ -168,7 +170,7 @@ def _answer(
     sample = StreamSample(given.time_s, pull_mm, measurement_deg, reading, reference_deg)
     if commands is None:
         return Answer(reading_line(sample), sample)
-    command_mm = commands.after(pull_mm, reference_deg, given.coming_deg or [])
+    command_mm = commands.after(pull_mm, reference_deg, given.reference_preview_deg or [])
     return Answer(reading_line(sample, command_mm), sample)
 
 

@@ -7,11 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from twin.control.condition import ControlCondition
-from twin.control.reference import HOLD_S
-from twin.control.registry import find_controllers
-from twin.control.score import ControlResult
-from twin.control.trial import ControlTrial
+from twin.control.conditions import ControlCondition
+from twin.control.controller import find_controllers
+from twin.control.results import ControlResult
+from twin.control.trial import HOLD_S, ControlTrial
 from twin.estimation.methods import Style
 from twin.report.figures import INK, clean_axes
 
@@ -32,8 +31,8 @@ def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
     time = np.arange(len(wanted.reference_deg)) * wanted.sample_time - HOLD_S
     for name, trial in shown.items():
         line = _line(name)
-        angle.plot(time, trial.bend_deg, **line)
-        error.plot(time, trial.bend_deg - trial.reference_deg, **line)
+        angle.plot(time, trial.truth_deg, **line)
+        error.plot(time, trial.truth_deg - trial.reference_deg, **line)
         pull.plot(time, trial.pull_mm, **line)
     angle.plot(time, wanted.reference_deg, color=REFERENCE.colour, linestyle=REFERENCE.line, linewidth=1.2)
     error.axhline(0, color=INK, linewidth=0.6)
@@ -62,7 +61,7 @@ def loop_comparison_figure(shown: Mapping[str, ControlTrial], before: str, after
     figure = Figure(figsize=(7.2, 3.5), layout="constrained")
     for axes, name in zip(figure.subplots(1, 2, sharex=True, sharey=True), (before, after), strict=True):
         trial = shown[name]
-        wanted, bend = trial.reference_deg[trial.scored], trial.bend_deg[trial.scored]
+        wanted, bend = trial.reference_deg[trial.scored], trial.truth_deg[trial.scored]
         clean_axes(axes).plot(wanted, bend, **_line(name))
         ends = [wanted.min(), wanted.max()]
         axes.plot(ends, ends, color=INK, linewidth=0.7, linestyle=(0, (4, 2)))

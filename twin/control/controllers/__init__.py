@@ -1,1 +1,1 @@
-"""The controllers, one file each; `twin.control.registry` finds them here."""
+"""The controllers, one file each; `twin.control.controller` finds them here."""

@@ -1,4 +1,4 @@
-"""Oracle: inverse of the endoscope itself, of which it is told everything. No device can have it.
+"""Oracle: inverse of the endoscope itself, whose state it knows. No device can have it.
 
 Its error is what the speed of the motor leaves over, where the reference is known as far ahead as by others.
 """
@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.control.anticipation import Anticipation, Array
-from twin.control.controller import Controller, Sensed
-from twin.control.knowledge import ControlKnowledge
-from twin.control.plant import Plant
-from twin.control.registry import ControllerSpec, register_controller
+from twin.control.controller import ControlKnowledge, Controller, ControllerSpec, Sensed, register_controller
+from twin.control.trial import Plant
 from twin.errors import InputError
 from twin.estimation.registry import Style
 
@@ -25,19 +23,19 @@ exact [deg]."""
 class Oracle(Controller):
     """A reduced copy of the endoscope is driven along; each command brings its true bend to the reference."""
 
-    def __init__(self, knowledge: ControlKnowledge) -> None:
+    def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
         self._plant: Plant | None = None
         self._copy: Plant
 
-    def tell(self, plant: Plant) -> None:
-        """Tell it the endoscope, whose parameters, true bend and sheath it sees from now on."""
+    def observe(self, plant: Plant) -> None:
+        """Give it the endoscope, whose parameters, true bend and sheath it sees from now on."""
         self._plant = plant
         self._copy = Plant(plant.preset, self.sample_time, "reduced")
 
     def _start(self, reference_deg: float) -> None:
         if self._plant is None:
-            raise InputError("an oracle was told of no endoscope: it runs in trials alone")
+            raise InputError("an oracle has no endoscope to observe: it runs only in trials")
         self._copy.start(self.pull_mm)
         self._anticipation = Anticipation(self.limits, self.sample_time)
         self._direction = 0.0  # of the latest command
@@ -46,14 +44,14 @@ class Oracle(Controller):
         assert self._plant is not None
         plant, copy = self._plant, self._copy
         copy.step(plant.pull_mm, plant.sheath_bend)
-        self.bend_deg = plant.bend_deg()
+        self.estimate_deg = plant.bend_deg()
         ahead = self._anticipation.wanted_mm(
-            self.pull_mm, self.bend_deg, sensed.reference_deg, sensed.coming_deg, self._along
+            self.pull_mm, self.estimate_deg, sensed.reference_deg, sensed.reference_preview_deg, self._along
         )
         if not math.isnan(ahead):
             self._direction = ahead - self.pull_mm or self._direction
             return ahead
-        moved, of_reference = sensed.next_deg - self.bend_deg, sensed.next_deg - sensed.reference_deg
+        moved, of_reference = sensed.next_deg - self.estimate_deg, sensed.next_deg - sensed.reference_deg
         if moved * self._direction < 0 <= of_reference * self._direction and abs(moved) < ENOUGH_DEG:
             return self.pull_mm
         self._direction = moved
@@ -72,17 +70,12 @@ class Oracle(Controller):
         return np.degrees(bends) - now
 
 
-def build(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> Oracle:
-    """Return the controller of a run."""
-    return Oracle(knowledge)
-
-
 ORACLE = register_controller(
     ControllerSpec(
         "oracle",
         9,
         "everything: the endoscope itself, without noise",
-        build,
+        Oracle,
         oracle=True,
         style=Style("#1c1f24", "dotted", "", 1.2),
     )

@@ -1,16 +1,15 @@
-"""Settings of a comparison of controllers, and the trials that they ask for."""
+"""Conditions of a comparison of controllers: references, noise, sensors, and what happens on the way."""
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from twin.control.condition import CONDITIONS, SLOW, ControlCondition, bending_sheath
-from twin.control.knowledge import ControlKnowledge
-from twin.control.limits import MARGIN, CommandLimits
-from twin.control.reference import SIGNALS, reference
-from twin.control.trial import ControlCase
+from twin.control.controller import MARGIN, CommandLimits, ControlKnowledge
+from twin.control.trial import HOLD_S, ControlCase
 from twin.errors import InputError
 from twin.estimation.deployment import Deployment, prepare_deployment
 from twin.files.bounded import sha256_of
@@ -19,8 +18,150 @@ from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
-from twin.signals.noise import draw_noise
+from twin.signals.excitation import command
+from twin.signals.noise import draw_noise, noise_variance
 from twin.signals.streams import SeedUse, random_stream
+
+Array = NDArray[np.float64]
+SHARE = 0.65
+"""Share of what the nominal endoscope reaches on a stroke."""
+FAST_PERIOD_S = 4.0
+SIGNALS = ("sine", "multi-sine", "random-steps", "fast-sine")
+"""Kinds of reference; the first three are slow, as those of datasets."""
+
+
+def reference(
+    kind: str,
+    reached_deg: tuple[float, float],
+    seconds: float,
+    sample_time: float,
+    rng: np.random.Generator,
+) -> Array:
+    """Return a reference (N,) [deg]: `HOLD_S` at its start, then `seconds` of a signal.
+
+    Args:
+        kind: one of `SIGNALS`.
+        reached_deg: lowest and highest bend that the stroke brings; its middle `SHARE` is used [deg].
+        seconds: length of the signal [s].
+        sample_time: T [s].
+        rng: draws period, phase and levels.
+    """
+    if kind not in SIGNALS:
+        raise InputError(f"unknown reference {kind!r:.40}; valid: {', '.join(SIGNALS)}")
+    middle, half = sum(reached_deg) / 2, SHARE * (reached_deg[1] - reached_deg[0]) / 2
+    if kind == "fast-sine":
+        if not seconds >= 2 * sample_time:
+            raise InputError(
+                f"{seconds:g} s at a sample time of {sample_time:g} s: needs at least two samples"
+            )
+        time = np.arange(round(seconds / sample_time)) * sample_time
+        moving = middle + half * np.sin(2 * np.pi * time / FAST_PERIOD_S)
+    else:
+        moving = command(kind, (middle - half, middle + half), seconds, sample_time, rng)
+    return np.concatenate([np.full(round(HOLD_S / sample_time), moving[0]), moving])
+
+
+SLOW = ("sine", "multi-sine", "random-steps")
+BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
+"""Bending of the sheath: its begin [s], its time [s] and its angle [rad]."""
+CAPSTAN = (("sheath_friction", 0.18), ("sheath_friction_floor", 0.0), ("sheath_friction_growth", 0.0))
+"""Another law of friction: all of it grows with the tension, where the ureteroscope's hardly does. It is as
+much as that of the nominal one at rest."""
+TOUCHED_AT_S = 18.0
+"""Begin of a contact at the tip [s]; it stays."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlCondition:
+    """One line of a comparison.
+
+    Attributes:
+        name: in tables and files.
+        noise: kind of it.
+        level: of it.
+        sample_time: T [s].
+        signals: kinds of reference.
+        bends: whether the sheath bends by a quarter turn on the way, unannounced.
+        tip_force: that pushes the tip sideways from `TOUCHED_AT_S` on, unannounced; only in MuJoCo [N].
+        wider: factor on the ranges that endoscopes are drawn from.
+        changes: parameters that all endoscopes have, whatever was drawn.
+    """
+
+    name: str
+    noise: str = "gaussian"
+    level: float = 1.0
+    sample_time: float = 0.02
+    signals: tuple[str, ...] = SLOW
+    bends: bool = False
+    tip_force: float = 0.0
+    wider: float = 1.0
+    changes: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def slug(self) -> str:
+        """Name for files: letters, digits, points and _."""
+        return re.sub(r"[^A-Za-z0-9.]+", "_", self.name)
+
+    @property
+    def variance(self) -> float:
+        """R that controllers are given [deg^2]."""
+        return noise_variance(self.noise, self.level)
+
+    @property
+    def sensor(self) -> tuple[float, float]:
+        """R and T of the sensor that controllers are tuned for."""
+        return self.variance, self.sample_time
+
+    def draw(self, preset: Preset, ranges: Ranges, rng: np.random.Generator) -> Preset:
+        """Return an endoscope that this condition asks for."""
+        drawn = (ranges if self.wider == 1.0 else ranges.wider(self.wider)).draw(preset, rng)
+        return drawn.replace(**dict(self.changes))
+
+    def tip_forces(self, samples: int) -> Array:
+        """Return the force on the tip at each sample [N]; empty where nothing touches it."""
+        if not self.tip_force:
+            return np.empty(0)
+        touched = np.arange(samples) * self.sample_time >= HOLD_S + TOUCHED_AT_S
+        return np.where(touched, self.tip_force, 0.0)
+
+    def sheath_bend(self, preset: Preset, samples: int) -> Array:
+        """Return the bend of the sheath at each sample [rad]; empty where it stays."""
+        if not self.bends:
+            return np.empty(0)
+        return bending_sheath(preset, samples, self.sample_time, BENDING_AT_S)
+
+
+def bending_sheath(preset: Preset, samples: int, sample_time: float, begins_s: float) -> Array:
+    """Return the bend of a sheath that bends by a quarter turn, from this long after the hold on [rad]."""
+    begun = np.arange(samples) * sample_time - HOLD_S - begins_s
+    bend: Array = preset.sheath_bend + BENT_BY * np.clip(begun / BENDING_S, 0.0, 1.0)
+    return bend
+
+
+CONDITIONS = (
+    ControlCondition("R = 1"),
+    ControlCondition("R = 0.1", level=0.1),
+    ControlCondition("R = 5", level=5.0),
+    ControlCondition("R = 1, 10 Hz", sample_time=0.1),
+    ControlCondition("outliers", "salt-and-pepper", 0.05),
+    ControlCondition("Poisson 1", "poisson", 1.0),
+    ControlCondition("sine of 4 s", signals=("fast-sine",)),
+    ControlCondition("sheath bends", bends=True),
+    ControlCondition("tip touched", tip_force=0.1),
+    ControlCondition("wider twins", wider=1.5),
+    ControlCondition("stick-slip", changes=(("stiction", 0.5),)),
+    ControlCondition("capstan friction", changes=CAPSTAN),
+    ControlCondition("warm-up, backlash", changes=(("backlash", 3e-4), ("friction_warm_up", 0.5))),
+)
+SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
+
+
+def find_conditions(suite: str) -> tuple[ControlCondition, ...]:
+    """Return the conditions of a suite."""
+    if suite not in SUITES:
+        raise InputError(f"unknown suite {suite!r:.40}; valid: {', '.join(SUITES)}")
+    return SUITES[suite]
+
 
 PREVIEW_S = 1.0
 """Time for which a reference is known ahead, where nothing else is asked for [s]."""
