@@ -118,17 +118,11 @@ def record_of(
     pulley: Array,
     metadata: dict[str, Any],
 ) -> Episode:
-    """Return the record of a simulation.
+    """Return the record of a simulation of N samples.
 
-    Args:
-        command: what it followed, N samples.
-        bend: (N, planes) bending angle [rad].
-        joint_angle: (N, planes, vertebrae) angle of each hinge, base to tip [rad].
-        wire_tension: (N, wires, elements + 1) [N].
-        sheath_friction: (N, wires, elements) [N].
-        wire_slack: (N, wires, elements + 1) [m].
-        pulley: (N,) distance that the pulley has pulled wire a [m].
-        metadata: of the twin, besides preset and version.
+    Bend (N, planes) [rad], joint angle (N, planes, vertebrae) [rad], wire tension (N, wires, elements + 1)
+    [N], sheath friction (N, wires, elements) [N], wire slack (N, wires, elements + 1) [m], distance by which
+    the pulley has pulled wire a (N,) [m], and what the metadata hold besides preset and version.
     """
     lateral: dict[str, Any] = {}
     if command.preset.bending_planes == 2:

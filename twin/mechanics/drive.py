@@ -27,25 +27,15 @@ _LEAST_CHANGE = 1e-200
 
 
 class DriveLaw(NamedTuple):
-    """Constants of a drive, per control period.
+    """Constants of a drive, per control period."""
 
-    Attributes:
-        share: of the error that the position loop makes good [-].
-        longest: stride [m].
-        change: of the stride [m].
-        encoder_step: one count of the encoder [m]; 0 is continuous.
-        half_play: of the gear [m].
-        stiff: True if the motor follows without lag.
-        delay: of the command, in control periods [-].
-    """
-
-    share: float
-    longest: float
-    change: float
-    encoder_step: float
-    half_play: float
-    stiff: bool
-    delay: float
+    share: float  # of the error that the position loop makes good [-]
+    longest: float  # stride [m]
+    change: float  # of the stride [m]
+    encoder_step: float  # one count of the encoder [m]; 0 is continuous
+    half_play: float  # of the gear [m]
+    stiff: bool  # True if the motor follows without lag
+    delay: float  # of the command, in control periods [-]
 
 
 def drive_law(preset: Preset) -> DriveLaw:
@@ -75,13 +65,7 @@ def commands_kept(law: DriveLaw) -> int:
 
 
 def delayed_command(delay: float, past: Sequence[float] | Array, command: float) -> float:
-    """Return the command that a motor follows; plain numbers, so that it can be compiled.
-
-    Args:
-        delay: in control periods.
-        past: the commands of the periods before this one, the last one first.
-        command: of this one.
-    """
+    """Return the command that a motor follows; `past` ones are those before, the last one first. A kernel."""
     whole = int(delay)
     part = delay - whole
     later = command if whole == 0 else past[whole - 1]
@@ -89,15 +73,7 @@ def delayed_command(delay: float, past: Sequence[float] | Array, command: float)
 
 
 def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, command: float) -> DriveState:
-    """Return the state of a drive one control period later; plain numbers, so that it can be compiled.
-
-    Args:
-        law: constants.
-        motor: its position [m].
-        stride: its distance in the last control period [m].
-        pulley: its position [m].
-        command: pulling distance that is asked for at the end of the period [m].
-    """
+    """Return the state of a drive one control period later, at a command for its end [m]; a kernel."""
     if law.stiff:
         motor = law.encoder_step * round(command / law.encoder_step) if law.encoder_step else command
     else:
@@ -152,12 +128,7 @@ class Drive:
     """
 
     def __init__(self, preset: Preset, zero: float = 0.0) -> None:
-        """Set up the drive of a preset, in the state that `reset` leaves.
-
-        Args:
-            preset: the endoscope.
-            zero: command at which the endoscope is neutral [m].
-        """
+        """Set up the drive of a preset at rest; the endoscope is neutral at the command `zero` [m]."""
         self._law, self._zero = drive_law(preset), zero
         self.reset()
 
@@ -181,17 +152,9 @@ class Drive:
         self._state, self._past = (motor, stride, pulley), tuple(past)
 
     def advance(self, command: float) -> float:
-        """Advance the drive by one control period.
+        """Advance the drive by one control period; return the distance that the pulley has pulled then [m].
 
-        Args:
-            command: pulling distance that is asked for at the end of the period [m].
-
-        Returns:
-            Distance that the pulley has really pulled by then [m]: the command itself, bit for bit, where the
-            preset has no delay, servo, encoder or backlash, and its zero is 0.
-
-        Raises:
-            ValueError: the command is not finite.
+        It is the command itself, bit for bit, without delay, servo, encoder, backlash and zero.
         """
         if not math.isfinite(command):
             raise InputError(f"commanded pulling distance {command}: must be a finite number")

@@ -24,14 +24,10 @@ def friction_drift(
     time: Array | float,
     travel: Array | float,
 ) -> Array:
-    """Return the factor of sheath friction, on coefficient and floor, due to warm-up and wear.
+    """Return the factor on coefficient and floor of sheath friction, of warm-up and wear.
 
-    Args:
-        warm_up: excess of the friction at the start [-].
-        warm_up_time: its time constant [s].
-        wear: growth of the friction with the travel [1 / m].
-        time: since the start of the run [s].
-        travel: distance that the pulleys have travelled [m].
+    `warm_up` is the excess at the start [-], decaying with `warm_up_time` [s]; `wear` grows with the travel
+    of the pulleys [1 / m].
     """
     factor: Array = 1 + warm_up * np.exp(-time / warm_up_time) + wear * travel
     return factor
@@ -45,12 +41,7 @@ def friction_per_tension(friction: Array | float, bend: Array | float, elements:
 
         F = T_in - T_out = 2 tanh(mu dphi / 2) (T_in + T_out) / 2
 
-    which is exact for any number of elements and for both directions of sliding.
-
-    Args:
-        friction: coefficient mu of the whole sheath.
-        bend: angle phi that the whole sheath is bent by [rad].
-        elements: number of elements that share it.
+    which is exact for any number of elements, which share the bend [rad], and for both directions of sliding.
     """
     force: Array = 2 * _tanh(friction * np.asarray(bend) / elements / 2)
     return force
@@ -62,34 +53,23 @@ def friction_floor(
     """Return the friction of a wire in its sheath that does not depend on its tension [N].
 
     A wire has a stiffness of its own: a bent sheath has to bend it, and is pressed by it, even where it is
-    not pulled. Measured loops at eight bends of a sheath tell such a friction, which rises with the bend less
-    than in proportion (exponents of some 2/3), and hardly one in proportion to the tension.
-
-    Args:
-        floor: in a straight sheath [N].
-        growth: what one radian adds [N].
-        exponent: of the growth [-].
-        bend: angle that the sheath is bent by [rad].
+    not pulled. Measured loops at eight bends of a sheath show such a friction, which rises with the bend
+    [rad] less than in proportion (exponents of some 2/3), and hardly one in proportion to the tension.
     """
     return floor + growth * bend**exponent
 
 
 def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:
-    """Return the breakaway friction force of each sheath element.
+    """Return the force at which each sheath element begins to slide, (..., elements) [N].
 
-    Args:
-        tension: (..., elements + 1) tension in each length of wire [N].
-        per_tension: of `friction_per_tension`, broadcast against (..., elements).
-        floor: friction of one element that does not depend on the tension [N], broadcast alike.
-
-    Returns:
-        (..., elements) force at which each element begins to slide [N].
+    From the tension in each length of wire (..., elements + 1) [N], the factor of `friction_per_tension`, and
+    the friction of one element that does not depend on the tension [N].
     """
     return per_tension * (tension[..., 1:] + tension[..., :-1]) / 2 + floor
 
 
 def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: Array) -> Array:
-    """Return the breakaway friction torque of each hinge: its own plus that of the wires on the vertebrae.
+    """Return the torque at which each hinge begins to turn: its own plus that of the wires on the vertebrae.
 
     Where hinge i is bent by d_i, a wire of tension T presses on its guide with T |d_i|. Bending the hinges
     beyond i further pulls the wire through that guide, by the moment arm r times their angles. The work
@@ -97,16 +77,8 @@ def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: A
 
         tau_j = tau_joint_j + mu r T (|d_1| + ... + |d_j-1| + |d_j| / 2)
 
-    summed over the two wires of a plane. It is the capstan equation to first order in mu and the bend.
-
-    Args:
-        joint: (..., vertebrae) dry friction of the hinges themselves [N m].
-        routing: mu r [m], broadcast against (...).
-        tension: (...) sum of the tensions of the wires that the hinges are bent by [N].
-        turn: (..., vertebrae) angle that every guide turns the wires by, whatever its direction [rad].
-
-    Returns:
-        (..., vertebrae) torque at which each hinge begins to turn [N m].
+    summed over the two wires of a plane: the capstan equation to first order in mu and the bend. `joint` and
+    `turn` are (..., vertebrae), `routing` is mu r [m], `tension` (...) the sum of the wires' [N].
     """
     wrapped = np.cumsum(turn, axis=-1) - turn / 2
     return joint + (routing * tension)[..., None] * wrapped

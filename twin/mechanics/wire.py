@@ -43,14 +43,11 @@ def stretch_at(tension: Array, stiffness: Array | float, quadratic: Array | floa
 
 
 def wound_tension(preset: Preset) -> Array:
-    """Return the tension that winding up from slack leaves in each wire segment.
+    """Return the tension that winding up from slack leaves in each wire segment, pulley to tip, (E + 1,) [N].
 
     The pulley pulls both wires alike until they carry `preset.pretension` there. All elements then slide
     towards the pulley, so that every one of them keeps its share of the tension from the tip (capstan
     equation). Wires with slack, and those without an antagonist, carry nothing.
-
-    Returns:
-        (elements + 1,) tension, pulley to tip [N].
     """
     elements = preset.sheath_elements
     if preset.wire_slack or preset.wires_per_plane == 1:
@@ -74,17 +71,11 @@ def sheath_floor(preset: Preset) -> float:
 
 
 def rest_stretch(preset: Preset, antagonist: bool) -> Array:
-    """Return the stretch of each segment of a wire in a new, straight endoscope.
+    """Return the stretch of each segment of a wire in a new, straight endoscope, pulley to tip, (E + 1,) [m].
 
-    Slack is at the tip: no friction keeps it elsewhere. A wire that is not there is one that is never taut.
-    With two bending planes, whose friction is one, bending all round has spread the stretch evenly.
-
-    Args:
-        preset: the endoscope.
-        antagonist: whether it is wire b or d.
-
-    Returns:
-        (elements + 1,) stretch, pulley to tip [m]; below 0 where slack.
+    It is below 0 where slack: slack is at the tip, as no friction keeps it elsewhere. A wire that is not
+    there is one that is never taut. With two bending planes, whose friction is one, bending all round has
+    spread the stretch evenly.
     """
     if antagonist and preset.wires_per_plane == 1:
         return np.full(preset.sheath_elements + 1, -ABSENT)

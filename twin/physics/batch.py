@@ -34,20 +34,7 @@ def simulate_batch(
     threads: int = 0,
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
-    """Simulate many endoscopes at once, each along its own command.
-
-    Args:
-        presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
-        pulls: B commands, as `simulate` takes them; they may differ in length.
-        sample_time: time between two samples [s], of all.
-        sheath_bends: B bends of the sheath, as `simulate` takes them.
-        lateral_pulls: B lateral commands.
-        threads: number of threads; 0 for one per core.
-        on_sample: called with the number of samples done and their total.
-
-    Returns:
-        B records; None in the place of an endoscope whose simulation diverged.
-    """
+    """Simulate many endoscopes at once, each along its own command; see `twin.simulate_batch`."""
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     endoscopes = EndoscopeBatch(presets, threads)
     records = [Recorder(command, endoscopes.layout) for command in commands]
@@ -115,11 +102,9 @@ class EndoscopeBatch:
         return self._loads.rewritten.sheath.copy()
 
     def advance(self, inputs: Array, active: NDArray[np.bool_]) -> None:
-        """Advance the active endoscopes by one control period, as `Endoscope.advance`; the others rest.
+        """Advance the active (B,) endoscopes by one control period, as `Endoscope.advance`; the others rest.
 
-        Args:
-            inputs: (B, 3) pull, lateral pull and bend of the sheath.
-            active: (B,) which endoscopes move.
+        `inputs` (B, 3) are pull, lateral pull and bend of the sheath.
         """
         moving = np.flatnonzero(active & ~self.failed)
         everyone = len(moving) == len(self.presets)

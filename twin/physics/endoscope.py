@@ -27,29 +27,19 @@ SETTLING_TIME = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class State:
-    """Complete state of a simulated endoscope: restored, the run continues bit for bit.
-
-    Attributes:
-        physics: MuJoCo's integration state (`mjSTATE_INTEGRATION`): positions, velocities, actuator states,
-            warm start of the solver and more.
-        drive: state of the drive of each bending plane, of `Drive.state` [m].
-        travel: total distance that the pulleys have travelled, which wears the sheath [m].
-        sheath_bend: bend angle of the sheath [rad].
-        sheath_friction: breakaway friction of the sheath elements in the last control period, (wires,
-            elements) [N].
-        friction_direction: direction of the friction that two planes share, (pairs,) [rad]; else empty.
-        grip: share of its `stiction` that holds each element of the sheath, flat [-]; empty without it.
-        tip_force: that pushes the tip sideways [N].
-    """
+    """Complete state of a simulated endoscope: restored, the run continues bit for bit."""
 
     physics: Array
-    drive: tuple[tuple[float, ...], ...]
-    travel: float
-    sheath_bend: float
+    """MuJoCo's integration state (`mjSTATE_INTEGRATION`): positions, velocities, actuator states, warm start
+    of the solver and more."""
+    drive: tuple[tuple[float, ...], ...]  # state of the drive of each bending plane, of `Drive.state` [m]
+    travel: float  # total distance that the pulleys have travelled, which wears the sheath [m]
+    sheath_bend: float  # bend angle of the sheath [rad]
     sheath_friction: Array
-    friction_direction: Array
-    grip: Array
-    tip_force: float
+    """Breakaway friction of the sheath elements in the last control period, (wires, elements) [N]."""
+    friction_direction: Array  # direction of the friction that two planes share, (pairs,) [rad]; else empty
+    grip: Array  # share of its `stiction` that holds each element of the sheath, flat [-]; empty without it
+    tip_force: float  # that pushes the tip sideways [N]
 
 
 class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -61,12 +51,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 
     @classmethod
     def from_preset(cls, preset: Preset, *, drawn: bool = True) -> "Endoscope":
-        """Build the endoscope of a preset, at rest.
-
-        Args:
-            preset: the endoscope.
-            drawn: False leaves out what is only drawn: it is stepped faster, through the same states.
-        """
+        """Build the endoscope of a preset, at rest; if not `drawn`, it is faster, through the same states."""
         xml = model_xml(preset)
         model = dm_mujoco.wrapper.MjModel(compiled_model(xml, drawn=drawn))
         physics = cast("Endoscope", cls.from_model(model))
@@ -171,14 +156,11 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         return position
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
-        """Advance the simulation by one control period.
+        """Advance by one control period, at the end of which it is at a pull and a lateral pull [m].
 
-        The friction of the sheath follows the tension that the wires have at the start of the period.
-
-        Args:
-            pull: commanded pulling distance of wire a at the end of the period [m].
-            lateral_pull: the same of wire c; it needs two bending planes.
-            sheath_bend: angle that the sheath is bent by from now on [rad]; as before where not given.
+        The friction of the sheath follows the tension that the wires have at the start of the period; its
+        bend [rad] is that of the period before where not given. Raise `FloatingPointError` where the
+        simulation diverged.
         """
         if not math.isfinite(pull + lateral_pull):
             wrong = lateral_pull if math.isfinite(pull) else pull
@@ -211,12 +193,9 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             self._loads.observe_constraints(data.qfrc_constraint[None], _ALONE)
 
     def push_tip(self, force: float) -> None:
-        """Push the last vertebra sideways from now on, towards more bend; the direction follows the tip.
+        """Push the last vertebra sideways by a force [N] from now on, towards more bend; 0 ends it.
 
-        The force belongs to the state.
-
-        Args:
-            force: [N]; 0 ends it.
+        The direction follows the tip. The force belongs to the state.
         """
         if not math.isfinite(force):
             raise InputError(f"force of {force} N at the tip: must be a finite number")

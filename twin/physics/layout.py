@@ -21,26 +21,18 @@ WAYS = ("along", "across")
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """Indices of joints and tendons in MuJoCo's arrays; positions and velocities share those of joints.
+    """Indices of joints and tendons in MuJoCo's arrays; positions and velocities share those of joints."""
 
-    Attributes:
-        hinge: joints of the hinges, base to tip, (planes, vertebrae).
-        pulley: joints of the pulleys, (planes,).
-        element: joints of the sheath elements, pulley to tip, (wires, elements).
-        wire: tendons of the wire segments, pulley to tip, (wires, elements + 1).
-        joints: tendons that carry the friction of the hinges, base to tip, (1, groups): of one plane alone.
-        shared: tendons that carry the friction of neighbours, along and across, (2, pairs): elements of wires
-            a and c, of b and d, pulley to tip, then hinges, base to tip; none with one plane.
-        wrap: coefficients of those tendons, pair after pair, (2, wraps).
-    """
-
-    hinge: Index
-    pulley: Index
-    element: Index
-    wire: Index
+    hinge: Index  # joints of the hinges, base to tip, (planes, vertebrae)
+    pulley: Index  # joints of the pulleys, (planes,)
+    element: Index  # joints of the sheath elements, pulley to tip, (wires, elements)
+    wire: Index  # tendons of the wire segments, pulley to tip, (wires, elements + 1)
     joints: Index
+    """Tendons that carry the friction of the hinges, base to tip, (1, groups): of one plane alone."""
     shared: Index
-    wrap: Index
+    """Tendons that carry the friction of neighbours, along and across, (2, pairs): elements of wires a and c,
+    of b and d, pulley to tip, then hinges, base to tip; none with one plane."""
+    wrap: Index  # coefficients of those tendons, pair after pair, (2, wraps)
 
     @classmethod
     def of(cls, model: mujoco.MjModel, preset: Preset) -> "Layout":

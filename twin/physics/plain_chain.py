@@ -4,13 +4,7 @@ import mujoco
 
 
 def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
-    """Simulate a chain of hinges with springs and damping: no wires, no friction, no contact.
-
-    Args:
-        degrees: number of hinges.
-        time_step: of the physics [s].
-        seconds: duration of the run in simulated time [s].
-    """
+    """Simulate a chain of hinges with springs and damping: no wires, no friction, no contact."""
     spec = mujoco.MjSpec()
     spec.option.timestep = time_step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

@@ -59,13 +59,9 @@ class SharedFriction:
         self.direction[:] = 0.0
 
     def write(self, sheath: Array, joints: Array, loss: Array, coefficient: Array) -> None:
-        """Write the friction of all pairs into MuJoCo's models.
+        """Write the friction of all pairs into MuJoCo's models, as `write_pairs`.
 
-        Args:
-            sheath: (B, 4, elements) friction of the elements [N].
-            joints: (B, 2, groups) friction of the hinges [N m].
-            loss: (B, 2, pairs), where the friction of the tendons goes, along and across.
-            coefficient: (B, 2, wraps), where their coefficients go.
+        From that of the elements (B, 4, elements) [N] and of the hinges (B, 2, groups) [N m].
         """
         friction = self._of_pairs(sheath, joints)
         write_pairs(friction, self.direction, self._members, self._first_wrap, loss, coefficient)
@@ -73,19 +69,12 @@ class SharedFriction:
     def observe_constraints(
         self, constraint: Array, qvel: Array, sheath: Array, joints: Array, damping: Array, moving: Index
     ) -> None:
-        """Turn the directions towards those of the forces that friction holds.
+        """Turn the directions towards those of the forces (B, nv) that friction holds, the only constraints.
 
         Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs
         k_p. Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with
-        a across it. So the turn by the force across is divided by 1 + c.
-
-        Args:
-            constraint: (B, nv) forces of MuJoCo's constraints, of which there are no others.
-            qvel: (B, nv) velocities.
-            sheath: as of `write`.
-            joints: as of `write`.
-            damping: (B, 4, elements + 1) of the wire segments, which holds their stiffness [N s / m].
-            moving: indices of the endoscopes that were stepped.
+        a across it. So the turn by the force across is divided by 1 + c. `damping` (B, 4, elements + 1) of
+        the wire segments holds their stiffness [N s / m]; the endoscopes `moving` were stepped.
         """
         friction = self._of_pairs(sheath[moving], joints[moving])
         tau = constraint[moving][:, self._dof] / friction
@@ -120,15 +109,11 @@ class SharedFriction:
 def write_pairs(
     friction: Array, direction: Array, members: Index, first_wrap: Index, loss: Array, coefficient: Array
 ) -> None:
-    """Write friction and coefficients of the tendons along and across a direction.
+    """Write friction and coefficients of the tendons along and across directions (B, pairs) [rad].
 
-    Args:
-        friction: (B, 2, pairs) of both neighbours.
-        direction: (B, pairs) [rad].
-        members: (pairs,) joints that each neighbour has.
-        first_wrap: (pairs + 1,) place of the first coefficient of each pair.
-        loss: (B, 2, pairs), written.
-        coefficient: (B, 2, wraps), written: of the members of the first neighbour, then of the second.
+    Friction is (B, 2, pairs) of both neighbours, `members` (pairs,) the joints of each neighbour,
+    `first_wrap` (pairs + 1,) the place of the first coefficient of each pair. Written are `loss` (B, 2,
+    pairs) and `coefficient` (B, 2, wraps): of the members of the first neighbour, then of the second.
     """
     for b in range(len(friction)):
         for k in range(friction.shape[2]):
@@ -164,9 +149,8 @@ class Sticking:
     def hold(self, sheath: Array, tension: Array) -> None:
         """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
 
-        Args:
-            sheath: (B, wires, elements) friction of sliding [N].
-            tension: (B, wires, elements + 1) of the segments, without damping [N].
+        From the friction of sliding (B, wires, elements) and the tension of the segments (B, wires, elements
+        + 1), without damping [N].
         """
         pulled = (np.diff(tension, axis=2) / sheath)[:, self._wires]
         beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0

@@ -31,24 +31,7 @@ def simulate(
     endoscope: Endoscope | None = None,
     on_sample: Callable[[Endoscope], None] | None = None,
 ) -> Episode:
-    """Simulate an endoscope along a command signal.
-
-    Args:
-        preset: the endoscope.
-        pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
-        sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
-        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; without it,
-            zero.
-        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
-            angle; without it, the preset's.
-        state: initial state of the run. Without it the run begins at rest, and goes to `pull[0]`
-            along a real path that is not part of the record.
-        endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
-        on_sample: called with the endoscope at every sample, to read what the record does not hold.
-
-    Returns:
-        The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
-    """
+    """Simulate an endoscope along a command signal; see `twin.simulate`."""
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
     # Without a caller who could draw it, it is not drawn.
     endoscope = endoscope or Endoscope.from_preset(preset, drawn=on_sample is not None)

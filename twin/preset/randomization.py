@@ -3,11 +3,9 @@
 import dataclasses
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin.errors import InputError
 from twin.files.shown import cut, shown
@@ -25,27 +23,12 @@ NEVER_DRAWN = (
 """Parameters that are chosen and not drawn: numbers of parts, and times of the solver."""
 
 
-class RangesFile(BaseModel):
-    """The key `ranges` of a preset's file.
-
-    Attributes:
-        ranges: lowest and highest value of each parameter, in SI units.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    ranges: Annotated[dict[str, tuple[float, float]], Field(max_length=len(dataclasses.fields(Preset)))]
-
-
 @dataclasses.dataclass(frozen=True)
 class Ranges:
-    """Ranges of the randomised parameters; every other parameter stays as the preset has it.
-
-    Attributes:
-        limits: name, lowest and highest value of each parameter, in SI units.
-    """
+    """Ranges of the randomised parameters; every other parameter stays as the preset has it."""
 
     limits: tuple[tuple[str, float, float], ...]
+    """Name, lowest and highest value of each parameter, in SI units."""
 
     def __post_init__(self) -> None:
         """Check that every range lies within the limits of its parameter."""
@@ -112,16 +95,13 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
     if not isinstance(stated, dict) or not stated:
         rule = "add `ranges:` with `parameter: [low, high]` lines"
         raise InputError(f"preset {name_or_path} states no ranges: {rule}")
+    for name, limits in stated.items():
+        is_pair = isinstance(limits, list) and len(limits) == 2
+        if not (is_pair and all(isinstance(end, (int, float)) for end in limits)):
+            what = f"range of {cut(str(name), 40)} = {shown(limits)}"
+            raise InputError(f"{name_or_path}: {what}: must be [low, high]")
     try:
-        file = RangesFile.model_validate({"ranges": stated})
-        return Ranges(tuple((parameter, *limits) for parameter, limits in file.ranges.items()))
-    except ValidationError as error:
-        place = error.errors(include_url=False, include_context=False)[0]["loc"]
-        parameter = str(place[1]) if len(place) > 1 else ""
-        wrong = shown(stated.get(parameter))
-        raise InputError(
-            f"{name_or_path}: range of {cut(parameter, 40)} = {wrong}: must be [low, high]"
-        ) from None
+        return Ranges(tuple((str(name), *limits) for name, limits in stated.items()))
     except ValueError as error:
         raise InputError(f"{name_or_path}: {error}") from error
 

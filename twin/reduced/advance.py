@@ -11,38 +11,10 @@ from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive, dela
 from twin.mechanics.friction import friction_drift, friction_floor
 from twin.mechanics.kernels import entry, inlined, kernel
 from twin.preset.preset import Preset
+from twin.reduced import parameters as at
 from twin.reduced.chain import Array, Hinge, Plane, Segment, copy_row, copy_rows
 from twin.reduced.one_plane import Work, new_work, solve_plane
-from twin.reduced.parameters import (
-    ARM,
-    BEND_OFFSET,
-    COMMAND,
-    DRIVE,
-    EXPONENT,
-    FLOOR,
-    GROWTH,
-    HINGE_CUBIC,
-    HINGE_DAMPING,
-    HINGE_REST,
-    HINGE_STIFFNESS,
-    HOLDS,
-    MISSING_FORCE,
-    RIGID,
-    ROUTING,
-    SHEATH_FRICTION,
-    TIME,
-    TRAVEL,
-    WARM_UP,
-    WARM_UP_TIME,
-    WEAR,
-    WIRE_DAMPING,
-    WIRE_QUADRATIC,
-    WIRE_STIFFNESS,
-    ZERO,
-    Parameters,
-    ReducedState,
-    new_state,
-)
+from twin.reduced.parameters import Parameters, ReducedState, new_state
 from twin.reduced.two_planes import BothPlanes, Start, new_both_planes, new_start, solve_both_planes
 
 _advance_drive = kernel(advance_drive)
@@ -147,21 +119,21 @@ def advance_one(
     """Advance endoscope m by one sample, in place, to the inputs of a row; see `advance`."""
     constants, drive, run, ahead = parameters.constants, state.drive, state.run, work.ahead
     planes, late = parameters.planes, parameters.late
-    sticks = constants[m, HOLDS] > 1.0
+    sticks = constants[m, at.HOLDS] > 1.0
     law = DriveLaw(
-        constants[m, DRIVE],
-        constants[m, DRIVE + 1],
-        constants[m, DRIVE + 2],
-        constants[m, DRIVE + 3],
-        constants[m, DRIVE + 4],
-        constants[m, DRIVE + 5] != 0.0,
-        constants[m, DRIVE + 6],
+        constants[m, at.DRIVE],
+        constants[m, at.DRIVE + 1],
+        constants[m, at.DRIVE + 2],
+        constants[m, at.DRIVE + 3],
+        constants[m, at.DRIVE + 4],
+        constants[m, at.DRIVE + 5] != 0.0,
+        constants[m, at.DRIVE + 6],
     )
     waiting, first = 0, 1
-    if constants[m, RIGID] and not sticks:  # the increment at the end of the sample is the only one
+    if constants[m, at.RIGID] and not sticks:  # the increment at the end of the sample is the only one
         waiting, first = periods, periods + 1
         for p in range(planes):
-            run[m, TRAVEL] += abs(inputs[row, p] - drive[m, p, 2])
+            run[m, at.TRAVEL] += abs(inputs[row, p] - drive[m, p, 2])
             drive[m, p, 0] = inputs[row, p]
             drive[m, p, 2] = inputs[row, p]
     for p in range(planes):
@@ -171,19 +143,19 @@ def advance_one(
         # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
         ends, turns_back, share = k > periods, False, k / periods
         for p in range(0 if ends else planes):
-            command = run[m, COMMAND + p] * (1.0 - share) + inputs[row, p] * share
+            command = run[m, at.COMMAND + p] * (1.0 - share) + inputs[row, p] * share
             wanted = command
             if late > 0:
                 wanted = _delayed_command(law.delay, state.past[m, p], command)
                 for older in range(late - 1, -1, -1):
                     state.past[m, p, older] = state.past[m, p, older - 1] if older > 0 else command
-            wanted -= constants[m, ZERO + p]
+            wanted -= constants[m, at.ZERO + p]
             motor, stride, gear = drive[m, p, 0], drive[m, p, 1], drive[m, p, 2]
             ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(law, motor, stride, gear, wanted)
             turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 3] < 0.0
         if ends or turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
-            bend = inputs[row, 2] if ends else run[m, COMMAND + 2] * (1.0 - done) + inputs[row, 2] * done
+            bend = inputs[row, 2] if ends else run[m, at.COMMAND + 2] * (1.0 - done) + inputs[row, 2] * done
             _increment(parameters, state, work, m, waiting, bend)
             waiting = 0
             for p in range(planes):
@@ -191,20 +163,20 @@ def advance_one(
         waiting += 1
         for p in range(0 if ends else planes):
             step = ahead[p, 2] - drive[m, p, 2]
-            run[m, TRAVEL] += abs(step)
+            run[m, at.TRAVEL] += abs(step)
             ahead[p, 3] += step
             for column in range(3):
                 drive[m, p, column] = ahead[p, column]
     for column in range(3):
-        run[m, COMMAND + column] = inputs[row, column]
+        run[m, at.COMMAND + column] = inputs[row, column]
 
 
 @inlined
 def _drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
     """Return the factor on the sheath's friction by warm-up and wear."""
-    constants, run = parameters.constants, state.run
-    warm_up, warm_up_time = constants[m, WARM_UP], constants[m, WARM_UP_TIME]
-    return float(_friction_drift(warm_up, warm_up_time, constants[m, WEAR], run[m, TIME], run[m, TRAVEL]))
+    constants, time, travel = parameters.constants, state.run[m, at.TIME], state.run[m, at.TRAVEL]
+    warm_up, warm_up_time = constants[m, at.WARM_UP], constants[m, at.WARM_UP_TIME]
+    return float(_friction_drift(warm_up, warm_up_time, constants[m, at.WEAR], time, travel))
 
 
 @inlined
@@ -214,36 +186,38 @@ def _increment(
     """Bring endoscope m to equilibrium with its drive, some control periods after the last increment."""
     constants, run = parameters.constants, state.run
     seconds = periods * parameters.control_period
-    run[m, TIME] += seconds
+    run[m, at.TIME] += seconds
     drift = _drift_of(parameters, state, m)
     # As `friction_per_tension`, for the tension on each side instead of their mean.
-    wrapped = constants[m, SHEATH_FRICTION] * drift * (sheath_bend + constants[m, BEND_OFFSET])
-    own, growth, exponent = constants[m, FLOOR], constants[m, GROWTH], constants[m, EXPONENT]
+    wrapped = constants[m, at.SHEATH_FRICTION] * drift * (sheath_bend + constants[m, at.BEND_OFFSET])
+    own, growth, exponent = constants[m, at.FLOOR], constants[m, at.GROWTH], constants[m, at.EXPONENT]
     plane = Plane(
         state.element.shape[2] // 2,
         parameters.rest[m],
         Segment(
-            constants[m, WIRE_STIFFNESS], constants[m, WIRE_QUADRATIC], constants[m, WIRE_DAMPING] / seconds
+            constants[m, at.WIRE_STIFFNESS],
+            constants[m, at.WIRE_QUADRATIC],
+            constants[m, at.WIRE_DAMPING] / seconds,
         ),
         math.tanh(wrapped / 2.0),
         float(_friction_floor(own, growth, exponent, sheath_bend)) * drift,
         Hinge(
-            constants[m, HINGE_STIFFNESS],
-            constants[m, HINGE_CUBIC],
-            constants[m, HINGE_REST],
-            constants[m, HINGE_DAMPING] / seconds,
+            constants[m, at.HINGE_STIFFNESS],
+            constants[m, at.HINGE_CUBIC],
+            constants[m, at.HINGE_REST],
+            constants[m, at.HINGE_DAMPING] / seconds,
         ),
         parameters.joint_friction[m],
         parameters.size,
-        constants[m, ARM],
-        constants[m, ROUTING],
+        constants[m, at.ARM],
+        constants[m, at.ROUTING],
         PULLEY_STIFFNESS,
         state.drive[m, 0, 2],
-        constants[m, HOLDS],
+        constants[m, at.HOLDS],
     )
-    rest = (constants[m, HINGE_REST], constants[m, HINGE_REST + 1])
+    rest = (constants[m, at.HINGE_REST], constants[m, at.HINGE_REST + 1])
     missing = _solve(work.plane, work.both, work.start, plane, rest, state, m, periods)
-    run[m, MISSING_FORCE] = max(run[m, MISSING_FORCE], missing) if missing < math.inf else math.inf
+    run[m, at.MISSING_FORCE] = max(run[m, at.MISSING_FORCE], missing) if missing < math.inf else math.inf
 
 
 @inlined
@@ -291,7 +265,7 @@ def state_at_rest(presets: Sequence[Preset], parameters: Parameters) -> ReducedS
     state = new_state(parameters, np.array([preset.sheath_bend for preset in presets]))
     if any(any(preset.initial_bends) for preset in presets):
         constants = parameters.constants.copy()
-        constants[:, [WIRE_DAMPING, HINGE_DAMPING]] = 0.0
+        constants[:, [at.WIRE_DAMPING, at.HINGE_DAMPING]] = 0.0
         slow = parameters._replace(constants=constants)
         advance(slow, state, new_workspace(parameters), state.command.copy(), 1)
         state.time[:] = 0.0

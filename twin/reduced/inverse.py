@@ -66,18 +66,9 @@ def find_pulls(
 ) -> None:
     """Find the pulls that bring given bends at the end of the next sample; the first arguments are a `Trial`.
 
-    Args:
-        parameters: of M endoscopes.
-        state: theirs.
-        scratch: rewritten.
-        work: scratch arrays.
-        inputs: (M, 3); pulls are rewritten.
-        periods: control periods in the sample.
-        alone: (1,) weight of an endoscope by itself, 1.
-        target: (M, P) bend of each plane [rad]; NaN where the pull is to stay as it is.
-        limits: (P, 2) lowest and highest pull of each plane [m].
-        tolerance: of the bend [rad].
-        found: written.
+    `alone` (1,) is the weight of an endoscope by itself, 1. The bends `target` (M, P) are NaN where the pull
+    is to stay as it is, to a `tolerance` [rad]; `limits` (P, 2) are the lowest and highest pull of each plane
+    [m].
     """
     planes = target.shape[1]
     for m in range(len(inputs)):

@@ -25,19 +25,12 @@ LEAST_PERIOD_S = 1e-3  # control period of members: a shorter one would hold eve
 
 
 class MemberSet(NamedTuple):
-    """M twins, and how far the sheath of each is bent as time goes by: there and back again, at one pace.
+    """M twins, and how far the sheath of each is bent as time goes by: there and back again, at one pace."""
 
-    Attributes:
-        presets: their parameters; the bend of the sheath is that at one end of its course.
-        other: (M,) bend of the sheath at the other end [rad].
-        period: (M,) time there and back [s].
-        phase: (M,) share of the period that has gone at the start.
-    """
-
-    presets: tuple[Preset, ...]
-    other: Array
-    period: Array
-    phase: Array
+    presets: tuple[Preset, ...]  # their parameters; the bend of the sheath is that at one end of its course
+    other: Array  # (M,) bend of the sheath at the other end [rad]
+    period: Array  # (M,) time there and back [s]
+    phase: Array  # (M,) share of the period that has gone at the start
 
     @classmethod
     def still(cls, presets: Sequence[Preset]) -> Self:
@@ -141,19 +134,12 @@ def check_members(presets: Sequence[Preset]) -> None:
 
 
 class Following(NamedTuple):
-    """Members along the commands of B filters.
+    """Members along the commands of B filters."""
 
-    Attributes:
-        twins: state of the M members along each of G commands.
-        command: (B,) number of the command that each filter follows.
-        bend_deg: (G, M) angle of the members there [deg].
-        time: since the first sample [s].
-    """
-
-    twins: tuple[ReducedState, ...]
-    command: NDArray[np.int64]
-    bend_deg: Array
-    time: float
+    twins: tuple[ReducedState, ...]  # state of the M members along each of G commands
+    command: NDArray[np.int64]  # (B,) number of the command that each filter follows
+    bend_deg: Array  # (G, M) angle of the members there [deg]
+    time: float  # since the first sample [s]
 
     def of_filters(self) -> Array:
         """Return the (B, M) angle of the members that each filter has [deg]."""
@@ -205,12 +191,9 @@ class Members:
         return Following(tuple(states), command, np.array(bends), time)
 
     def bends_along(self, following: Following, pull_mm: Array, samples: NDArray[np.int64]) -> Array:
-        """Return the angles (N, M) [deg] along a way of the command; nothing moves.
+        """Return the angles (N, M) [deg] along straight lines of the command; nothing moves.
 
-        Args:
-            following: members along one command.
-            pull_mm: (N,) pulls, one after the other, along straight lines [mm].
-            samples: (N,) time that each takes.
+        N pulls [mm] follow one another, each after a number of samples.
         """
         self._twins.restore_state(following.twins[0])
         bends, time = [], following.time
@@ -229,11 +212,8 @@ class Members:
     ) -> float:
         """Return the pull [mm] of the next sample that brings a weighted sum of the members' bends.
 
-        Args:
-            following: members along one command.
-            weights: (M,) of the bend of each.
-            bend_deg: wanted sum; no pull, NaN, is returned where it is not finite [deg].
-            within_mm: lowest and highest pull; the end that is nearer, where none brings it [mm].
+        It is the nearer end of `within_mm` where none brings it, and NaN where the wanted sum [deg] is not
+        finite.
         """
         if not math.isfinite(bend_deg):
             return math.nan

@@ -81,19 +81,11 @@ def new_work(elements: int, groups: int) -> Work:
 def solve_plane(
     plane: Plane, work: Work, element: Array, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float]:
-    """Bring a plane to equilibrium after an increment.
+    """Bring a plane to equilibrium after an increment; return the pulley [m] and the force missing [N].
 
-    Args:
-        plane: parameters.
-        work: scratch arrays; they hold the tensions at the end.
-        element: (2 E,) positions of the elements in the order of the chain [m]; rewritten.
-        hinge: (G,) angle of a hinge of each group [rad]; rewritten.
-        pulley: its position [m].
-        slip: (2 E,) direction in which each element slides: -1, 0 or 1, of the last increment; rewritten.
-        turn: (G,) the same of the groups.
-
-    Returns:
-        Position of the pulley [m] and largest force that is missing [N].
+    Rewritten are the positions of the elements (2 E,) in the order of the chain [m], the angle of a hinge of
+    each group (G,) [rad], and the directions in which elements and groups slide: -1, 0 or 1, of the last
+    increment. The scratch arrays hold the tensions at the end.
     """
     E, chain, group = plane.elements, work.chain, work.group
     for j in range(2 * E):

@@ -43,19 +43,9 @@ def simulate_batch(
     threads: int = 0,
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
-    """Simulate many endoscopes by the reduced twin, each along its own command.
+    """Simulate many endoscopes by the reduced twin, each along its own command; see `twin.simulate_batch`.
 
-    Args:
-        presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal control periods.
-        pulls: B commands (N,) of wire a [m]; they may differ in length.
-        sample_time: time between two samples [s], of all.
-        sheath_bends: B bends of the sheath, (N,) or one angle [rad]; the presets', where None.
-        lateral_pulls: B lateral commands (N,) [m].
-        threads: number of threads; 0 for one per core. The records are the same bits for any number.
-        on_sample: called with the number of samples done, of all records, and their total.
-
-    Returns:
-        B records; None in the place of an endoscope that did not converge to equilibrium.
+    The records are the same bits for any number of threads.
     """
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     parameters = parameters_of(presets)
@@ -89,20 +79,7 @@ def simulate(
     endoscope: ReducedEndoscope | None = None,
     on_sample: Callable[[ReducedEndoscope], None] | None = None,
 ) -> Episode:
-    """Simulate one endoscope by the reduced twin along a command signal.
-
-    Args:
-        preset: the endoscope.
-        pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
-        sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
-        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; else zero.
-        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
-            angle; without it, the preset's.
-        state: initial state of the run. Without it the run begins at rest, and goes to `pull[0]`
-            along a real path that is not part of the record.
-        endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
-        on_sample: called with the endoscope at every sample, to read what the record does not hold.
-    """
+    """Simulate one endoscope by the reduced twin along a command signal; see `twin.simulate`."""
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
     endoscope = endoscope or ReducedEndoscope.from_preset(preset)
     parameters, own = endoscope.twins.parameters, endoscope.twins.state
@@ -174,17 +151,11 @@ def _episode(
 
 @dataclasses.dataclass(frozen=True)
 class Derivatives:
-    """A record and how it changes with the parameters of its endoscope.
+    """A record and how it changes with the parameters of its endoscope."""
 
-    Attributes:
-        record: at the parameters themselves.
-        bend: (N, P) change of the bend with each parameter [rad per unit of the parameter].
-        lateral_bend: (N, P) the same of the second plane; zero with one plane.
-    """
-
-    record: Episode
-    bend: Array
-    lateral_bend: Array
+    record: Episode  # at the parameters themselves
+    bend: Array  # (N, P) change of the bend with each parameter [rad per unit of the parameter]
+    lateral_bend: Array  # (N, P) the same of the second plane; zero with one plane
 
 
 def derivatives(
@@ -198,19 +169,10 @@ def derivatives(
     steps: Mapping[str, float] | None = None,
     threads: int = 0,
 ) -> Derivatives:
-    """Return a record and its derivatives with respect to parameters, by differences of second order.
+    """Return a record and its derivatives with respect to P parameters, by differences of second order.
 
-    They are central, but one-sided where a parameter is at its limit. All records run side by side.
-
-    Args:
-        preset: the endoscope.
-        pull: (N,) commanded pulling distance of wire a [m], as `simulate` takes it.
-        sample_time: time between two samples [s].
-        names: P parameters of the preset.
-        lateral_pull: (N,) of wire c [m].
-        sheath_bend: (N,) or one angle [rad].
-        steps: of parameters, in their units; without one, a ten-thousandth of the value.
-        threads: number of threads; 0 for one per core.
+    They are central, but one-sided where a parameter is at its limit. All records run side by side. A
+    parameter is moved by its step, in its unit, or by a ten-thousandth of its value.
     """
     presets, shares = [preset], []
     for name in names:

@@ -43,12 +43,9 @@ class ReducedTwins:
     """
 
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
-        """Build endoscopes that are at rest.
+        """Build M endoscopes of one layout that are at rest.
 
-        Args:
-            presets: M endoscopes with equal numbers of planes, vertebrae and elements and equal control
-                periods.
-            sample_time: between two samples [s], a whole multiple of the control period; without it, one.
+        A sample is a whole multiple of their control period, or one control period.
         """
         from twin.reduced.advance import new_workspace, state_at_rest
 
@@ -83,16 +80,10 @@ class ReducedTwins:
         *,
         samples: int = 1,
     ) -> Array:
-        """Advance all endoscopes by one sample, or several, along straight lines from the inputs before.
+        """Advance all along straight lines from the inputs before; return the bending angle (M,) [rad].
 
-        Args:
-            pull: commanded pulling distance of wire a at the end of the sample [m], one or (M,).
-            lateral_pull: the same of wire c; it needs two bending planes.
-            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
-            samples: time that it takes.
-
-        Returns:
-            (M,) bending angle [rad].
+        The inputs, one or (M,), are those at the end of the sample, or of several: pulling distances [m], of
+        wire c with two bending planes, and bend of the sheath [rad]; as before where not given.
         """
         from twin.reduced.advance import advance
 
@@ -126,18 +117,9 @@ class ReducedTwins:
     ) -> "Inverse":
         """Return the pulls that bring given bends at the end of the next sample; nothing moves.
 
-        Drives take part: a servo that cannot be there in time does not reach the bend.
-
-        Args:
-            bend: wanted in the plane of wires a and b [rad], one or (M,).
-            lateral_bend: the same of wires c and d; without it, their pull stays as it is.
-            stroke: lowest and highest pull of wire a [m].
-            lateral_stroke: the same of wire c; without it, `stroke`.
-            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
-            tolerance: of the bend [rad].
-
-        Returns:
-            Pulls, the bends that they bring, and whether those are the ones wanted.
+        Drives take part: a servo that cannot be there in time does not reach the bend. Wanted bends are one
+        or (M,) [rad]; without a lateral one, the pull of wire c stays as it is. A stroke is the lowest and
+        highest pull [m].
         """
         planes = self.presets[0].bending_planes
         self._set_inputs(self.state.command[:, 0], self.state.command[:, 1], sheath_bend)
@@ -172,18 +154,10 @@ class ReducedTwins:
         sheath_bend: ArrayLike | None = None,
         tolerance: float = TOLERANCE,
     ) -> tuple[float, float]:
-        """Return the one pull of all endoscopes that brings a weighted sum of their bends; nothing moves.
+        """Return the common pull [m] that brings a weighted sum of the bends, and that sum [rad].
 
-        Args:
-            weights: (M,) of the bend of each.
-            bend: wanted sum at the end of the next sample [rad].
-            stroke: lowest and highest pull of wire a [m].
-            sheath_bend: of each endoscope at the end of the sample [rad]; as it is, if not given.
-            tolerance: of the sum [rad].
-
-        Returns:
-            The pull [m], and the sum that it brings [rad]. Where the stroke does not lead there, its end that
-            is nearer: endoscopes that stick move only after a longer way.
+        Nothing moves. Where the stroke does not lead there, it is the nearer end: endoscopes that stick move
+        only after a longer travel. Weights are (M,), the sheaths' bends those at the end of the sample [rad].
         """
         if not np.isfinite(bend):
             raise InputError(f"wanted bend of {bend} rad: must be a finite number")
@@ -269,12 +243,9 @@ class ReducedEndoscope:
         self.twins.reset()
 
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
-        """Advance the endoscope by one step.
+        """Advance by one step; the arguments are those of `ReducedTwins.step`.
 
-        Args:
-            pull: commanded pulling distance of wire a at the end of the step [m].
-            lateral_pull: the same of wire c; it needs two bending planes.
-            sheath_bend: angle that the sheath is bent by then [rad]; as before where not given.
+        Raise `FloatingPointError` where it did not converge to equilibrium.
         """
         self.twins.step(pull, lateral_pull, sheath_bend)
         if not self.twins.converged[0]:

@@ -151,21 +151,10 @@ def solve_both_planes(
 ) -> float:
     """Bring two planes to equilibrium after an increment, in as many parts as that takes.
 
-    Args:
-        plane: parameters of the first; the second has the same but for what follows.
-        rest: angle of a hinge where nothing pulls, in each plane [rad].
-        target: distance that each pulley is driven to [m].
-        both: scratch arrays.
-        start: room for where the increment starts.
-        element: (2, 2 E) positions of the elements in the order of the chains [m]; rewritten.
-        hinge: (2, G) angle of a hinge of each group [rad]; rewritten.
-        pulley: (2,) positions of the pulleys [m]; rewritten.
-        slip: (2, 2 E) 1 where an element slides, of the last increment; rewritten.
-        turn: (2, G) the same of the groups.
-        periods: control periods in the increment, of which a part has one at least to begin with.
-
-    Returns:
-        Largest force that is missing [N].
+    The second plane has the parameters of the first but for `rest`, the angle of a hinge where nothing pulls
+    [rad], and `target`, the distance that each pulley is driven to [m]. Rewritten are the positions of the
+    elements (2, 2 E) [m], hinges (2, G) [rad] and pulleys (2,) [m], and whether elements and groups slide. A
+    part has at least one of the control periods to begin with. Return the largest force that is missing [N].
     """
     copy_rows(start.element, element)
     copy_rows(start.hinge, hinge)

@@ -18,17 +18,9 @@ SETTLE_SECONDS = 1.0
 def command(
     kind: str, stroke: tuple[float, float], seconds: float, sample_time: float, rng: np.random.Generator
 ) -> Array:
-    """Draw a random command signal of one kind over a stroke interval.
+    """Draw a random command signal (N,) [m] of a kind of `SIGNALS` over a stroke interval [m].
 
-    Args:
-        kind: one of `SIGNALS`.
-        stroke: lowest and highest pulling distance [m].
-        seconds: length of the record [s]; N = seconds / sample_time samples.
-        sample_time: time between two samples [s].
-        rng: draws period, phase and levels.
-
-    Returns:
-        (N,) pulling distance [m].
+    The generator draws period, phase and levels; N = seconds / sample_time.
     """
     if kind not in SIGNALS:
         raise InputError(f"unknown signal {kind!r}; valid: {', '.join(SIGNALS)}")
@@ -43,18 +35,10 @@ def command(
 
 
 def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
-    """Return the path from the straight endoscope at rest to the first sample of a record.
+    """Return the path (M,) [m] from the straight endoscope at rest to the first sample of a record.
 
     A record that starts inside a stroke needs it: the memory of the friction is part of the state. The path
     rises with a smooth (cosine) speed profile of mean `speed` [m / s], then rests for a second.
-
-    Args:
-        start: pulling distance at the first sample [m].
-        sample_time: time between two samples [s].
-        speed: mean speed on the way [m / s].
-
-    Returns:
-        (M,) pulling distance [m], from 0 to `start`.
     """
     count = max(round(abs(start) / speed / sample_time), 1)
     ramp = start * (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2

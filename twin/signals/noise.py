@@ -22,48 +22,29 @@ GAMMA_SHAPE = 2.0
 DITHER_DEG2 = 1 / 12  # variance of what dithers counts: even over their step of a degree [deg^2]
 
 
-def _never(level: float) -> float:
-    return np.inf
-
-
-def _no_information(level: float) -> None:
-    return None
+def _level(level: float) -> float:
+    return level
 
 
 @dataclasses.dataclass(frozen=True)
 class _Kind:
-    """Kind of noise: how it is drawn, and its moments as functions of the level.
+    """Kind of noise: how it is drawn, and its moments as functions of the level."""
 
-    Attributes:
-        draw: samples at a level, of a shape, from a generator [deg].
-        variance: variance at a level [deg^2].
-        bound: largest magnitude at a level [deg].
-        information: Fisher information at a level [1 / deg^2]; None where it is not finite.
-    """
-
-    draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]
-    variance: Callable[[float], float]
-    bound: Callable[[float], float] = _never
-    information: Callable[[float], float | None] = _no_information
+    draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]  # of a level and a shape [deg]
+    variance: Callable[[float], float]  # [deg^2]
+    bound: Callable[[float], float] = lambda level: np.inf  # largest magnitude [deg]
+    information: Callable[[float], float | None] = lambda level: None
+    """Fisher information [1 / deg^2]; None where it is not finite."""
 
 
 def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Draw additive measurement noise.
+    """Draw additive measurement noise [deg] of a kind of `NOISES`, which gives its level a meaning.
 
-    Args:
-        kind: one of `NOISES`.
-        level: its meaning depends on the kind:
+    - gaussian, laplace, student-t, uniform, gamma: the variance R [deg^2];
+    - poisson, poisson-dithered: the expectation lambda [deg] (eq. 14);
+    - salt-and-pepper: the probability that a sample is off by +-`OUTLIER_DEG` besides its Gaussian noise.
 
-            - gaussian, laplace, student-t, uniform, gamma: the variance R [deg^2];
-            - poisson, poisson-dithered: the expectation lambda [deg] (eq. 14);
-            - salt-and-pepper: the probability that a sample is off by +-`OUTLIER_DEG` besides its Gaussian
-              noise.
-        shape: shape of the result.
-        rng: source of random numbers.
-
-    Returns:
-        Noise to be added to the true angle [deg]. Poisson and gamma noise are not centred: their means are
-        lambda and sqrt(`GAMMA_SHAPE` R).
+    Poisson and gamma noise are not centred: their means are lambda and sqrt(`GAMMA_SHAPE` R).
     """
     known = _known(kind)
     if not (np.isfinite(level) and level >= 0):
@@ -76,17 +57,9 @@ def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.G
 def draw_errors(
     kind: str, level: float, bend_deg: Array, sample_time: float, rng: np.random.Generator
 ) -> Array:
-    """Draw the errors of a sensor along a record: noise of one of `NOISES`, or those of one of `SENSORS`.
+    """Draw the errors of a sensor along a true angle (N,) [deg]: noise, or those of one of `SENSORS`.
 
-    Args:
-        kind: one of `KINDS`.
-        level: as of `draw_noise`, or of the sensor.
-        bend_deg: (N,) true angle [deg].
-        sample_time: time between two samples [s].
-        rng: source of random numbers.
-
-    Returns:
-        (N,) errors to be added to the true angle, NaN where nothing is measured [deg].
+    They are NaN where nothing is measured [deg].
     """
     sensor = SENSORS.get(kind)
     if sensor is None:
@@ -126,22 +99,9 @@ def _gaussian(level: float, shape: tuple[int, ...], rng: np.random.Generator) ->
     return noise
 
 
-def _poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return rng.poisson(level, shape).astype(float)
-
-
 def _dithered_poisson(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Draw Poisson noise off its integer lattice, which would leak the angle: y mod 1 = theta mod 1."""
     noise: Array = rng.poisson(level, shape) + rng.uniform(-0.5, 0.5, shape)
-    return noise
-
-
-def _laplace(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return rng.laplace(0.0, np.sqrt(level / 2), shape)
-
-
-def _student(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    noise: Array = _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape)
     return noise
 
 
@@ -151,11 +111,6 @@ def _student_scale(level: float) -> float:
 
 def _student_information(level: float) -> float:
     return (STUDENT_FREEDOM + 1) / (STUDENT_FREEDOM + 3) / _student_scale(level) ** 2
-
-
-def _uniform(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    half = np.sqrt(3 * level)
-    return rng.uniform(-half, half, shape)
 
 
 def _salt_and_pepper(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -176,27 +131,33 @@ def _salt_and_pepper_information(level: float) -> float:
     return float(np.trapezoid(score, noise))
 
 
-def _gamma(level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    return rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape)
-
-
-def _level(level: float) -> float:
-    return level
-
-
 NOISES: dict[str, _Kind] = {
     "gaussian": _Kind(_gaussian, _level, information=lambda level: 1 / level),
-    "poisson": _Kind(_poisson, _level),
+    "poisson": _Kind(lambda level, shape, rng: rng.poisson(level, shape).astype(float), _level),
     "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + DITHER_DEG2),
-    "laplace": _Kind(_laplace, _level, information=lambda level: 2 / level),
-    "student-t": _Kind(_student, _level, information=_student_information),
-    "uniform": _Kind(_uniform, _level, bound=lambda level: float(np.sqrt(3 * level))),
+    "laplace": _Kind(
+        lambda level, shape, rng: rng.laplace(0.0, np.sqrt(level / 2), shape),
+        _level,
+        information=lambda level: 2 / level,
+    ),
+    "student-t": _Kind(
+        lambda level, shape, rng: _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape),
+        _level,
+        information=_student_information,
+    ),
+    "uniform": _Kind(
+        lambda level, shape, rng: rng.uniform(-np.sqrt(3 * level), np.sqrt(3 * level), shape),
+        _level,
+        bound=lambda level: float(np.sqrt(3 * level)),
+    ),
     "salt-and-pepper": _Kind(
         _salt_and_pepper,
         lambda level: BACKGROUND_DEG2 + level * OUTLIER_DEG**2,
         information=_salt_and_pepper_information,
     ),
-    "gamma": _Kind(_gamma, _level),
+    "gamma": _Kind(
+        lambda level, shape, rng: rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape), _level
+    ),
 }
 """Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""
 SENSORS: dict[str, SensorErrors] = {

@@ -32,21 +32,14 @@ def samples_late(latency: float, sample_time: float) -> int:
 
 
 def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) -> Array:
-    """Return the sensor's reported angle at each sample.
+    """Return the sensor's reported angle at each sample (N,) [rad], from the true one.
 
     Reading j is of the bend at time[0] + j `sensor_period`, linear between samples (of sample j where the
     period is 0). Gaussian noise of `sensor_noise` is added to it, the sum is rounded to `sensor_resolution`,
     arrives `sensor_latency` later and is reported until the next one arrives. Before the first arrival the
-    sensor reports the reading of time[0]: the endoscope had rested there for long enough.
-
-    Args:
-        preset: the parameters of the sensor.
-        time: (N,) instants of the samples [s], increasing.
-        bend: (N,) true bending angle [rad].
-        rng: source of random numbers; one is drawn for each reported reading, if there is noise.
-
-    Returns:
-        (N,) reported bending angle [rad]; the true one, bit for bit, where the sensor's parameters are all 0.
+    sensor reports the reading of time[0]: the endoscope had rested there for long enough. One number is drawn
+    for each reported reading, if there is noise. Without any parameter of the sensor, the angle is the true
+    one, bit for bit.
     """
     if time.ndim != 1 or time.shape != bend.shape or not len(time):
         raise InputError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")

@@ -45,11 +45,5 @@ class SeedUse(enum.IntEnum):
 
 
 def random_stream(seed: int, stream: SeedUse, *numbers: int) -> np.random.Generator:
-    """Return the random numbers of one use of a seed.
-
-    Args:
-        seed: of everything.
-        stream: the use.
-        numbers: which of several of that use, as many in each call.
-    """
+    """Return the random numbers of one use of a seed; `numbers` say which of several of that use."""
     return np.random.default_rng([seed, stream, *numbers])

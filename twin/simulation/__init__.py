@@ -23,11 +23,7 @@ PHYSICS = ("mujoco", "reduced")
 
 
 def check_physics(physics: str) -> None:
-    """Refuse the name of a twin that there is not.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """Refuse a name that is not one of `PHYSICS`."""
     if physics not in PHYSICS:
         raise InputError(f"unknown physics {physics!r:.40}; valid: {', '.join(PHYSICS)}")
 
@@ -60,12 +56,10 @@ def simulate(
         pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
         sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
         physics: `mujoco`, or `reduced`: quasi-static, without MuJoCo and without gravity, far faster.
-        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; without it,
-            zero.
-        sheath_bend: (N,) angle that the sheath is bent by at each sample [rad], linear in between, or one
-            angle; without it, the preset's.
-        state: initial state of the run, of that twin's `save_state`. Without it the run begins straight and
-            at rest, and goes to `pull[0]` along a real path that is not part of the record.
+        lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; else zero.
+        sheath_bend: (N,) angle of the sheath at each sample [rad], or one angle; without it, the preset's.
+        state: of that twin's `save_state`, where the run begins. Without it the run begins straight and at
+            rest, and goes to `pull[0]` along a real path that is not part of the record.
         endoscope: the instance to drive, where its state at the end is wanted; else a fresh one.
         on_sample: called with the endoscope at every sample, to read what the record does not hold.
 
@@ -73,9 +67,7 @@ def simulate(
         The record; `measured_bend` equals `bend`: the sensor comes after the physics (`signals/sensor.py`).
 
     Raises:
-        ValueError: a command is not finite or of another length, the sheath's bend is negative, the sample
-            time does not fit the control period, the state is that of another endoscope, or gravity pulls at
-            a reduced twin.
+        ValueError: a signal, the sample time, the state or gravity does not fit the endoscope and its twin.
         FloatingPointError: the simulation diverged.
     """
     check_physics(physics)
@@ -108,23 +100,20 @@ def simulate_batch(
     threads: int = 0,
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
-    """Simulate many endoscopes at once, each along its own command.
+    """Simulate B endoscopes at once, each along its own command; other arguments as of `simulate`.
 
     Args:
-        presets: B endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
-        pulls: B commands, as `simulate` takes them; they may differ in length.
+        presets: endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.
+        pulls: B commands; they may differ in length.
         sample_time: time between two samples [s], of all.
-        physics: `mujoco` or `reduced`, as `simulate` takes it.
-        sheath_bends: B bends of the sheath, as `simulate` takes them.
+        physics: `mujoco` or `reduced`.
+        sheath_bends: B bends of the sheath.
         lateral_pulls: B lateral commands.
         threads: number of threads; 0 for one per core.
         on_sample: called with the number of samples done and their total.
 
     Returns:
         B records; None in the place of an endoscope whose simulation diverged.
-
-    Raises:
-        ValueError: the endoscopes differ in layout, or a command cannot be.
     """
     check_physics(physics)
     chosen: Callable[..., list[Episode | None]]
