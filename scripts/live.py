@@ -5,11 +5,12 @@ import logging
 import threading
 
 from twin.errors import InputError, require_extra
+from twin.live.reading import StreamSample
 from twin.recording.container import schema_data
-from twin.recording.live_messages import LiveMessages, LiveSample
+from twin.recording.live import LiveMessages
 
 HOST, PORT = "127.0.0.1", 8765
-"""Address that viewers connect to if they are not told another one."""
+"""Address that viewers connect to by default."""
 
 BACKLOG = 1024
 """Messages that wait for one viewer, of all topics; the oldest give way to new ones."""
@@ -21,8 +22,8 @@ class LiveViewer:
     """WebSocket server of all messages of a live stream; any number of viewers may come and go.
 
     It speaks `foxglove.sdk.v1`. It never waits for a viewer: of one that is slow or gone, the oldest messages
-    are dropped beyond `BACKLOG`, and where as many control messages wait, it is disconnected. Topics that
-    nobody has subscribed to cost nothing. Viewers send nothing that is listened to.
+    are dropped beyond `BACKLOG`, and where as many control messages wait, it is disconnected. Topics
+    without subscribers cost nothing. Messages of viewers are ignored.
 
     Attributes:
         host: address that it listens on.
@@ -35,10 +36,10 @@ class LiveViewer:
         """Begin to listen.
 
         Args:
-            host: address to listen on; `127.0.0.1` lets in nobody from another machine.
+            host: address to listen on; `127.0.0.1` is closed to other machines.
             port: port to listen on; 0 chooses a free one.
             method: name of the estimator.
-            controlled: whether samples may tell which angle is wanted.
+            controlled: whether samples may contain the angle that is wanted.
 
         Raises:
             ImportError: foxglove-sdk is not installed.
@@ -49,7 +50,7 @@ class LiveViewer:
         require_extra("live", "a live viewer")
         import foxglove
 
-        logging.getLogger("foxglove").addHandler(logging.NullHandler())  # else it speaks on stderr
+        logging.getLogger("foxglove").addHandler(logging.NullHandler())  # otherwise it writes to stderr
         self._stream = LiveMessages(method, controlled=controlled)
         self._context = foxglove.Context()  # kept: without it, viewers are disconnected
         try:
@@ -90,15 +91,16 @@ class LiveViewer:
         """Stop listening."""
         self.close()
 
-    def add(self, sample: LiveSample) -> None:
+    def add(self, sample: StreamSample) -> None:
         """Show the next sample, at the time that a recording has it at."""
         timed = self._stream.of(sample)
         if timed is None:
             return
-        for topic, message in timed.messages.items():
+        log_time, _, messages = timed
+        for topic, message in messages.items():
             channel = self._channels[topic]
             if channel.has_sinks():
-                channel.log(message.SerializeToString(), log_time=timed.log_time)
+                channel.log(message.SerializeToString(), log_time=log_time)
 
     def close(self) -> None:
         """Disconnect all viewers and stop listening, within a second; a second call does nothing."""

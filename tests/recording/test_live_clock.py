@@ -11,7 +11,7 @@ from recorded import messages
 from twin.live.checks import StreamClock, StreamLimits
 from twin.live.reading import Health
 from twin.recording import read_episode
-from twin.recording.live_messages import LiveMessages, RecordClock
+from twin.recording.live import LiveMessages, RecordClock
 from twin.recording.messages import LARGEST_TIME
 from twin.signals.sensor import LARGEST_TIME_S
 
@@ -45,15 +45,16 @@ def test_times_of_any_stream_increase_and_fit(stamps):
         if timed is None:
             assert before == -1
             continue
-        assert 0 <= timed.log_time <= LARGEST_TIME
-        assert 0 <= timed.publish_time <= LARGEST_TIME
-        if "/command" in timed.messages:
-            assert timed.log_time > before
-            assert set(timed.messages) == {"/command", "/measurement", ESTIMATE, "/health"}
+        log_time, publish_time, messages = timed
+        assert 0 <= log_time <= LARGEST_TIME
+        assert 0 <= publish_time <= LARGEST_TIME
+        if "/command" in messages:
+            assert log_time > before
+            assert set(messages) == {"/command", "/measurement", ESTIMATE, "/health"}
         else:
-            assert set(timed.messages) == {"/health"}
-            assert timed.log_time == before
-        before = timed.log_time
+            assert set(messages) == {"/health"}
+            assert log_time == before
+        before = log_time
     assert stream.samples + stream.ignored == sequence
 
 
@@ -68,7 +69,7 @@ def test_a_file_of_any_stream_is_an_episode_or_too_short(tmp_path_factory, stamp
     made = record(
         path,
         [sample(time_s, value, 2.0, health) for (time_s, health), value in zip(stamps, values, strict=False)],
-    )
+    ).stream
     if made.samples >= 2:
         assert len(messages(path)[ESTIMATE]) == made.samples
         assert len(read_episode(path).time) == made.samples
@@ -109,7 +110,7 @@ def test_another_clock_leaves_no_jump_in_the_record(other_s):
 def test_a_second_log_through_one_viewer_goes_on_where_the_first_ended():
     samples = [*good_samples(50), *good_samples(50)]
     stream = LiveMessages(METHOD)
-    times = [stream.of(one).log_time / 1e9 for one in samples]
+    times = [stream.of(one)[0] / 1e9 for one in samples]
     assert times == pytest.approx([k * 0.02 for k in range(100)])
 
 
@@ -135,5 +136,5 @@ def test_samples_that_are_too_close_for_seconds_since_1970_are_moved_apart(tmp_p
     stamps = [1.0, 1.0 + 2e-9, 1.0 + 4e-9, 2.0]
     assert [clock.at(stamp) - 10**9 for stamp in stamps] == [0, 10_000, 20_000, 10**9]
     samples = [sample(1.795e9 + k * 1e-6) for k in range(50)]
-    assert record(tmp_path / "a.mcap", samples).samples == 50
+    assert record(tmp_path / "a.mcap", samples).stream.samples == 50
     assert len(read_episode(tmp_path / "a.mcap").time) == 50

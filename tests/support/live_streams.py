@@ -8,9 +8,9 @@ import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from twin.live.reading import Alarm, Health, Reading, Source
+from twin.live.reading import Alarm, Health, Reading, Source, StreamSample
 from twin.recording.live import LiveRecording
 
 METHOD = "RAM (twins)"
@@ -18,12 +18,7 @@ ESTIMATE = "/estimate/RAM_twins"
 PERIOD_S = 0.005
 
 
-class Sample(NamedTuple):
-    time_s: Any
-    pull_mm: Any
-    measurement_deg: Any
-    reading: Reading
-    reference_deg: Any = math.nan
+Sample = StreamSample
 
 
 def reading(

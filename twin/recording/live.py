@@ -1,36 +1,171 @@
-"""Recording of a live stream: an MCAP file that grows while an estimator runs, and outlives a kill."""
+"""Recording of a live stream: an MCAP file that grows while an estimator runs, and outlives a kill.
+
+A live stream may contain anything: time stamps that repeat, go back or are of another clock, commands and
+angles that are missing or absurd. The recording has the form of a measured log, whatever comes:
+
+| in the stream | in the recording |
+|---|---|
+| a sample that the estimator took in | a message on each of the four topics, at one time |
+| its pull is missing or implausible | `/command` holds the last one, as the estimator does |
+| its angle is missing or implausible | no message on `/measurement` |
+| an angle was wanted at it, by the sample before or an earlier one | a message on `/reference` |
+| it is ignored: its time stamp is late, of another clock or none; or no pull has come yet | `/health` alone |
+"""
 
 import collections
 import contextlib
 import errno
+import math
 import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from twin import __version__
 from twin.files.atomic import PartialFile
+from twin.live.reading import Health
 from twin.recording.chunks import CHUNK_SIZE, GrowingChunk
 from twin.recording.container import Container
-from twin.recording.live_messages import LiveMessages, LiveSample
+from twin.recording.endotwin_pb2 import Command, Estimate, Measurement
+from twin.recording.endotwin_pb2 import Health as HealthMessage
+from twin.recording.estimate import (
+    HEALTH_TOPIC,
+    REFERENCE_TOPIC,
+    estimate_message,
+    estimate_topic,
+    health_message,
+)
+from twin.recording.messages import LARGEST_TIME
 from twin.recording.reader import HINT
 from twin.recording.writer import METADATA_RECORD, metadata_texts
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
+
+if TYPE_CHECKING:
+    from twin.live.reading import StreamSample
 
 SIGN = "endotwin live"
-"""Name of the library in the header of each live recording: how one is known from other MCAP files."""
-
+"""Library in the header of each live recording, which distinguishes it from other MCAP files."""
 FLUSH_S = 0.75
 """Longest time that a sample waits to be written [s]; at most a second is lost in a kill."""
 
 _MANY = 1000  # samples, about a full chunk: they are written at once
-_MOST = 8192  # samples that wait; whoever adds more waits for the disk
+_MOST = 8192  # samples that wait; with more, `add` waits for the disk
 _SEQUENCES = 2**32
+_STAMP_REFUSED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
+_LONGEST_STEP_S = 10.0  # between two samples of one clock
+_LEAST_STEP = 10_000  # [ns] between two samples of a recording: seconds since 1970 resolve 0.2 us
+
+
+class LiveMessages:
+    """Messages of the samples of one stream, in the order in which they come.
+
+    Attributes:
+        schemas: message class of each topic.
+        samples: number of samples that had a command.
+        ignored: number of those that had none: of health alone, or without any time.
+    """
+
+    def __init__(self, method: str, *, controlled: bool = False) -> None:
+        """Prepare a stream of a method; `controlled` if samples may contain the angle that is wanted."""
+        self._estimate = estimate_topic(method)
+        self.schemas: dict[str, Any] = {
+            "/command": Command,
+            "/measurement": Measurement,
+            self._estimate: Estimate,
+            HEALTH_TOPIC: HealthMessage,
+        }
+        if controlled:
+            self.schemas[REFERENCE_TOPIC] = Estimate
+        self.samples = self.ignored = 0
+        self._clock = RecordClock()
+        self._pull_mm: float | None = None
+        self._reference_deg = math.nan  # of the sample that comes next
+
+    def of(self, sample: "StreamSample") -> tuple[int, int, dict[str, Any]] | None:
+        """Return log time, publish time [ns] and messages by topic of the next sample.
+
+        The log time never goes back; the publish time is the sender's stamp, if it has one that fits. None is
+        returned before the first time stamp.
+        """
+        reading = sample.reading
+        time_s = _within(sample.time_s, LARGEST_TIME_S)
+        pull_mm = _within(sample.pull_mm, LARGEST_PULL_MM)
+        measured_deg = _within(sample.measurement_deg, LARGEST_BEND_DEG)
+        at = self._clock.at(time_s, reading.health)
+        if not math.isnan(pull_mm) and Health.IMPLAUSIBLE_PULL not in reading.health:
+            self._pull_mm = pull_mm
+        messages = {HEALTH_TOPIC: health_message(reading)}
+        if at is None or self._pull_mm is None:
+            self.ignored += 1
+            at = self._clock.latest if at is None else at
+        else:
+            self.samples += 1
+            messages["/command"] = Command(pull_mm=self._pull_mm)
+            messages[self._estimate] = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
+            if not math.isnan(measured_deg):
+                messages["/measurement"] = Measurement(measured_deg=measured_deg)
+            if not math.isnan(self._reference_deg):
+                messages[REFERENCE_TOPIC] = estimate_message(self._reference_deg)
+            if REFERENCE_TOPIC in self.schemas:
+                wanted = _within(sample.reference_deg, LARGEST_BEND_DEG)
+                self._reference_deg = self._reference_deg if math.isnan(wanted) else wanted
+        if at is None:
+            return None
+        return at, round(time_s * 1e9) if time_s >= 0 else at, messages
+
+
+def _within(value: float, largest: float) -> float:
+    """Return a number, NaN unless its magnitude is at most `largest`; integers may exceed all floats."""
+    return float(value) if abs(value) <= largest else math.nan
+
+
+class RecordClock:
+    """Log times of a stream: its time stamps, as long as they go on.
+
+    A stamp that the estimator refused has no time of its own. Where the estimator accepts another clock
+    (`Health.CLOCK_RESET`), or has restarted on an earlier one, the recording goes on without a jump: by one
+    step for each sample since the last that counted. A recording begins at its first stamp, at 0 if that is
+    negative. Samples that follow each other within 10 us are moved apart.
+
+    Attributes:
+        latest: the latest log time [ns]; None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.latest: int | None = None
+        self._offset = 0  # [ns] from the stamps of the sender's clock to log times
+        self._before_s = 0.0  # the previous stamp, accepted or not
+        self._stamp = 0  # [ns] the last that counted
+        self._step = _LEAST_STEP  # [ns] between the last two stamps of one clock
+        self._since = 0  # stamps since the last that counted
+
+    def at(self, time_s: float, health: Health = Health.GOOD) -> int | None:
+        """Return the log time of a stamp [s] with faults, after all others [ns]; None if it is refused."""
+        self._since += 1
+        step_s, self._before_s = time_s - self._before_s, time_s
+        if 0 < step_s <= _LONGEST_STEP_S:
+            self._step = max(_LEAST_STEP, round(step_s * 1e9))
+        if not abs(time_s) <= LARGEST_TIME_S or health & _STAMP_REFUSED:
+            return None
+        stamp = round(time_s * 1e9)
+        if self.latest is None:
+            log_time = max(0, stamp)
+            self._offset = log_time - stamp
+        elif Health.CLOCK_RESET in health or stamp <= self._stamp:
+            log_time = self.latest + self._since * self._step
+            self._offset = log_time - stamp
+        else:
+            log_time = max(stamp + self._offset, self.latest + _LEAST_STEP)
+        if log_time > LARGEST_TIME:  # in three hundred years
+            return None
+        self.latest, self._stamp, self._since = log_time, stamp, 0
+        return log_time
 
 
 class LiveRecording:
-    """Context manager: an MCAP file that takes samples of a live stream, and what an estimator made of them.
+    """Context manager: an MCAP file of the samples of a live stream and of their readings.
 
     ```
     with LiveRecording("run.mcap", "RAM (twins)", {}) as recording:
@@ -39,14 +174,16 @@ class LiveRecording:
 
     While it runs, the file is `run.mcap.partial`; `close`, or the end of the block for whatever reason, makes
     it `run.mcap`: an indexed MCAP file, which `read_episode` reads as a measured log. What was `run.mcap`
-    stays until then. A killed process leaves `run.mcap.partial`, whole but for the last second, which
+    stays until then. A killed process leaves `run.mcap.partial`, complete but for the last second, which
     `recover_episode` and other readers of MCAP read; the next recording of that name leaves it alone and
     grows as `run.mcap.partial.2`. After a full disk too, what was written before is there. Without any
     message, no file is left and what was `run.mcap` stays.
 
     A thread of its own writes: `add` never waits for the disk, unless more than 8192 samples do.
 
-    `live_messages` says which messages a sample has; a sample that the estimator ignored has one on /health.
+    Attributes:
+        stream: messages and counts of the samples.
+        partial: name of the growing file.
     """
 
     def __init__(
@@ -57,58 +194,42 @@ class LiveRecording:
         *,
         controlled: bool = False,
     ) -> None:
-        """Name the file; nothing is opened yet.
+        """Name the file and the method; nothing is opened yet.
 
         Args:
             path: the final name.
             method: name of the estimator.
-            metadata: facts of the run, as of an episode. `source` is `measured`, `method` the method, and
-                `name` the file's, if not given.
-            controlled: whether samples may tell which angle is wanted.
+            metadata: facts of the run, besides `source`, `method` and `name`.
+            controlled: whether samples may contain the angle that is wanted.
         """
         self.path = Path(path)
-        self._stream = LiveMessages(method, controlled=controlled)
+        self.stream = LiveMessages(method, controlled=controlled)
         facts = {"source": "measured", "method": method, "name": self.path.stem, "endotwin": __version__}
         self._metadata = facts | dict(metadata or {})
-        self._pending: collections.deque[_Pending] = collections.deque()
+        self._pending: collections.deque[tuple[int, int, int, list[tuple[int, bytes]]]] = collections.deque()
         self._wake, self._room, self._ending = threading.Event(), threading.Event(), threading.Event()
         self._failure: Exception | None = None
         self._thread: threading.Thread | None = None
         self._count = 0  # of samples, with or without messages
         self._messages = 0
 
-    @property
-    def samples(self) -> int:
-        """Number of samples that were recorded with a command."""
-        return self._stream.samples
-
-    @property
-    def ignored(self) -> int:
-        """Number of samples that the estimator ignored: recorded by their health alone, or not at all."""
-        return self._stream.ignored
-
-    @property
-    def partial(self) -> Path:
-        """Name that the file has while it grows."""
-        return self._file.partial
-
     def __enter__(self) -> "LiveRecording":
-        """Make the file and begin to write.
+        """Create the file and begin to write.
 
         Raises:
-            FileNotFoundError: the folder does not exist.
-            ValueError: the name is taken by what no live recording left, another run is writing it, or the
-                metadata is not JSON or a known key of it not of its kind.
-            OSError: the disk is full or fails.
+            OSError: the folder does not exist, or the disk is full or fails.
+            ValueError: the name belongs to a file that is not a live recording, another run is writing it, or
+                the metadata is not JSON.
         """
         texts = metadata_texts(self._metadata)
         self._file = PartialFile(self.path, SIGN)
+        self.partial = self._file.partial
         try:
             self._container = Container(self._file, library=SIGN)
             self._container.add_metadata(METADATA_RECORD, texts)
             self._channels = {
                 topic: self._container.add_channel(topic, message.DESCRIPTOR)
-                for topic, message in self._stream.schemas.items()
+                for topic, message in self.stream.schemas.items()
             }
         except BaseException:
             self._file.remove()
@@ -123,31 +244,23 @@ class LiveRecording:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Complete the file, whatever ended the block; an error of the block goes before one of the file.
-
-        Raises:
-            OSError: the disk is full or fails.
-            ValueError: what no live recording left has taken the final name.
-        """
+        """Complete the file, whatever ended the block; an error of the block goes before one of the file."""
         if error is None:
             self.close()
             return
         with contextlib.suppress(Exception):
             self.close()
 
-    def add(self, sample: LiveSample) -> None:
-        """Record the next sample.
-
-        Raises:
-            OSError: the disk is full or fails; the error names the file, which is there up to then.
-        """
+    def add(self, sample: "StreamSample") -> None:
+        """Record the next sample; an `OSError` names the file, which is complete up to then."""
         self._refuse()
-        timed = self._stream.of(sample)
+        timed = self.stream.of(sample)
         number, self._count = self._count, self._count + 1
         if timed is None:
             return
-        payloads = [(self._channels[topic], m.SerializeToString()) for topic, m in timed.messages.items()]
-        self._pending.append(_Pending(number % _SEQUENCES, timed.log_time, timed.publish_time, payloads))
+        log_time, publish_time, messages = timed
+        payloads = [(self._channels[topic], of.SerializeToString()) for topic, of in messages.items()]
+        self._pending.append((number % _SEQUENCES, log_time, publish_time, payloads))
         if len(self._pending) >= _MANY:
             self._wake.set()
         while len(self._pending) >= _MOST:
@@ -158,9 +271,7 @@ class LiveRecording:
     def close(self) -> None:
         """Complete the file and give it its final name; a second call does nothing.
 
-        Raises:
-            OSError: the disk is full or fails.
-            ValueError: what no live recording left has taken the final name.
+        It raises `OSError` if the disk is full, and `ValueError` if another file has taken the final name.
         """
         if self._thread is None:
             return
@@ -177,7 +288,7 @@ class LiveRecording:
     def _write(self) -> None:
         """Write what is pending, again and again: the only thread that touches the file.
 
-        Signals are exceptions in the main thread alone, so that none can come between two parts of a record.
+        Signals raise in the main thread alone, so that none can come between two parts of a record.
         """
         synced = time.monotonic()
         try:
@@ -217,12 +328,3 @@ class LiveRecording:
         if chunk.size:
             self._container.add_chunk(chunk.content())
         self._room.set()
-
-
-class _Pending(NamedTuple):
-    """Messages that wait to be written: serialised, with the channel of each."""
-
-    sequence: int
-    log_time: int
-    publish_time: int
-    payloads: list[tuple[int, bytes]]
