@@ -214,7 +214,7 @@ def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
 def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
     """Write the other figures of the page."""
     from twin.files.atomic import write_whole
-    from twin.report.control_figures import (
+    from twin.report.control_page import (
         control_errors_figure,
         loop_comparison_figure,
         tracking_figure_of,

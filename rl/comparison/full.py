@@ -53,8 +53,8 @@ from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.members import check_members
 from twin.reduced.parameters import refuse_gravity
-from twin.report.comparison import comparison_tables, condition_pages, costs_csv, page_names, scores_csv
-from twin.report.comparison_figures import comparison_figures
+from twin.report.figures import comparison_figures
+from twin.report.tables import comparison_tables, condition_pages, costs_csv, page_names, scores_csv
 from twin.simulation import check_physics
 from twin.workers.processes import choose_workers
 

@@ -3,7 +3,6 @@
 import dataclasses
 import io
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from twin.episode import Episode
 from twin.physics import choose_backend, simulate
 from twin.preset.file import load_preset
 from twin.recording import read_episode
-from twin.recording.camera import picture_message
 from twin.rendering.camera import Camera, pictures
 from twin.rendering.portrait import SIZE, EpisodePortrait, Portrait
 
@@ -52,17 +50,13 @@ def samples_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[Episode, float], li
     return samples_of
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0, 7.0, 10.0, 24.0, 25.0, 30.0, 49.0, 50.0])
+@pytest.mark.parametrize("rate", [0.5, 7.0, 24.0, 50.0, 1000.0])
 def test_picture_shows_the_latest_sample_at_its_time(episode, samples_of, rate):
     expected, number = [], 0
     while (time := number / rate) <= 0.98 + 1e-9:
         expected.append(max(k for k in range(50) if k * SAMPLE_TIME <= time + 1e-9))
         number += 1
-    assert samples_of(episode, rate) == expected
-
-
-def test_more_pictures_than_samples_are_one_of_each_sample(episode, samples_of):
-    assert samples_of(episode, 1000.0) == list(range(50))
+    assert samples_of(episode, rate) == sorted(set(expected))
 
 
 def test_pictures_do_not_depend_on_when_the_record_begins(episode, samples_of):
@@ -72,7 +66,7 @@ def test_pictures_do_not_depend_on_when_the_record_begins(episode, samples_of):
 
 
 @needs_gl
-@pytest.mark.parametrize(("width", "height"), [(80, 120), (320, 240), (122, 360)])
+@pytest.mark.parametrize(("width", "height"), [(80, 120), (122, 360)])
 def test_picture_is_a_jpeg_of_the_size_asked_for_that_shows_the_pose(episode, width, height):
     portrait = EpisodePortrait(episode, width, height)
     for sample, jpeg in pictures(episode, Camera(2.0, width, height)):
@@ -83,38 +77,12 @@ def test_picture_is_a_jpeg_of_the_size_asked_for_that_shows_the_pose(episode, wi
         assert np.abs(off).mean() < 4  # of 255: what JPEG loses
 
 
-@needs_gl
-def test_pictures_show_the_endoscope_bending(episode):
-    drawn = [
-        np.asarray(Image.open(io.BytesIO(jpeg))).astype(int) for _, jpeg in pictures(episode, Camera(2.0))
-    ]
-    for one, other in pairwise(drawn):
-        assert np.abs(one - other).max() > 100
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, 1000.5, np.nan, np.inf])
-def test_rate_that_cannot_be_is_refused(rate):
-    with pytest.raises(ValueError, match=r"pictures per second: must be positive, at most 1000$"):
-        Camera(pictures_per_second=rate).check()
-
-
-@pytest.mark.parametrize(
-    ("width", "height"), [(79, 240), (78, 240), (81, 240), (1282, 240), (320, 118), (320, 241), (320, 1282)]
-)
-def test_size_that_cannot_be_is_refused(width, height):
+@pytest.mark.parametrize(("width", "height"), [(78, 240), (81, 240), (1282, 240), (320, 118), (320, 241)])
+def test_a_size_out_of_range_is_refused(width, height):
     with pytest.raises(
         ValueError, match=f"camera: {width} x {height} pixels: must be even, 80 to 1280 and 1"
     ):
         Camera(width=width, height=height).check()
-
-
-@needs_gl
-@pytest.mark.parametrize(("width", "height"), [(80, 120), (1280, 120), (80, 1280)])
-def test_every_size_that_is_not_refused_is_drawn(episode, width, height):
-    camera = Camera(0.5, width, height)
-    camera.check()
-    ((_, jpeg),) = pictures(episode, camera)
-    assert Image.open(io.BytesIO(jpeg)).size == (width, height)
 
 
 @needs_gl
@@ -159,12 +127,6 @@ def test_system_that_cannot_draw_is_said_in_one_line_and_leaves_nothing_half(tmp
     assert {path.name for path in tmp_path.iterdir()} == {"recipe.yaml"}
 
 
-def test_message_of_a_picture_holds_its_time_to_the_nanosecond():
-    message = picture_message(b"jpeg", 1_234_567_890_123_456_789)
-    assert message.timestamp.ToNanoseconds() == 1_234_567_890_123_456_789
-    assert message.data == b"jpeg"
-
-
 def inked(picture):
     return picture.min(axis=2) < 200
 
@@ -175,7 +137,7 @@ def portrait():
 
 
 @needs_gl
-@pytest.mark.parametrize("bend_deg", [-200.0, -133.0, -60.0, 0.0, 60.0, 133.0, 200.0])
+@pytest.mark.parametrize("bend_deg", [-200.0, -60.0, 0.0, 133.0])
 def test_every_arc_is_whole_in_the_picture(portrait, bend_deg):
     picture = portrait.picture(np.full(16, np.radians(bend_deg) / 16))
     assert picture.shape == (SIZE, SIZE, 3)

@@ -10,7 +10,6 @@ from twin.rendering.film import Film
 from twin.rendering.look import THEMES, WHITE, Look, rgb
 from twin.rendering.overlay import Overlay
 from twin.rendering.picture import on_paper
-from twin.rendering.render import render_frame
 
 
 def pose(movie, sample: int) -> np.ndarray:
@@ -39,19 +38,6 @@ def test_the_tip_is_seen_where_the_bend_puts_it():
         column, row = (round(value) for value in view.tip(sample))
         around = picture[row - 4 : row + 5, column - 4 : column + 5]
         assert around.min() < 80  # the tip is dark
-
-
-@needs_gl
-def test_what_rounds_to_zero_has_no_sign():
-    """By comparison with an exact zero: the numbers are pixels by then."""
-    episode = make_episode()
-    zero, nearly = (
-        dataclasses.replace(episode, bend=np.full(41, bend), pull=np.full(41, pull))
-        for bend, pull in ((0.0, 0.0), (-1e-4, -1e-7))
-    )
-    corner = (slice(0, 60), slice(0, 80))
-    shown, alike = (film(one).frame(0)[corner] for one in (zero, nearly))
-    np.testing.assert_array_equal(shown, alike)
 
 
 @needs_gl
@@ -95,16 +81,6 @@ def test_the_wire_that_is_pulled_is_the_brighter_one():
 def test_a_record_without_hinges_is_drawn_with_constant_curvature():
     recorded, measured = make_episode(), make_episode(hinges=0)
     np.testing.assert_array_equal(film(recorded).frame(UP), film(measured).frame(UP))
-
-
-@needs_gl
-def test_frame_has_the_size_asked_for_and_the_episode_bounds_the_index():
-    size = {"width": 320, "height": 180}
-    assert render_frame(make_episode(), -1, **size).shape == (180, 320, 3)
-    with pytest.raises(ValueError, match="samples 0 to 40"):
-        render_frame(make_episode(), 41, **size)
-    with pytest.raises(ValueError, match=r"size 321 x 180: both must be even"):
-        render_frame(make_episode(), 0, width=321, height=180)
 
 
 @needs_gl

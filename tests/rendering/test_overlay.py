@@ -63,18 +63,6 @@ def test_the_view_holds_both_poses():
         assert 4 < row < view.box.height - 4
 
 
-@needs_gl
-def test_the_numbers_hold_the_angle_of_the_ghost():
-    """By comparison: the numbers are pixels by then."""
-    line = (slice(164, 190), slice(30, 300))
-    without, one, other = (
-        film(Overlay(EPISODE, ghost), size=(1280, 720)).frame(UP)[line]
-        for ghost in (None, GHOST, make_episode(amplitude_deg=-31))
-    )
-    assert ink(without).max() < 5 < 80 < ink(one).max()
-    assert (one != other).any()
-
-
 @pytest.mark.parametrize(
     ("ghost", "found"),
     [
@@ -128,16 +116,6 @@ def test_the_trace_grows_and_shrinks_with_the_sample():
     np.testing.assert_array_equal(panel.draw(20), fresh.draw(20))
 
 
-def test_the_loop_of_the_ghost_is_seen_and_no_legend_without_one():
-    alone, both = (
-        TracePanel(loop(Overlay(EPISODE, ghost), WHITE), 640, 480).draw(0) for ghost in (None, GHOST)
-    )
-    assert ink(alone)[:15].max() < 5
-    assert ink(both)[:36].max() > 80
-    grey = [(ink(picture)[70:] > 80).sum() for picture in (alone, both)]
-    assert grey[1] > grey[0] + 200
-
-
 @needs_gl
 def test_a_name_out_of_a_file_is_written_as_it_is_or_left_out():
     for name in (r"$\nothing$", "x" * 100, "two\nlines", 7, None):
@@ -186,8 +164,3 @@ def test_the_commanded_ghost_is_the_reference_or_the_straight_line():
     known = with_command(EPISODE, half)
     np.testing.assert_allclose(known.ghost.truth_deg, np.where(EPISODE.time < 2, EPISODE.truth_deg, 60.0))
     assert known.has_reference
-
-
-def test_a_command_that_stands_still_has_a_commanded_ghost_too():
-    still = dataclasses.replace(EPISODE, pull=np.zeros(41))
-    np.testing.assert_allclose(with_command(still, np.empty(0)).ghost.truth_deg, EPISODE.truth_deg.mean())

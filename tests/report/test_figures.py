@@ -11,10 +11,12 @@ from scores import SCORE, track
 from twin.estimation.registry import method_specs
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.results import load_tracks, save_tracks
-from twin.report.comparison_figures import interval_figure, is_level, rank_figure
 from twin.report.figures import (
+    interval_figure,
+    is_level,
     loop_figure,
     paper_figures,
+    rank_figure,
     rmse_figure,
     style_of,
     to_png_bytes,

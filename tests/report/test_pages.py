@@ -20,8 +20,8 @@ from paged import (
 from small_dataset import measured_log
 
 from twin.measured.folder import write_measured
-from twin.report import run_page
 from twin.report.report import known_file, write_report
+from twin.report.run_page import run_commands
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -89,34 +89,19 @@ def test_ranks_with_intervals_are_those_of_the_evaluation(tmp_path):
     assert second[-5:] == ["-", "0.700", "1.10 to 1.50", "-", "1"]
 
 
-@pytest.mark.parametrize(
-    ("missing", "verb"),
-    [
-        ("data/train", "generate"),
-        ("data/test", "generate"),
-        ("coleman_hodgdon.json", "identify"),
-        ("runs", "train"),
-        ("results/evaluation.json", "evaluate"),
-        ("results/tracks.npz", "evaluate"),
-        ("bend.png", "render"),
-        ("bend.mp4", "render"),
-    ],
-)
-def test_what_is_missing_or_damaged_is_named_with_its_command(run, missing, verb):
-    path = run / missing
-    path.rename(run / "elsewhere")
+def test_what_is_missing_or_damaged_is_named_with_its_command(run):
+    verbs = {name: command.split()[0] for name, command in run_commands().items()}
+    for name in verbs:
+        (run / name).rename(run / ("old_" + name.replace("/", "_")))
+    (run / "demo.json").write_text("{}")
     page = page_of(run)
-    assert f"This run has no {missing}. This makes it: <code>endotwin {verb} " in page
-    assert page.count('class="gap"') == (2 if missing == "coleman_hodgdon.json" else 1)
-    path.write_bytes(b"\x00damaged")
-    assert f"{missing} cannot be shown: " in page_of(run)
-
-
-def test_a_large_film_becomes_a_strip_of_frames(run, monkeypatch):
-    monkeypatch.setattr(run_page, "LARGEST_VIDEO", 10)
+    for name, verb in verbs.items():
+        assert f"This run has no {name}. This makes it: <code>endotwin {verb} " in page
+        (run / name).write_bytes(b"\x00damaged")
+    assert page.count('class="gap"') == len(verbs) + 1  # and no file that states how it was made
     page = page_of(run)
-    assert "data:video" not in page
-    assert "Six moments of bend.mp4" in page
+    for name in verbs:
+        assert f"{name} cannot be shown: " in page
 
 
 def test_the_facts_of_datasets_are_shown(run, tmp_path, whole_dataset):

@@ -10,9 +10,18 @@ from scores import SCORE, track
 from twin.evaluation.costs import Cost
 from twin.evaluation.paper import INDICES, TABLES, noise_label, paper_value
 from twin.evaluation.ranking import MethodRank, Ranking
-from twin.report.comparison import comparison_tables, interval_scores, interval_table, overall_table
-from twin.report.comparison_figures import comparison_figures
-from twin.report.tables import paper_table, paper_tables, rank_table, times_the_limit, training_table
+from twin.report.figures import comparison_figures
+from twin.report.tables import (
+    comparison_tables,
+    interval_scores,
+    interval_table,
+    overall_table,
+    paper_table,
+    paper_tables,
+    rank_table,
+    times_the_limit,
+    training_table,
+)
 
 NOISES = [("gaussian", 1.0), ("poisson", 2.0)]
 FIRST = ((-1.0, 1.0), "nominal")
@@ -159,7 +168,7 @@ def test_the_bound_is_compared_with_the_limit_over_randomised_twins(rows):
 
 
 def test_figures_of_a_comparison_are_pictures_with_the_papers_numbers(rows, monkeypatch):
-    monkeypatch.setattr("twin.report.comparison_figures.to_png_bytes", lambda figure: figure.axes)
+    monkeypatch.setattr("twin.report.figures.to_png_bytes", lambda figure: figure.axes)
     time = np.arange(30) * 0.1
     tracks = {("gaussian", 1.0): track(time, time, time + 1, {"AM": time + 0.5, "RAM": time + 0.1})}
     names = {"rmse_by_noise.png", "times_the_limit.png", "figure_05.png", "figure_06.png"}

@@ -103,11 +103,7 @@ class Actor:
         return sheath_frames(self.preset, bend[index] if len(bend) else self.preset.sheath_bend)
 
     def open_canvas(self, width: int, height: int) -> None:
-        """Open the renderer for pictures of a size [pixels].
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Open the renderer for pictures of a size [pixels]."""
         self._drawn.open_canvas(width, height)
 
     def layer(self, index: int, view: View) -> Layer:

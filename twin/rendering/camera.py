@@ -48,9 +48,6 @@ def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
 
     A picture shows the sample that is the latest at its time. The bytes depend on what draws them: OpenGL
     libraries differ in single pixels.
-
-    Raises:
-        OSError: nothing on this system can draw without a screen.
     """
     from PIL import Image
 

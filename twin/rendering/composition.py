@@ -232,10 +232,6 @@ class Composition:
             dpi: pixels per inch, which set the size of text.
             least_scale: of text, so that it can be read in print.
             fineness: pixels that are drawn for each that is kept, along a side.
-
-        Raises:
-            ValueError: there are too many episodes, or an overlay has other times.
-            OSError: nothing on this system can draw without a screen.
         """
         if not 1 <= len(overlays) <= MOST_EPISODES:
             raise InputError(f"{len(overlays)} records: from 1 to {MOST_EPISODES} have room side by side")

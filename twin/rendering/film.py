@@ -35,10 +35,6 @@ class Film:
             overlays: episodes, side by side.
             look: options; both sides of its size must be even.
             speed: seconds of the episode per second of the film, written into the film; None: not written.
-
-        Raises:
-            ValueError: a size is odd or out of range, or an overlay has other times.
-            OSError: nothing on this system can draw without a screen.
         """
         look = look or Look()
         self.width, self.height = look.size_within((WIDTH, HEIGHT), LARGEST, even=True)
@@ -104,10 +100,6 @@ def render_film(
         fps: frames per second of the film; of a GIF at most 50.
         speed: seconds of the episode per second of the film.
         progress: called after each frame with (drawn, all); without it there is a bar on stderr.
-
-    Raises:
-        ValueError: an option is out of range, or an overlay has other times.
-        OSError: nothing on this system can draw without a screen, or the disk is full.
     """
     look, is_gif = look or Look(), path.suffix.lower() == ".gif"
     if look.theme.is_transparent:

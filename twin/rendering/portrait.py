@@ -26,11 +26,7 @@ class EpisodePortrait:
     """Side view of the endoscope of an episode, in a frame that holds all of its poses."""
 
     def __init__(self, episode: Episode, width: int, height: int) -> None:
-        """Place the camera, for pictures of a size [pixels].
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Place the camera, for pictures of a size [pixels]."""
         self._actor = Actor(episode, colours=TensionColours.of(episode))
         self._view = shot("side", [self._actor], width / height).view
         self._actor.open_canvas(width, height)
@@ -44,11 +40,7 @@ class Portrait:
     """Drawing of a simulated endoscope in its pose; only the hinge angles are read."""
 
     def __init__(self, preset: Preset) -> None:
-        """Build the double and place the camera.
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Build the double and place the camera."""
         self._drawn = DrawnEndoscope(preset)
         self._drawn.paint_wires(PLAIN[: preset.wires, None])
         length = preset.section_length

@@ -74,10 +74,6 @@ def render_picture(
     Without a time since the start [s], an episode is four poses over one another, numbered, next to its loop
     with the same numbers; with a ghost, it is the pose where the two differ most; for a camera that follows
     the tip, the most bent pose.
-
-    Raises:
-        ValueError: the size is out of range, or a time is not in an episode.
-        OSError: nothing on this system can draw without a screen.
     """
     look = look or Look()
     inches = USUAL_INCHES
@@ -217,10 +213,6 @@ def render_sheet(overlay: Overlay, path: Path, poses: int, look: Look | None = N
     """Render a contact sheet: poses at even times, numbered, over the bend with the same numbers.
 
     The `view` of `panels` leaves the bend out.
-
-    Raises:
-        ValueError: the number or the size is out of range.
-        OSError: nothing on this system can draw without a screen.
     """
     look = look or Look()
     if not 2 <= poses <= MOST_POSES:

@@ -1,9 +1,8 @@
-"""Films: MP4 (H.264, 4:2:0, which every browser plays) and GIF, written whole or not at all, and read."""
+"""Films: MP4 (H.264, 4:2:0, which every browser plays) and GIF, written completely or not at all."""
 
-import contextlib
 import itertools
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from av.video.reformatter import Interpolation
 from numpy.typing import NDArray
 from PIL import Image
 
-from twin.errors import InputError
 from twin.files.atomic import MADE_BY, WholeFile
 
 Picture = NDArray[np.uint8]
@@ -58,7 +56,8 @@ def write_video(
                 film.mux(stream.encode(_coded(frame)))
                 count += 1
             film.mux(stream.encode(None))
-        written = count_frames(Path(whole.open_path))
+        with av.open(whole.open_path, format="mp4") as film:
+            written = sum(packet.size > 0 for packet in film.demux(video=0))
         if written != count:
             raise OSError(f"{path}: {written} of {count} frames were written")
 
@@ -101,41 +100,3 @@ def _write_gif(
         sign = MADE_BY.encode()
         file.seek(-1, os.SEEK_END)  # a comment, before the byte that ends the file
         file.write(b"!\xfe" + bytes([len(sign)]) + sign + b"\0;")
-
-
-def count_frames(path: Path) -> int:
-    """Return the number of frames of a film, without decoding them.
-
-    Raises:
-        ValueError: it is no film.
-    """
-    with _opened(path) as film:
-        return sum(packet.size > 0 for packet in film.demux(video=0))
-
-
-def read_frames(path: Path, count: int) -> list[Picture]:
-    """Return at most `count` frames (height, width, 3) of a film, evenly from the first to the last.
-
-    Raises:
-        ValueError: it is no film, or has no frames.
-    """
-    total = count_frames(path)
-    if not 0 < total <= LARGEST_FRAMES:
-        raise InputError(f"{path} is no film of 1 to {LARGEST_FRAMES} frames: it has {total}")
-    wanted = set(np.linspace(0, total - 1, count).astype(int).tolist())
-    with _opened(path) as film:
-        decoded = enumerate(film.decode(video=0))
-        return [frame.to_ndarray(format="rgb24") for number, frame in decoded if number in wanted]
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Context manager: a film; a fault that FFmpeg finds is a ValueError that names the file."""
-    av.logging.set_level(av.logging.PANIC)
-    try:
-        with av.open(str(path), format="mp4") as film:
-            if not film.streams.video:
-                raise InputError("it has no pictures")
-            yield film
-    except (av.FFmpegError, InputError) as error:
-        raise InputError(f"{path} is no film: {error}") from error

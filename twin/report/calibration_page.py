@@ -70,11 +70,7 @@ class FitFile(BaseModel):
 
 
 def calibration_page(path: Path) -> Page:
-    """Return the page of a `NAME_fit.json`, with the preset and the figure in its folder.
-
-    Raises:
-        ValueError: it is no such file.
-    """
+    """Return the page of a `NAME_fit.json`, with the preset and the figure in its folder."""
     values = read_json(path, 16 * MEBIBYTE)
     try:
         fit = validated(FitFile, values)

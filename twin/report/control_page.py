@@ -1,15 +1,24 @@
-"""The page of a comparison of controllers, from `control.json` and the figures in its folder."""
+"""Page and figures of a comparison of controllers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from twin.control.conditions import ControlCondition
+from twin.control.controller import find_controllers
+from twin.control.results import ControlResult
+from twin.control.trial import HOLD_S, ControlTrial
 from twin.errors import InputError
+from twin.estimation.methods import Style
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json
 from twin.files.origin import stated_origin
+from twin.report.figures import INK, clean_axes, line_of, log_ticks
 from twin.report.page import (
     Cell,
     Facts,
@@ -44,14 +53,11 @@ FIGURES = {
 
 Total = Mapping[str, Any]
 """Errors of a controller under a condition, as `control.json` holds them."""
+REFERENCE = Style("#000000", (0, (4, 2)), "", 1.2)
 
 
 def read_control_page(path: Path) -> Page:
-    """Return the page of a `control.json`, and of the figures in its folder.
-
-    Raises:
-        ValueError: it is no such file.
-    """
+    """Return the page of a `control.json`, and of the figures in its folder."""
     values = read_json(path, 64 * MEBIBYTE)
     try:
         return control_page(values, path.parent)
@@ -188,3 +194,81 @@ def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Markup:
     error = "RMSE on the tuning's own, geometric mean [deg]"
     head = ("controller", "R [deg²]", "T [s]", "tried", error, "settings")
     return table(head, rows, title="What was tuned", cards=True)
+
+
+def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
+    """Draw the bend under each controller over its error; all trials are along the same reference."""
+    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
+    grid = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1, 1))
+    angle, error, pull = (clean_axes(axes) for axes in grid)
+    wanted = next(iter(shown.values()))
+    time = np.arange(len(wanted.reference_deg)) * wanted.sample_time - HOLD_S
+    for name, trial in shown.items():
+        line = _line(name)
+        angle.plot(time, trial.truth_deg, **line)
+        error.plot(time, trial.truth_deg - trial.reference_deg, **line)
+        pull.plot(time, trial.pull_mm, **line)
+    angle.plot(time, wanted.reference_deg, **line_of(REFERENCE))
+    error.axhline(0, color=INK, linewidth=0.6)
+    for axes in grid:
+        axes.axvline(0, color="#b8bec6", linewidth=0.7)
+    angle.set_title(title, loc="left", fontsize=10)
+    angle.set_ylabel("bending angle [deg]")
+    error.set_ylabel("error [deg]")
+    pull.set_ylabel("command [mm]")
+    pull.set_xlabel("time since the hold at the start [s]")
+    pull.set_xlim(time[0], time[-1])
+    handles = [Line2D([], [], label=name, **_line(name)) for name in shown]
+    handles.append(Line2D([], [], label="reference", **line_of(REFERENCE)))
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)
+    return figure
+
+
+def loop_comparison_figure(shown: Mapping[str, ControlTrial], before: str, after: str) -> Figure:
+    """Draw the bend against the reference under two controllers: without compensation, and with it."""
+    figure = Figure(figsize=(7.2, 3.5), layout="constrained")
+    for axes, name in zip(figure.subplots(1, 2, sharex=True, sharey=True), (before, after), strict=True):
+        trial = shown[name]
+        wanted, bend = trial.reference_deg[trial.scored], trial.truth_deg[trial.scored]
+        clean_axes(axes).plot(wanted, bend, **_line(name))
+        ends = [wanted.min(), wanted.max()]
+        axes.plot(ends, ends, color=INK, linewidth=0.7, linestyle=(0, (4, 2)))
+        axes.set_title(f"{name}: {trial.rmse_deg:.2f} deg RMSE", loc="left", fontsize=9.5)
+        axes.set_xlabel("reference angle [deg]")
+        axes.set_aspect("equal")
+    figure.axes[0].set_ylabel("bending angle [deg]")
+    return figure
+
+
+def control_errors_figure(results: Sequence[ControlResult]) -> Figure:
+    """Draw the error of every controller under every condition: each twin a dot, all of them a bar."""
+    conditions: list[ControlCondition] = list(dict.fromkeys(result.condition for result in results))
+    names = list(dict.fromkeys(result.controller for result in results))
+    apart = 0.8 / len(names)
+    tall = 1.2 + 0.13 * (len(names) + 1) * len(conditions)
+    figure = Figure(figsize=(8.0, max(tall, 2.6)), layout="constrained")
+    axes = clean_axes(figure.subplots())
+    for result in results:
+        place = conditions.index(result.condition) + (names.index(result.controller) + 0.5) * apart - 0.4
+        colour = _line(result.controller)["color"]
+        twins = result.by_twin_deg
+        across = np.full(len(twins), place)
+        axes.plot(twins, across, "o", color=colour, markersize=2.8, alpha=0.55, markeredgewidth=0)
+        axes.vlines(result.rmse_deg, place - 0.45 * apart, place + 0.45 * apart, color=colour, linewidth=2)
+    for between in range(1, len(conditions)):
+        axes.axhline(between - 0.5, color="#dfe3e8", linewidth=0.8)
+    axes.grid(visible=False, axis="y")
+    axes.set_xscale("log")
+    axes.set_xlabel("tracking RMSE [deg]")
+    axes.set_yticks(range(len(conditions)), [condition.name for condition in conditions], fontsize=8.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(conditions) - 0.5, -0.5)
+    log_ticks(axes.xaxis, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50))
+    handles = [Line2D([], [], color=_line(name)["color"], linewidth=2, label=name) for name in names]
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)
+    return figure
+
+
+def _line(name: str) -> dict[str, Any]:
+    (spec,) = find_controllers([name])
+    return line_of(spec.style)

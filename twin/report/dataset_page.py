@@ -40,12 +40,7 @@ _SOURCES = {
 
 
 def dataset_page(path: Path) -> Page:
-    """Return the page of a dataset, from its `dataset.json` and its first file.
-
-    Raises:
-        ValueError: it is damaged.
-        FileNotFoundError: its first file is missing.
-    """
+    """Return the page of a dataset, from its `dataset.json` and its first file."""
     folder = path.parent
     contents = read_contents(folder)
     first = contents.files[0]

@@ -17,15 +17,15 @@ from twin.evaluation.results import load_tracks
 from twin.evaluation.score import Score, mean_coverage, read_evaluation, read_scores
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
-from twin.report.comparison import interval_scores
-from twin.report.comparison_figures import (
+from twin.report.figures import (
     interval_figure,
     limit_figure,
     noise_figure,
+    paper_figures,
     rank_figure,
     rankings_to_draw,
+    rmse_figure,
 )
-from twin.report.figures import paper_figures, rmse_figure
 from twin.report.page import (
     Cell,
     Page,
@@ -46,6 +46,7 @@ from twin.report.tables import (
     clear_best,
     group_name,
     has_limit,
+    interval_scores,
     ordered,
     paper_figure,
     protocol_scores,
@@ -70,11 +71,7 @@ EXPLAINED = (
 
 
 def evaluation_page(path: Path) -> Page:
-    """Return the page of an `evaluation.json`, and of the tracks in its folder.
-
-    Raises:
-        ValueError: it is damaged, or has no rows.
-    """
+    """Return the page of an `evaluation.json`, and of the tracks in its folder."""
     scores, contents = read_evaluation(path)
     origin = stated_origin(contents)
     page = Page("EndoTwin evaluation: how well is the bending angle estimated?", "Estimators under noise")
@@ -148,11 +145,7 @@ def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> li
 
 
 def tracking_parts(path: Path) -> list[Markup]:
-    """Return the paper's Figs. 5 to 10 from a file of tracks, with the scores in its folder.
-
-    Raises:
-        ValueError: the file is damaged, or holds none of their noises and methods.
-    """
+    """Return the paper's Figs. 5 to 10 from a file of tracks, with the scores in its folder."""
     evaluation = path.with_name("evaluation.json")
     scores = read_scores(evaluation)[0] if evaluation.is_file() else []
     drawn = paper_figures(load_tracks(path), scores)

@@ -168,7 +168,7 @@ def facts(groups: Mapping[str, Facts]) -> Markup:
 
 
 def figure(image: Figure | Path | bytes, caption: str, alternative: str = "") -> Markup:
-    """Return a matplotlib figure, or a PNG picture or file, with its caption; a wide one scrolls on its own.
+    """Return a matplotlib figure, or a PNG or SVG picture or file, with its caption; a wide one scrolls.
 
     Raises:
         ValueError: the file is not a PNG picture, or too large.
@@ -178,9 +178,10 @@ def figure(image: Figure | Path | bytes, caption: str, alternative: str = "") ->
         address, wide = data_address("image/svg+xml", to_svg(image).encode()), image.get_figwidth() > WIDE
     else:
         content = image if isinstance(image, bytes) else read_limited(image, LARGEST_PICTURE)
-        if not content.startswith(b"\x89PNG\r\n\x1a\n"):
+        kind = "svg+xml" if content.startswith(b"<svg ") else "png"
+        if kind == "png" and not content.startswith(b"\x89PNG\r\n\x1a\n"):
             raise InputError("it is no PNG picture")
-        address, wide = data_address("image/png", content), True
+        address, wide = data_address(f"image/{kind}", content), True
     inner = Markup('<img alt="{}" src="{}">').format(alternative or caption, address)
     if wide:
         label = "Figure, wider than a narrow screen"

@@ -2,23 +2,21 @@
 
 import contextlib
 import functools
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
-from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.policy import POLICY_FILE
 from twin.estimation.registry import method_specs, proposed_method, trainings
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.score import read_evaluation
+from twin.files.assets import assets_folder
 from twin.files.bounded import MEBIBYTE, read_limited, sha256_of
 from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
 from twin.files.json_text import read_json
@@ -28,7 +26,6 @@ from twin.files.yaml_text import read_yaml
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
 from twin.recording import read_dataset
-from twin.rendering.video import read_frames
 from twin.report.evaluation_page import result_parts, tracking_parts
 from twin.report.figures import loop_figure, training_figure
 from twin.report.page import (
@@ -44,16 +41,15 @@ from twin.report.page import (
     text,
 )
 from twin.report.player import player
-from twin.report.schematics import bending_schematic, direct_schematic, platform_schematic, ram_schematic
+from twin.report.schematics import bending_schematic
 
 Value = TypeVar("Value")
 
 MOST_TEXT = MEBIBYTE
 """Size that is read of files of settings and curves [bytes]."""
-LARGEST_VIDEO = 8 * MEBIBYTE
-"""A film above this size [bytes] is shown as a strip of frames: pages of tens of megabytes open slowly."""
-LARGEST_FILM = 512 * MEBIBYTE
-"""Size that is read of a film [bytes]."""
+LARGEST_FILM = 32 * MEBIBYTE
+"""Size of a film that a page holds [bytes]: larger pages open slowly."""
+DIAGRAMS = assets_folder() / "diagrams"
 _DRAWN = 2
 """Loops that are drawn over each other: more cannot be told apart."""
 _FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
@@ -121,7 +117,7 @@ def run_page(folder: Path) -> Page:
             *shown("data/test", lambda path: _loop(path, test(), _known(model))),
         ),
     )
-    page.add("How RAM works", *_schemes(_known(model)))
+    page.add("How RAM works", *_schemes())
     page.add("Results and the paper's", *shown("results/evaluation.json", _results))
     page.add("Tracking", *shown("results/tracks.npz", tracking_parts))
     page.add("Training", *shown("runs", _curves))
@@ -163,7 +159,7 @@ def _endoscope(train: list[Episode] | None) -> list[Markup]:
             "record. Drawn to scale from the twin's own hinges.",
         ),
         figure(
-            platform_schematic(preset, train[0].sample_time),
+            DIAGRAMS / "platform.svg",
             "As the paper's Fig. 3: the platform, here simulated. The backlash of the gear and the friction "
             "of the sheath, between command and angle, make the hysteresis.",
         ),
@@ -174,13 +170,7 @@ def _film(path: Path) -> Sequence[Markup]:
     content = read_limited(path, LARGEST_FILM)
     if content[4:8] != b"ftyp":
         raise InputError("it is no MP4 film")
-    if len(content) < LARGEST_VIDEO:
-        return [film(content, "The record replayed, and its loop as it is drawn.")]
-    frames = read_frames(path, 6)
-    small = [Image.fromarray(frame[:, : frame.shape[1] // 2]).resize((320, 360)) for frame in frames]
-    strip = io.BytesIO()
-    Image.fromarray(np.concatenate([np.asarray(frame) for frame in small], axis=1)).save(strip, "PNG")
-    return [figure(strip.getvalue(), f"Six moments of {path.name}, left to right.")]
+    return [film(content, "The record replayed, and its loop as it is drawn.")]
 
 
 def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
@@ -223,21 +213,19 @@ def _loop(path: Path, episodes: list[Episode], model: HysteresisModel | None) ->
     return [figure(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")]
 
 
-def _schemes(model: ColemanHodgdon | None) -> list[Markup]:
+def _schemes() -> list[Markup]:
     """The structures of RAM and of direct RL, as the paper's Figs. 2 and 4."""
-    direct = figure(
-        direct_schematic(),
-        "As the paper's Fig. 4: direct RL. The policy takes the place of model and filter.",
-    )
-    if model is None:
-        return [gap("Without the identified model, the structure of RAM is not drawn."), direct]
-    process = "diag(" + ", ".join(f"{q:g}" for q in ActiveModel.process_variance) + ")"
-    ram = figure(
-        ram_schematic(model, {"Q": process}),
-        "As the paper's Fig. 2: RAM. A Kalman filter predicts by the identified model and corrects itself by "
-        "the measurement; the policy sets the gain on the remaining residual.",
-    )
-    return [ram, direct]
+    return [
+        figure(
+            DIAGRAMS / "ram.svg",
+            "As the paper's Fig. 2: RAM. A Kalman filter predicts by the identified model and corrects "
+            "itself by the measurement; the policy sets the gain on the remaining residual.",
+        ),
+        figure(
+            DIAGRAMS / "direct.svg",
+            "As the paper's Fig. 4: direct RL. The policy takes the place of model and filter.",
+        ),
+    ]
 
 
 def _results(path: Path) -> Sequence[Markup]:
@@ -304,11 +292,7 @@ def _recipe(path: Path) -> dict[str, Any]:
 
 
 def training_page(path: Path) -> Page:
-    """Return the page of a run folder of `endotwin train`, from its `config.yaml`.
-
-    Raises:
-        ValueError: it is no such folder.
-    """
+    """Return the page of a run folder of `endotwin train`, from its `config.yaml`."""
     folder, values = path.parent, read_yaml(path, MOST_TEXT)
     known, inner = trainings(), [part for part in values.values() if isinstance(part, dict)]
     named = [str(part["agent"]) for part in (values, *inner) if "agent" in part]
