@@ -202,7 +202,7 @@ def _command(args: Generate) -> dict[str, Any]:
 
 def _summary(folder: Path, preset: str, written: "Written") -> Summary:
     for damage in written.damage:
-        complain(f"made anew: {damage}")
+        complain(f"made again: {damage}")
     contents = {name: written.contents[name] for name in ("episodes", "seconds", "bytes")}
     line = f"{folder}: {_counted(contents['episodes'], 'episode')}, {contents['seconds']:g} s of {preset}"
     if written.kept:

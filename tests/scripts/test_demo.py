@@ -134,7 +134,7 @@ SMALL = ["--records", "1", "--seconds", "2", "--episodes", "1", "--seeds", "1"]
 
 @pytest.fixture
 def stopped_demo(tmp_path, monkeypatch) -> Path:
-    """A demo that was stopped after its first commands, and what the user put beside their results."""
+    """A demo that was stopped after its first commands, and what the user put next to their results."""
 
     def stop(commands: Sequence[str]) -> None:
         (tmp_path / "out" / "data").mkdir()

@@ -22,38 +22,38 @@ signals: [sine, triangle]
 seeds: [7]
 """
 
-Told = Callable[..., tuple[int, str, str]]
+Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def told(tmp_path, monkeypatch, capfd, in_one_process) -> Told:
+def run(tmp_path, monkeypatch, capfd, in_one_process) -> Run:
     """Run the command in a folder with a recipe; exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "recipe.yaml").write_text(RECIPE)
 
-    def run(line: str) -> tuple[int, str, str]:
+    def typed(line: str) -> tuple[int, str, str]:
         code = main(line.split())
         out, err = capfd.readouterr()
         return code, out, err
 
-    return run
+    return typed
 
 
 def recipe_of(folder: str) -> dict:
     return yaml.safe_load((Path(folder) / "recipe.yaml").read_text())
 
 
-def test_recipe_is_made_and_its_own_copy_makes_the_same_again(told):
-    code, out, _ = told("recipe.yaml --out data --workers 1")
+def test_recipe_is_made_and_its_own_copy_makes_the_same_again(run):
+    code, out, _ = run("recipe.yaml --out data --workers 1")
     assert (code, out) == (0, "data: 2 episodes, 2 s of small\n")
-    assert told("data/recipe.yaml --out again --workers 1")[0] == 0
+    assert run("data/recipe.yaml --out again --workers 1")[0] == 0
     for path in Path("data").iterdir():
         assert path.read_bytes() == (Path("again") / path.name).read_bytes()
 
 
-def test_flags_override_the_recipe(told):
+def test_flags_override_the_recipe(run):
     flags = "--stroke -1 1 --seconds 0.5 --signal sine --episodes 1 --seed 3 --sensor-variance 2"
-    assert told(f"recipe.yaml --out data --workers 1 --set pretension=4 {flags} --sheath-bend-deg 90")[0] == 0
+    assert run(f"recipe.yaml --out data --workers 1 --set pretension=4 {flags} --sheath-bend-deg 90")[0] == 0
     made = recipe_of("data")
     assert made["strokes_mm"] == [[-1, 1]]
     assert (made["seconds"], made["episodes"], made["signals"], made["seeds"]) == (0.5, 1, ["sine"], [3])
@@ -62,79 +62,79 @@ def test_flags_override_the_recipe(told):
     assert (made["preset"]["pretension"], made["preset"]["vertebrae"]) == (4, 6)
 
 
-def test_paths_in_a_recipe_are_relative_to_it_and_those_of_flags_to_here(told, tmp_path):
+def test_paths_in_a_recipe_are_relative_to_it_and_those_of_flags_to_here(run, tmp_path):
     (tmp_path / "deep").mkdir()
     preset = yaml.safe_load(RECIPE)["preset"]
     (tmp_path / "deep" / "mine.yaml").write_text(yaml.safe_dump(preset | {"name": "deep"}))
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(preset | {"name": "here"}))
     (tmp_path / "deep" / "r.yaml").write_text("preset: mine.yaml\nseconds: 1\nepisodes: 1\n")
-    assert told("deep/r.yaml --out a --workers 1")[0] == 0
-    assert told("deep/r.yaml --preset mine.yaml --out b --workers 1")[0] == 0
+    assert run("deep/r.yaml --out a --workers 1")[0] == 0
+    assert run("deep/r.yaml --preset mine.yaml --out b --workers 1")[0] == 0
     assert recipe_of("a")["preset"]["name"] == "deep"
     assert recipe_of("b")["preset"]["name"] == "here"
 
 
-def test_what_is_there_is_kept_and_what_is_damaged_is_made_anew(told):
-    told("recipe.yaml --out data --workers 1")
+def test_what_is_there_is_kept_and_what_is_damaged_is_made_again(run):
+    run("recipe.yaml --out data --workers 1")
     whole = {path.name: path.read_bytes() for path in Path("data").iterdir()}
     damaged = bytearray(whole["episode_0001.mcap"])
     damaged[len(damaged) // 2] ^= 1
     Path("data/episode_0001.mcap").write_bytes(damaged)
-    code, out, err = told("recipe.yaml --out data --workers 1 --json")
+    code, out, err = run("recipe.yaml --out data --workers 1 --json")
     assert code == 0
     assert json.loads(out)["kept"] == 1
-    assert "made anew: " in err
+    assert "made again: " in err
     assert "episode_0001.mcap is damaged" in err
     assert {path.name: path.read_bytes() for path in Path("data").iterdir()} == whole
 
 
-def test_verify_says_what_is_wrong_and_its_exit_code_is_1(told):
-    told("recipe.yaml --out data --workers 1")
-    code, out, _ = told("--verify --out data")
+def test_verify_says_what_is_wrong_and_its_exit_code_is_1(run):
+    run("recipe.yaml --out data --workers 1")
+    code, out, _ = run("--verify --out data")
     assert code == 0
     *rules, last = out.splitlines()
     assert last.startswith("data: all 2 episodes are whole")
     assert [line.split()[:2] for line in rules] == [["holds", rule] for rule in RULES]
     os.remove("data/episode_0000.mcap")
-    code, out, err = told("--verify --out data --json")
+    code, out, err = run("--verify --out data --json")
     assert code == 1
     assert json.loads(out)["faults"] == ["data/episode_0000.mcap is missing"]
     assert "files: data/episode_0000.mcap is missing" in err
     assert json.loads(out)["rules"] == {"files": 1}
     shutil.rmtree("data")
-    assert told("--verify --out data")[0] == 2
+    assert run("--verify --out data")[0] == 2
 
 
-def test_replay_proves_a_run_bit_for_bit(told):
-    told("recipe.yaml --out data --workers 1")
-    code, out, _ = told("--replay data/episode_0001.mcap --json")
+def test_replay_proves_a_run_bit_for_bit(run):
+    run("recipe.yaml --out data --workers 1")
+    code, out, _ = run("--replay data/episode_0001.mcap --json")
     assert code == 0
     assert json.loads(out)["same"] is True
-    assert told("--replay data/nothing.mcap")[0] == 2
-    assert told("--replay data/recipe.yaml")[0] == 2
+    assert run("--replay data/nothing.mcap")[0] == 2
+    assert run("--replay data/recipe.yaml")[0] == 2
 
 
-def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
+def test_a_log_of_other_columns_drives_both_planes(run, tmp_path):
     rows = "\n".join(f"{50 * n},{n % 9 - 4},{0.05 * n},{n}" for n in range(21))
     (tmp_path / "log.csv").write_text("clock,knob_deg,side,angle_deg\n" + rows)
     columns = "--command-column knob_deg --lateral-command-column side --time-column clock --time-unit ms"
     bare = "recipe.yaml --workers 1 --set bending_planes=2 --episodes 1"
     line = f"{bare} --command-csv log.csv {columns}"
     (tmp_path / "recipe.yaml").write_text(RECIPE.replace("seconds: 1\nsignals: [sine, triangle]\n", ""))
-    code, _, err = told(f"{line} --out data")
+    code, _, err = run(f"{line} --out data")
     assert code == 2
     assert err.endswith(
         "log.csv: column side does not end in its unit: give --command-unit, mm, m, deg or rad\n"
     )
     (tmp_path / "log.csv").write_text("clock,knob_deg,side_mm,angle_deg\n" + rows)
-    assert told(f"{line} --out data".replace("side ", "side_mm "))[0] == 0
+    assert run(f"{line} --out data".replace("side ", "side_mm "))[0] == 0
     episode = read_episode("data/episode_0000.mcap")
     degrees = episode.pull / episode.metadata["preset"]["pulley_radius"]
     assert (len(episode.time), 1e3 * episode.lateral_pull[25]) == (50, pytest.approx(0.5))
     assert np.degrees([degrees.min(), degrees.max()]) == pytest.approx([-4, 4], abs=0.9)
     assert "a given command sideways" in Path("data/README.md").read_text()
-    assert told("--verify --out data")[0] == 0
-    assert told("--replay data/episode_0000.mcap")[0] == 0
+    assert run("--verify --out data")[0] == 0
+    assert run("--replay data/episode_0000.mcap")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -152,9 +152,9 @@ def test_a_log_of_other_columns_drives_both_planes(told, tmp_path):
         ("recipe.yaml --camera 0 --out x", "camera: 0 pictures per second: must be positive"),
     ],
 )
-def test_mistake_is_one_line_and_nothing_is_written(told, tmp_path, line, fault):
+def test_mistake_is_one_line_and_nothing_is_written(run, tmp_path, line, fault):
     before = sorted(os.listdir(tmp_path))
-    code, out, err = told(line)
+    code, out, err = run(line)
     assert (code, out) == (2, "")
     assert fault in err
     assert len(err.splitlines()) == 1

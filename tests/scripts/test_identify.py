@@ -106,9 +106,9 @@ def test_a_phase_and_a_single_speed_have_no_delay_unless_asked_for(tmp_path, mon
     )
     read = ["--command-column", "pull_mm", "--out", "data"]
     assert import_log(["a.csv", *read]) == import_log(["b.csv", "--time-column", "p_rad", *read]) == 0
-    for words, told in (([], False), (["--delay", "on"], True)):
+    for words, stated in (([], False), (["--delay", "on"], True)):
         assert main(["data", *FEW, "--generations", "2", *words, "--json"]) == 0
-        assert ("delay_s" in json.loads(capsys.readouterr().out.splitlines()[-1])) is told
+        assert ("delay_s" in json.loads(capsys.readouterr().out.splitlines()[-1])) is stated
 
 
 @pytest.mark.parametrize(

@@ -31,17 +31,17 @@ TOPICS = {"/command", "/measurement", ESTIMATE, "/health"}
 
 
 class Client:
-    """Viewer of its own: WebSocket by `websockets`, messages by the schemas that it is told."""
+    """Viewer of its own: WebSocket by `websockets`, messages by the schemas that it is sent."""
 
     def __init__(self, url: str):
         self.socket = client.connect(url, subprotocols=[PROTOCOL]).__enter__()
         self.channels: dict[str, dict] = {}
         while not self.channels.keys() >= TOPICS:
-            told = json.loads(self.socket.recv(timeout=20))
-            self.channels |= {channel["topic"]: channel for channel in told.get("channels", [])}
+            message = json.loads(self.socket.recv(timeout=20))
+            self.channels |= {channel["topic"]: channel for channel in message.get("channels", [])}
 
     def subscribe(self, viewer: LiveViewer, topics: set[str]) -> None:
-        """Subscribe, and wait until the server knows of it: of topics that nobody else has subscribed to."""
+        """Subscribe, and wait until the server knows of it: of topics without another viewer."""
         self.ids = {number: topic for number, topic in enumerate(sorted(topics), start=1)}
         wanted = [{"id": number, "channelId": self.channels[t]["id"]} for number, t in self.ids.items()]
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
@@ -49,9 +49,9 @@ class Client:
             if all(viewer._channels[topic].has_sinks() for topic in topics):
                 return
             time.sleep(0.02)
-        raise AssertionError("nobody has subscribed")
+        raise AssertionError("no viewer has subscribed")
 
-    def estimate_beside_others(self, viewer: LiveViewer, bend_deg: float) -> float:
+    def estimate_next_to_others(self, viewer: LiveViewer, bend_deg: float) -> float:
         """Return an estimate that is shown again and again, where others have subscribed to it already."""
         for k in range(500):
             viewer.add(Sample(1e6 + k, 1.0, 2.0, reading(bend_deg)))
@@ -152,7 +152,7 @@ def test_a_viewer_that_hangs_neither_blocks_nor_fills_the_memory(viewer):
         assert process.memory_info().rss - before < 8 * 2**20
         other = Client(viewer.url)
         other.subscribe(viewer, {ESTIMATE})
-        assert other.estimate_beside_others(viewer, 7.25) == 7.25
+        assert other.estimate_next_to_others(viewer, 7.25) == 7.25
         closing = threading.Thread(target=viewer.close)
         closing.start()
         closing.join(30)

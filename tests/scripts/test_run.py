@@ -68,15 +68,15 @@ def test_each_sample_is_answered_at_once_and_the_summary_goes_to_stderr(place):
         place, "--noise-variance", "0.5", "--initial-bend-deg", "58", "--sample-time", "0.1", "--json"
     ) as process:
         for k in range(30):
-            told = ask(process, sample(k))
-            SCHEMA.validate(told)
+            answer = ask(process, sample(k))
+            SCHEMA.validate(answer)
             reading = runtime.push(0.1 * k, 3.0 + 0.01 * k, 60.0 + 0.1 * k)
-            assert told["bend_deg"] == reading.bend_deg
-            assert told["interval_deg"] == [reading.low_deg, reading.high_deg]
-            assert told["source"] == reading.source.value
-        told = ask(process, b"no sample\n")
-        SCHEMA.validate(told)
-        assert told["line"] == 31
+            assert answer["bend_deg"] == reading.bend_deg
+            assert answer["interval_deg"] == [reading.low_deg, reading.high_deg]
+            assert answer["source"] == reading.source.value
+        answer = ask(process, b"no sample\n")
+        SCHEMA.validate(answer)
+        assert answer["line"] == 31
         assert ask(process, sample(30, measurement_deg=None))["health"]["sample"] == ["NO_MEASUREMENT"]
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (0, b"")
@@ -213,9 +213,9 @@ def test_a_log_is_run_recorded_and_scored_and_has_the_bits_of_the_live_stream(pl
     error = np.array(estimates)[1:] - log.measured_deg[1:]
     assert summary["against"] == "measurement"
     assert summary["rmse_deg"] == pytest.approx(np.sqrt(np.nanmean(error**2)))
-    told = done(line, place)  # what such a run has left is replaced
-    assert "1 records" in told
-    assert f"RMSE {summary['rmse_deg']:.3f} deg against the measurement" in told
+    answer = done(line, place)  # what such a run has left is replaced
+    assert "1 records" in answer
+    assert f"RMSE {summary['rmse_deg']:.3f} deg against the measurement" in answer
 
 
 def test_several_records_go_into_one_file_or_into_a_folder(place, tmp_path):

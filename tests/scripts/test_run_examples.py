@@ -42,9 +42,9 @@ def test_it_prints_an_estimate_for_each_sample(example, ram_policy):
     assert "100 samples" in done.stderr
     assert "NO_MEASUREMENT 10" in done.stderr
     runtime = load_runtime(ram_policy)
-    told = [float(re.search(r"(-?[\d.]+) deg", line)[1]) for line in lines]
-    assert told[0] == pytest.approx(runtime.push(0.0, 0.0, float("nan")).bend_deg, abs=1e-3)
-    assert max(told) > 20  # it follows the 40 degrees that the example measures
+    bends = [float(re.search(r"(-?[\d.]+) deg", line)[1]) for line in lines]
+    assert bends[0] == pytest.approx(runtime.push(0.0, 0.0, float("nan")).bend_deg, abs=1e-3)
+    assert max(bends) > 20  # it follows the 40 degrees that the example measures
 
 
 def test_what_the_command_says_and_its_exit_status_come_through(example, tmp_path):

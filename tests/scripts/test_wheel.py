@@ -27,8 +27,8 @@ import twin
 
 episode = twin.read_episode(sys.argv[1])
 model = twin.ColemanHodgdon(1.15, 22.38, 5.0)
-told = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(variance=0.5))
-online = twin.OnlineEstimator(told, episode.sample_time, float(episode.truth_deg[0]))
+sensed = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(variance=0.5))
+online = twin.OnlineEstimator(sensed, episode.sample_time, float(episode.truth_deg[0]))
 samples = zip(episode.time, episode.pull_mm, episode.measured_deg)
 estimate = [online.push(*map(float, sample)) for sample in samples]
 policy = twin.load_estimator(sys.argv[2])
@@ -39,8 +39,8 @@ try:
 except twin.EndoTwinError as error:
     refused = str(error)
 found = [name for name in sys.argv[3:] if importlib.util.find_spec(name)]
-told = {"home": twin.__file__, "estimate": estimate, "steered": steered.tolist()}
-print(json.dumps(told | {"refused": refused, "found": found}))
+found_here = {"home": twin.__file__, "estimate": estimate, "steered": steered.tolist()}
+print(json.dumps(found_here | {"refused": refused, "found": found}))
 """
 
 
@@ -164,10 +164,10 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, r
     assert there["found"] == []
     assert there["refused"] == "twin.Endoscope needs mujoco: pip install 'endotwin[sim]'"
 
-    told = twin.ActiveModel(twin.ColemanHodgdon(1.15, 22.38, 5.0), episode.sample_time)
-    told = told.with_sensor(twin.Sensor(variance=0.5))
+    sensed = twin.ActiveModel(twin.ColemanHodgdon(1.15, 22.38, 5.0), episode.sample_time)
+    sensed = sensed.with_sensor(twin.Sensor(variance=0.5))
     start = np.array([episode.truth_deg[0]])
-    here = told.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
+    here = sensed.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
     np.testing.assert_allclose(there["estimate"], here, rtol=1e-12)
     steered = twin.load_estimator(policy)
     here = steered.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]

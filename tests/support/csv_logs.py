@@ -21,6 +21,6 @@ def write(folder, columns, name="log.csv"):
 
 
 def steps(**columns):
-    """Four samples, one second apart; what is given stands instead of, or beside, the other columns."""
+    """Four samples, one second apart; what is given stands instead of, or next to, the other columns."""
     given = {"time_s": [0, 1, 2, 3], "command_deg": [0, 1, 2, 1], "angle_deg": [0, 0.5, 1, 0.75]} | columns
     return {name: values for name, values in given.items() if values is not None}

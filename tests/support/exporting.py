@@ -21,7 +21,7 @@ def make_records(folder: Path) -> Path:
 
 
 def run(capsys: pytest.CaptureFixture, *words: object) -> tuple[int, str, str]:
-    """Exit code, stdout, and what stderr says beside the bar of progress, slow or fast."""
+    """Exit code, stdout, and what stderr prints next to the bar of progress, slow or fast."""
     code = verb.main([str(word) for word in words])
     printed = capsys.readouterr()
     lines = [
