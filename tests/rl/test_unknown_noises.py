@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from small_twins import twins
 
+from rl.options import EPISODES, TrainingOptions
 from rl.ram_twins import train_ram_twins
 from rl.twins.members import draw_members
 from rl.twins.records import SAMPLE_TIME, simulate_records
@@ -83,8 +84,9 @@ def tuned():
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("ram_twins")
-    return load(train_ram_twins(*twins(), TwinsTraining(seed=SEED), folder))
+    """Half of a full training."""
+    settings = TwinsTraining().scaled(TrainingOptions(episodes=EPISODES // 2, seed=SEED))
+    return load(train_ram_twins(*twins(), settings, tmp_path_factory.mktemp("ram_twins")))
 
 
 @pytest.mark.slow
