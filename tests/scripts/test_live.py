@@ -173,34 +173,3 @@ def test_without_the_package_the_extra_is_named(monkeypatch):
         MissingExtraError, match=r"a live viewer needs foxglove: pip install 'endotwin\[live\]'"
     ):
         LiveViewer(port=0, method=METHOD)
-
-
-def test_a_process_with_a_viewer_that_hangs_ends():
-    code = """
-import subprocess, sys, os, signal, time
-from live_streams import sample
-from scripts.live import LiveViewer
-viewer = LiveViewer(port=0)
-words = [sys.executable, "-c", sys.argv[1], viewer.url]
-pipe = subprocess.PIPE
-stalled = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
-stalled.stdout.readline()
-os.kill(stalled.pid, signal.SIGSTOP)
-for k in range(80_000):
-    viewer.add(sample(k / 50))
-viewer.close()
-print(stalled.pid, flush=True)
-"""
-    support = os.path.dirname(__import__("live_streams").__file__)
-    environment = ENVIRONMENT | {"PYTHONPATH": f"{ENVIRONMENT['PYTHONPATH']}{os.pathsep}{support}"}
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, STALLED], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    stalled = int(process.stdout.readline())
-    try:
-        _, said = process.communicate(timeout=60)
-        assert process.returncode == 0
-        assert said == b""
-    finally:
-        process.kill()
-        os.kill(stalled, signal.SIGKILL)
