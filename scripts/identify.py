@@ -41,12 +41,12 @@ class Identify:
     generations: int = 150
     """Number of generations."""
     fraction: float = 1.0
-    """Share of each record, from its start, that is fitted; the rest is predicted, and its error told."""
+    """Share of each record, from its start, that is fitted; the rest is predicted, and its error stated."""
     offset: Literal["auto", "on", "off"] = "auto"
-    """Fit a zero of the angle for each record beside the model: auto does for measured logs. A
+    """Fit a zero of the angle for each record with the model: auto does for measured logs. A
     prandtl-ishlinskii model has no zero."""
     delay: Literal["auto", "on", "off"] = "auto"
-    """Fit a delay of the command beside the model: auto does for measured logs with a clock and a command of
+    """Fit a delay of the command with the model: auto does for measured logs with a clock and a command of
     more than one speed."""
     seed: int = 0
     json: bool = False
@@ -81,7 +81,7 @@ def identify(args: Identify) -> Summary:
     out = args.out or Path(args.model.replace("-", "_") + ".json")
     output_file(out, (".json",), '"rmse_deg"', inputs=args.data)
     progress = Progress("identify", "gen")
-    logs = [_log(episode, args) for episode in episodes]
+    logs = [_log(episode, number, args) for number, episode in enumerate(episodes)]
     model, rmse = fit(
         records_of(logs, Nuisances((0.0,) * len(logs)), args.sample_time),
         args.seed,
@@ -106,84 +106,79 @@ def identify(args: Identify) -> Summary:
         seed=args.seed,
         source=", ".join(str(path) for path in args.data),
     ).to_dict()
-    values |= _beside(args, model, episodes, logs, nuisances)
+    values |= _further_entries(args, model, episodes, logs, nuisances)
     write_whole(out, json.dumps(values, indent=2) + "\n")
     parameters = ", ".join(f"{name} = {_text(value)}" for name, value in model.to_dict().items())
-    line = f"{out}: {parameters}, RMSE {rmse:.3f} deg over {len(episodes)} records{_told(values)}"
+    line = f"{out}: {parameters}, RMSE {rmse:.3f} deg over {len(episodes)} records{_in_words(values)}"
     return Summary(line, {"out": str(out), **values})
 
 
 def _fitted_samples(samples: int, fraction: float) -> int:
-    """Return how many samples of a record, from its start, are fitted."""
+    """Return the number of fitted samples of a record, from its start."""
     return max(math.ceil(fraction * samples), 2)
 
 
-def _log(episode: "Episode", args: Identify) -> "Log":
-    """Return the share of a record that is fitted, and which nuisances it has."""
+def _log(episode: "Episode", number: int, args: Identify) -> "Log":
+    """Return a record with the pieces that are fitted, and the nuisances that it has."""
     from twin.evaluation.reading import complete_ranges
     from twin.hysteresis import PrandtlIshlinskii
-    from twin.identification.nuisances import Log, tells_delay
+    from twin.identification.nuisances import Log, determines_delay
 
     has_zero = args.model != PrandtlIshlinskii.name
-    fitted = _fitted_samples(len(episode.time), args.fraction)
     # A phase is played at a rate of our own: its delay would be of no clock.
     has_clock = episode.is_measured and episode.metadata.get("seconds_per_cycle") is None
-    return Log(
-        episode.pull_mm,
-        episode.measured_deg,
-        tuple(complete_ranges(episode, fitted)),
-        has_offset=(episode.is_measured and has_zero) if args.offset == "auto" else args.offset == "on",
-        has_delay=(has_clock and tells_delay(episode.pull_mm))
-        if args.delay == "auto"
-        else args.delay == "on",
-    )
+    has_offset, has_delay = (setting == "on" for setting in (args.offset, args.delay))
+    if args.offset == "auto":
+        has_offset = episode.is_measured and has_zero
+    if args.delay == "auto":
+        has_delay = has_clock and determines_delay(episode.pull_mm)
+    pieces = complete_ranges(episode, _fitted_samples(len(episode.time), args.fraction))
+    return Log(episode.record(number), tuple(pieces), has_offset, has_delay)
 
 
-def _beside(
+def _further_entries(
     args: Identify,
     model: "HysteresisModel",
     episodes: "Sequence[Episode]",
     logs: "Sequence[Log]",
     nuisances: "Nuisances",
 ) -> dict[str, Any]:
-    """Return the entries of the file beside the model: nuisances, and the error of the prediction."""
+    """Return the entries of the file about nuisances, and the error of the prediction."""
     from twin.evaluation.reading import complete_ranges
     from twin.identification.nuisances import rmse_from
 
-    beside: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     if any(log.has_offset for log in logs):
-        beside["offsets_deg"] = [
-            {"record": episode.record(place).name, "offset_deg": offset if log.has_offset else None}
-            for place, (episode, log, offset) in enumerate(
-                zip(episodes, logs, nuisances.offsets_deg, strict=True)
-            )
+        entries["offsets_deg"] = [
+            {"record": log.record.name, "offset_deg": offset if log.has_offset else None}
+            for log, offset in zip(logs, nuisances.offsets_deg, strict=True)
         ]
     if any(log.has_delay for log in logs):
-        beside["delay_s"] = nuisances.delay_s
+        entries["delay_s"] = nuisances.delay_s
     if args.fraction < 1:
-        whole = [
+        complete = [
             dataclasses.replace(log, pieces=tuple(complete_ranges(episode)))
             for log, episode in zip(logs, episodes, strict=True)
         ]
-        first = [_fitted_samples(len(log.pull_mm), args.fraction) for log in logs]
-        beside["fraction"] = args.fraction
-        beside["predicted_rmse_deg"] = rmse_from(model, whole, first, nuisances, args.sample_time)
-    return beside
+        first = [_fitted_samples(len(log.record.time), args.fraction) for log in logs]
+        entries["fraction"] = args.fraction
+        entries["predicted_rmse_deg"] = rmse_from(model, complete, first, nuisances, args.sample_time)
+    return entries
 
 
-def _told(values: dict[str, Any]) -> str:
-    """Return the entries beside the model in the words of the summary."""
-    told = ""
+def _in_words(values: dict[str, Any]) -> str:
+    """Return these entries in the words of the summary."""
+    words = ""
     if "fraction" in values:
         rest = f"{values['predicted_rmse_deg']:.3f} deg where it was not fitted"
-        told += f" ({values['fraction']:.0%} of each), {rest}"
+        words += f" ({values['fraction']:.0%} of each), {rest}"
     offsets = [one["offset_deg"] for one in values.get("offsets_deg", []) if one["offset_deg"] is not None]
     if offsets:
         low, high = f"{min(offsets):.2f}", f"{max(offsets):.2f}"
-        told += f"; offsets from {low} to {high} deg" if len(offsets) > 1 else f"; offset {low} deg"
+        words += f"; offsets from {low} to {high} deg" if len(offsets) > 1 else f"; offset {low} deg"
     if "delay_s" in values:
-        told += f"; the command acts {1e3 * values['delay_s']:.0f} ms late"
-    return told
+        words += f"; the command acts {1e3 * values['delay_s']:.0f} ms late"
+    return words
 
 
 def _text(value: Any) -> str:

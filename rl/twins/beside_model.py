@@ -14,7 +14,7 @@ from rl.twins.sequences import STRIDES, Prediction, by_model
 from rl.twins.settings import SimulatedTraining
 from twin.estimation.registry import Training
 from twin.hysteresis import ColemanHodgdon, model_to_dict
-from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.models import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges

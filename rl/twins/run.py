@@ -26,8 +26,7 @@ from twin.estimation.deployment import prepare_deployment
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run
 from twin.files.state_file import state_key
-from twin.identification.nominal import nominal_records
-from twin.identification.one_step import identify_steps
+from twin.identification.nominal import identify_steps, nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced.members import NO_MEMBERS, MemberSet, check_members, members_to_dict

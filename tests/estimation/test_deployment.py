@@ -11,7 +11,7 @@ from twin.estimation.deployment import Deployment, log_likelihoods, prepare_depl
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes, innovation_log_likelihood, tune_active_model
 from twin.hysteresis import BoucWen
-from twin.identification.one_step import identify_steps
+from twin.identification.nominal import identify_steps
 
 
 @pytest.fixture(scope="module")

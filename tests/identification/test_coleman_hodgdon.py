@@ -8,7 +8,7 @@ from scipy.optimize import differential_evolution
 
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import identify
-from twin.identification.coleman_hodgdon import LOWER, UPPER
+from twin.identification.models import LOWER, UPPER
 
 
 @pytest.mark.parametrize("known", [PAPER, OTHER])

@@ -1,12 +1,20 @@
-"""Offsets and delays of measured logs, fitted beside a model and no part of it."""
+"""Offsets and delays of measured logs, fitted with a model and no part of it."""
 
 import numpy as np
 import pytest
 from identifying import parameters_of
 
+from twin.episode import Record
 from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.identification import identify
-from twin.identification.nuisances import Log, Nuisances, fit_nuisances, records_of, rmse_from, tells_delay
+from twin.identification.nuisances import (
+    Log,
+    Nuisances,
+    determines_delay,
+    fit_nuisances,
+    records_of,
+    rmse_from,
+)
 
 TIME = np.arange(240) * 0.05
 DELAY = 0.13
@@ -21,6 +29,10 @@ def pull_at(time, scale):
     return scale * (2 * np.sin(time) + np.sin(2.3 * time + 1))
 
 
+def recorded(pull, bend):
+    return Record(TIME, pull, measured_deg=bend)
+
+
 def measured(model, offsets, delay=DELAY):
     """Logs whose angle follows the command of a while ago, each counted from a zero of its own."""
     logs = []
@@ -28,7 +40,8 @@ def measured(model, offsets, delay=DELAY):
         scale = 1 + 0.5 * place
         late = pull_at(np.maximum(TIME - delay, 0), scale)
         bend = model.response(late, 5.0) + offset
-        logs.append(Log(pull_at(TIME, scale), bend, ((0, len(TIME)),), has_offset=True, has_delay=delay > 0))
+        record = recorded(pull_at(TIME, scale), bend)
+        logs.append(Log(record, ((0, len(TIME)),), has_offset=True, has_delay=delay > 0))
     return logs
 
 
@@ -54,14 +67,14 @@ def test_offsets_a_delay_and_the_model_are_found_together(model):
 def test_only_what_a_log_has_is_fitted():
     model = MODELS[0]
     logs = measured(model, (7.0, 0.0), delay=0.0)
-    logs[1] = Log(logs[1].pull_mm, logs[1].bend_deg, logs[1].pieces)
+    logs[1] = Log(logs[1].record, logs[1].pieces)
     _, rmse, nuisances = fit_nuisances(rough(model, logs), logs, 0.05)
     assert rmse < 1e-3
     assert nuisances.offsets_deg == (pytest.approx(7, abs=1e-2), 0.0)
     assert nuisances.delay_s == 0.0
 
 
-def test_constraint_of_monotone_loops_holds_beside_nuisances():
+def test_constraint_of_monotone_loops_holds_with_nuisances():
     model = ColemanHodgdon(0.4, 12.0, 3.0)
     logs = measured(model, (7.0,))
     free, _, _ = fit_nuisances(rough(model, logs), logs, 0.05)
@@ -84,10 +97,10 @@ def test_plays_have_a_delay_and_no_zero_of_the_angle():
 def test_prediction_is_scored_from_its_first_sample_on_and_begins_before():
     model = MODELS[0]
     (log,) = measured(model, (7.0,))
-    bend = log.bend_deg.copy()
+    bend = log.record.measured_deg.copy()
     bend[180:] += 2.0
     nuisances = Nuisances((7.0,), DELAY)
-    disturbed = Log(log.pull_mm, bend, ((0, 100), (110, 240)), has_delay=True)
+    disturbed = Log(recorded(log.record.pull_mm, bend), ((0, 100), (110, 240)), has_delay=True)
     assert rmse_from(model, [disturbed], [180], nuisances, 0.05) == pytest.approx(2, abs=0.05)
     assert rmse_from(model, [disturbed], [120], nuisances, 0.05) == pytest.approx(np.sqrt(2), abs=0.05)
     with pytest.raises(ValueError, match="no measurement is left to predict"):
@@ -96,7 +109,7 @@ def test_prediction_is_scored_from_its_first_sample_on_and_begins_before():
 
 def test_a_command_of_one_speed_tells_no_delay():
     triangle = 3 * np.abs((TIME / 4) % 2 - 1)
-    assert not tells_delay(triangle)
-    assert not tells_delay(np.repeat(triangle, 3))  # it stands between its moves
-    assert not tells_delay(np.zeros(9))
-    assert tells_delay(np.sin(TIME))
+    assert not determines_delay(triangle)
+    assert not determines_delay(np.repeat(triangle, 3))  # it stands between its moves
+    assert not determines_delay(np.zeros(9))
+    assert determines_delay(np.sin(TIME))

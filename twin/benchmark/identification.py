@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from twin.benchmark.result import Result
 from twin.hysteresis import ColemanHodgdon
-from twin.identification.coleman_hodgdon import LOWER, identify_coleman_hodgdon, model_at
-from twin.identification.genetic import search
+from twin.identification.models import LOWER, coleman_hodgdon_at, identify_coleman_hodgdon
+from twin.identification.search import search
 from twin.physics import simulate
 from twin.preset.preset import Preset
 from twin.signals.excitation import command
@@ -54,7 +54,7 @@ def _against(
     pull, bend = _record(preset, amplitude)
 
     def one_at_a_time(unit: Array) -> Array:
-        return np.array([cost_of(model_at(point), pull, bend) for point in unit])
+        return np.array([cost_of(coleman_hodgdon_at(point), pull, bend) for point in unit])
 
     errors, taken = [], []
     for _ in range(REPEATS):

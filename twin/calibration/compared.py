@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from twin.calibration.logs import MeasuredLoop
 from twin.calibration.objective import bend_errors, offset_of, offsets_taken_off, predict
-from twin.episode import Episode
+from twin.episode import Episode, Record
 from twin.errors import DivergedError, InputError
 from twin.hysteresis import HysteresisModel, PrandtlIshlinskii
 from twin.identification import identify
-from twin.identification.nuisances import Log, Nuisances, fit_nuisances, records_of, tells_delay
+from twin.identification.nuisances import Log, Nuisances, determines_delay, fit_nuisances, records_of
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -69,9 +69,9 @@ def _errors_of(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int) 
 
 
 def _error(model: HysteresisModel, log: Log, offset_deg: float, delay_s: float, step: float) -> Array | None:
-    """Return the error of a model along a whole log (N,) [rad]; None where it diverges."""
-    whole = dataclasses.replace(log, pieces=((0, len(log.pull_mm)),))
-    ((pull, bend),) = records_of([whole], Nuisances((offset_deg,), delay_s), step)
+    """Return the error of a model along a complete log (N,) [rad]; None where it diverges."""
+    complete = dataclasses.replace(log, pieces=((0, len(log.record.time)),))
+    ((pull, bend),) = records_of([complete], Nuisances((offset_deg,), delay_s), step)
     with np.errstate(over="ignore", invalid="ignore"):
         error: Array = np.radians(model.response(pull, bend[0]) - bend)
     return error if np.isfinite(error).all() else None
@@ -90,11 +90,14 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
         zero = _middle([bend[loop.fitted] for loop, _, bend in pairs if bend.size])
     return [
         Log(
-            (pull - middle) * 1e3,
-            np.degrees(bend - zero),
+            Record(
+                np.arange(len(pull), dtype=float) * loop.sample_time,
+                (pull - middle) * 1e3,
+                measured_deg=np.degrees(bend - zero),
+            ),
             _runs(loop.fitted),
             has_offset=loop.offset and centred,
-            has_delay=loop.timed and tells_delay(pull * 1e3),
+            has_delay=loop.timed and determines_delay(pull * 1e3),
         )
         if bend.size
         else None

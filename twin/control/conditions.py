@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.estimation.deployment import Deployment, prepare_deployment
 from twin.files.bounded import sha256_of
 from twin.files.bounds import check_between
-from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.models import identify_coleman_hodgdon
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges

@@ -25,7 +25,7 @@ from twin.estimation.tuning import AM_TUNED, tune_active_model
 from twin.files.bounds import SAMPLE_TIMES, check_between
 from twin.files.shown import shown
 from twin.gate.trial import PairedTrial, joined_cases, run_trials
-from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.models import identify_coleman_hodgdon
 from twin.preset.preset import Preset, check_sample_time
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.episode import Record, without_holes
 from twin.gate.check import TWIN, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial
-from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
+from twin.identification.models import identify_coleman_hodgdon
 from twin.reduced import simulate_batch
 
 Array = NDArray[np.float64]

@@ -57,17 +57,7 @@ class BoucWen:
     def step(
         self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
     ) -> tuple[Array, Array]:
-        """Return the bending angle one sample later (backward Euler).
-
-        Args:
-            bend_deg: (...,) angle at the previous sample [deg].
-            memory: none, handed on.
-            pull_mm: (...,) pulling distance at this sample [mm].
-            previous_pull_mm: (...,) pulling distance at the previous sample [mm].
-
-        Returns:
-            (...,) angle at this sample [deg], and the memory.
-        """
+        """Return angle (...,) [deg] and memory one sample later (backward Euler); see `HysteresisModel`."""
         previous = np.asarray(previous_pull_mm, dtype=float)
         increment = np.asarray(pull_mm, dtype=float) - previous
         w = self._internal(bend_deg, previous)
@@ -113,11 +103,7 @@ class BoucWen:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "BoucWen":
-        """Return the model with these parameters.
-
-        Raises:
-            ValueError: a parameter is missing, is no number or is out of range.
-        """
+        """Return the model with these parameters; raises `ValueError` where one is missing or wrong."""
         names = [field.name for field in dataclasses.fields(cls)]
         found = numbers(values, names)
         kappa_x, kappa_w, rho, sigma, n = found

@@ -43,17 +43,7 @@ class ColemanHodgdon:
     def step(
         self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
     ) -> tuple[Array, Array]:
-        """Return the bending angle one sample later (eq. 4 without the error f; explicit Euler).
-
-        Args:
-            bend_deg: (...,) angle at the previous sample [deg].
-            memory: none, handed on.
-            pull_mm: (...,) pulling distance at this sample [mm].
-            previous_pull_mm: (...,) pulling distance at the previous sample [mm].
-
-        Returns:
-            (...,) angle at this sample [deg], and the memory.
-        """
+        """Return the angle (...,) [deg] and memory one sample later (eq. 4 without f; explicit Euler)."""
         pull = np.asarray(pull_mm, dtype=float)
         increment = pull - np.asarray(previous_pull_mm, dtype=float)
         a, b, c = np.asarray(self.a_per_mm), np.asarray(self.b_deg_per_mm), np.asarray(self.c_deg_per_mm)
@@ -109,11 +99,7 @@ class ColemanHodgdon:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "ColemanHodgdon":
-        """Return the model with these parameters.
-
-        Raises:
-            ValueError: a parameter is missing, is no number or is out of range.
-        """
+        """Return the model with these parameters; raises `ValueError` where one is missing or wrong."""
         names = [field.name for field in dataclasses.fields(cls)]
         found = numbers(values, names)
         a, b, _ = found

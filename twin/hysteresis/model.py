@@ -72,11 +72,7 @@ def model_to_dict(model: HysteresisModel) -> dict[str, Any]:
 
 
 def model_from_dict(values: Mapping[str, Any]) -> HysteresisModel:
-    """Return the model that `model_to_dict` described.
-
-    Raises:
-        ValueError: there is no name, no model of that name, or a parameter is missing or out of range.
-    """
+    """Return the model that `model_to_dict` described; raises `ValueError` where there is none."""
     name = values.get("model") if isinstance(values, Mapping) else None
     if not isinstance(name, str) or name not in MODELS:
         raise InputError(f"holds the model {shown(name)}; valid: {', '.join(MODELS)}")
@@ -106,13 +102,7 @@ class IdentifiedModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of the file."""
-        return {
-            **model_to_dict(self.model),
-            "rmse_deg": self.rmse_deg,
-            "optimizer": self.optimizer,
-            "seed": self.seed,
-            "source": self.source,
-        }
+        return {**model_to_dict(self.model), **{k: v for k, v in vars(self).items() if k != "model"}}
 
 
 def load_model(path: Path) -> HysteresisModel:

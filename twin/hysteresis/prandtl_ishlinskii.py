@@ -47,17 +47,7 @@ class PrandtlIshlinskii:
     def step(
         self, bend_deg: Array, memory: Array, pull_mm: ArrayLike, previous_pull_mm: ArrayLike
     ) -> tuple[Array, Array]:
-        """Return the bending angle and the plays one sample later.
-
-        Args:
-            bend_deg: (..., B) angle at the previous sample [deg].
-            memory: (m, B) plays at the previous sample [mm].
-            pull_mm: (B,) pulling distance at this sample [mm].
-            previous_pull_mm: not used, the plays know it.
-
-        Returns:
-            (..., B) angle [deg] and (m, B) plays [mm] at this sample.
-        """
+        """Return angle (..., B) [deg] and plays (m, B) [mm] one sample later; without the previous pull."""
         plays = moved(memory, np.asarray(pull_mm, dtype=float), self.thresholds_mm)
         return bend_deg + np.tensordot(self.weights_deg_per_mm, plays - memory, axes=1), plays
 
@@ -85,11 +75,7 @@ class PrandtlIshlinskii:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "PrandtlIshlinskii":
-        """Return the model with these parameters.
-
-        Raises:
-            ValueError: a parameter is missing, is no list of numbers or is out of range.
-        """
+        """Return the model with these parameters; raises `ValueError` where one is missing or wrong."""
         weights, thresholds = (series(values, field.name) for field in dataclasses.fields(cls))
         if len(weights) != len(thresholds) or min(*weights, *thresholds) < 0:
             raise InputError(

@@ -12,11 +12,7 @@ MOST_ENTRIES = 1000
 
 
 def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
-    """Return the named values, each a single number.
-
-    Raises:
-        ValueError: one is missing or is no number; the message lists all that are needed.
-    """
+    """Return the named values, each a single number; raises `ValueError` for another or a missing one."""
     found = [values.get(name) for name in names]
     for name, value in zip(names, found, strict=True):
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -28,11 +24,7 @@ def numbers(values: dict[str, Any], names: Sequence[str]) -> list[float]:
 
 
 def series(values: dict[str, Any], name: str) -> tuple[float, ...]:
-    """Return a named list of finite numbers.
-
-    Raises:
-        ValueError: it is missing, is no list, is empty, or holds something else.
-    """
+    """Return a named list of finite numbers; raises `ValueError` for anything else."""
     found = values.get(name)
     if not isinstance(found, list | tuple) or not found:
         raise InputError(f"{name} is {shown(found)}: must be a list of numbers")

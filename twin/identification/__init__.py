@@ -1,14 +1,16 @@
-"""Identification of hysteresis models from records: arrays in, a fitted model out; one file per model."""
+"""Identification of hysteresis models from records: arrays in, a fitted model out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
-from twin.identification.bouc_wen import identify_bouc_wen
-from twin.identification.coleman_hodgdon import identify_coleman_hodgdon
-from twin.identification.error import NEVER_REVERSES, Records, mean_square_error
-from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
+from twin.identification.models import (
+    identify_bouc_wen,
+    identify_coleman_hodgdon,
+    identify_prandtl_ishlinskii,
+)
+from twin.identification.search import NEVER_REVERSES, OnGeneration, Records, mean_square_error
 
 __all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
 
@@ -36,7 +38,7 @@ def identify(
     thresholds_mm: Sequence[float] = (),
     population: int = 80,
     generations: int = 150,
-    on_generation: Callable[[int, float], None] | None = None,
+    on_generation: OnGeneration | None = None,
 ) -> tuple[HysteresisModel, float]:
     """Fit a hysteresis model to all records.
 
@@ -57,27 +59,13 @@ def identify(
         ValueError: there is no such model or it has no such option; there is no record, a command does not
             move or never reverses, or a value is not finite.
     """
-    check_options(
-        name,
-        monotone=monotone,
-        thresholds_mm=thresholds_mm,
-        population=population,
-        generations=generations,
-    )
+    size: dict[str, int] = {"population": population, "generations": generations}
+    check_options(name, monotone=monotone, thresholds_mm=thresholds_mm, **size)
     if name == PrandtlIshlinskii.name:
         return identify_prandtl_ishlinskii(records, thresholds_mm=thresholds_mm)
     if name == BoucWen.name:
-        return identify_bouc_wen(
-            records, seed, population=population, generations=generations, on_generation=on_generation
-        )
-    return identify_coleman_hodgdon(
-        records,
-        seed,
-        monotone=monotone,
-        population=population,
-        generations=generations,
-        on_generation=on_generation,
-    )
+        return identify_bouc_wen(records, seed, **size, on_generation=on_generation)
+    return identify_coleman_hodgdon(records, seed, monotone=monotone, **size, on_generation=on_generation)
 
 
 def check_options(
@@ -88,11 +76,7 @@ def check_options(
     population: int = 80,
     generations: int = 150,
 ) -> None:
-    """Check that the model is one of `MODELS` and has the options given, within their bounds.
-
-    Raises:
-        ValueError: it is or has not.
-    """
+    """Check that the model is one of `MODELS` and has the given options, within their bounds."""
     if name not in MODELS:
         raise InputError(f"unknown model {name!r}; valid: {', '.join(MODELS)}")
     if monotone and name != ColemanHodgdon.name:

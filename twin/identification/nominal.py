@@ -1,8 +1,12 @@
-"""The endoscope as its preset is, along a few commands: what a model of it is identified on."""
+"""A model of the endoscope of a preset: records along a few commands, and parameters from single steps."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.streams import SeedUse, random_stream
@@ -15,17 +19,10 @@ _SECONDS = 60.0
 def nominal_records(
     preset: Preset, stroke_mm: tuple[float, float], seed: int, sample_time: float, stride: int
 ) -> list[tuple[Array, Array]]:
-    """Return `(pull_mm, bend_deg)` of a record of each kind of signal on a stroke [mm].
+    """Return `(pull_mm, truth_deg)` of a record of each kind of signal on a stroke [mm].
 
-    Args:
-        preset: the endoscope.
-        stroke_mm: lowest and highest pull [mm].
-        seed: of the commands.
-        sample_time: of the simulation [s].
-        stride: samples from one that is returned to the next.
-
-    Raises:
-        FloatingPointError: the endoscope found no equilibrium.
+    `sample_time` [s] is that of the simulation, of which every `stride`-th sample is returned. Raises
+    `FloatingPointError` where the endoscope found no equilibrium.
     """
     low, high = stroke_mm
     records = []
@@ -35,3 +32,22 @@ def nominal_records(
         bend_deg = simulate(preset, pull, sample_time, physics="reduced").truth_deg
         records.append((pull[::stride] * 1e3, bend_deg[::stride]))
     return records
+
+
+def identify_steps(records: Sequence[tuple[Array, Array]]) -> ColemanHodgdon:
+    """Return the model of least square error of one-step predictions on `(pull_mm, truth_deg)` records.
+
+    A step is linear in a, a b and c, so that no search is needed (the equation-error method; Ljung 1999). A
+    filter predicts by it. Noise on the angle would bias it. Raises `ValueError` where a or b would not be
+    positive.
+    """
+    rows, changes = [], []
+    for pull, bend in records:
+        increment = np.diff(pull)
+        travel = np.abs(increment)
+        rows.append(np.stack([-travel * bend[:-1], travel * pull[1:], increment], axis=1))
+        changes.append(np.diff(bend))
+    (a, ab, c), *_ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(changes), rcond=None)
+    if not (a > 0 and ab > 0):
+        raise InputError(f"steps of these records give a = {a:.3g}, a b = {ab:.3g}: both must be positive")
+    return ColemanHodgdon(float(a), float(ab / a), float(c))

@@ -1,9 +1,9 @@
-"""Nuisances of measured logs, fitted beside a model: the zero of each angle, and a delay of the command.
+"""Nuisances of measured logs, fitted with a model: the zero of each angle, and a delay of the command.
 
 A sensor is set to zero at some pose, and a controller acts some time after its command was logged. Neither is
-hysteresis, and neither becomes part of the model, but a model that is fitted without them bends to explain
-them. The genetic algorithm finds the basin as ever; from there the model and its nuisances go to its bottom
-together by least squares (Branch, Coleman and Li 1999, in scipy).
+hysteresis, and neither becomes part of the model, but a model that is fitted without them is biased by them.
+From the basin that the genetic algorithm has found, model and nuisances go to its bottom together by least
+squares (Branch, Coleman and Li 1999, in scipy).
 """
 
 import dataclasses
@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
 
+from twin.episode import Record
 from twin.errors import InputError
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, HysteresisModel, PrandtlIshlinskii
-from twin.identification import bouc_wen, coleman_hodgdon
-from twin.identification.error import Records, Stack
-from twin.identification.prandtl_ishlinskii import identify_prandtl_ishlinskii
+from twin.identification import models
+from twin.identification.search import Records, Stack
 
 Array = NDArray[np.float64]
 
@@ -26,11 +26,11 @@ LARGEST_DELAY_S = 0.5
 LARGEST_OFFSET_DEG = 180.0
 """Magnitude of the largest offset of an angle [deg]."""
 LEAST_SPREAD = 0.25
-"""Standard deviation of a command's speed, over its mean, that tells a delay; a sine has 0.48."""
+"""Standard deviation of a command's speed, over its mean, that determines a delay; a sine has 0.48."""
 FIRST_DELAYS_S = (0.0, 0.1, 0.3)
 """Delays that the fit begins from: its error has a kink at each sample time."""
 FIRST_STEPS, MOST_STEPS = 6, 60
-"""Largest number of steps of least squares from each of them, and from the best of what these reach."""
+"""Largest number of steps of least squares from each of them, and from the best result."""
 
 _OFFSET_SCALE_DEG = 10.0  # variables of the fit are of the order of one
 _DELAY_SCALE_S = 0.1
@@ -40,18 +40,16 @@ _LARGEST_ERROR_DEG = 1e6  # of a response that diverges
 
 @dataclasses.dataclass(frozen=True)
 class Log:
-    """Record to identify from, in pieces without missing measurements.
+    """A record at even samples, its pieces without missing measurements, and the nuisances that it has.
 
     Attributes:
-        pull_mm: (N,) pulling distance at even samples [mm].
-        bend_deg: (N,) measured angle [deg].
-        pieces: first sample of each piece and the one after its last; the angle is known throughout.
+        record: of the measured angle.
+        pieces: first sample of each piece and the one after its last.
         has_offset: whether its angle has a zero of its own.
         has_delay: whether its command acts later than it was logged.
     """
 
-    pull_mm: Array
-    bend_deg: Array
+    record: Record
     pieces: tuple[tuple[int, int], ...]
     has_offset: bool = False
     has_delay: bool = False
@@ -71,14 +69,16 @@ class Nuisances:
 
 
 def records_of(logs: Sequence[Log], nuisances: Nuisances, sample_time: float) -> Records:
-    """Return command and angle of each piece of each log, freed of nuisances."""
+    """Return command and angle of each piece of each log, without nuisances."""
     records = []
     for log, offset in zip(logs, nuisances.offsets_deg, strict=True):
-        pull = log.pull_mm
+        pull = log.record.pull_mm
         if log.has_delay and nuisances.delay_s:
             place = np.arange(len(pull), dtype=float)
             pull = np.interp(place - nuisances.delay_s / sample_time, place, pull)
-        records += [(pull[begin:end], log.bend_deg[begin:end] - offset) for begin, end in log.pieces]
+        records += [
+            (pull[begin:end], log.record.measured_deg[begin:end] - offset) for begin, end in log.pieces
+        ]
     return records
 
 
@@ -96,8 +96,8 @@ def error_of(model: HysteresisModel, logs: Sequence[Log], nuisances: Nuisances, 
     return bounded
 
 
-def tells_delay(pull_mm: Array) -> bool:
-    """Return True if a command (N,) [mm] tells a delay from hysteresis: it must move at more than one speed.
+def determines_delay(pull_mm: Array) -> bool:
+    """Return whether a command (N,) [mm] separates delay and hysteresis: it must have more than one speed.
 
     At a single speed, as of a triangle, a delay is a play of the width that the command covers in it.
     """
@@ -116,9 +116,6 @@ def rmse_from(
     """Return the RMSE of a model's prediction of the samples of each log from a first one on [deg].
 
     The response begins at the first sample of each piece, which may be before.
-
-    Raises:
-        ValueError: there is no such sample.
     """
     scored = np.concatenate(
         [
@@ -146,23 +143,23 @@ def fit_nuisances(
     A Prandtl-Ishlinskii model has no zero of the angle, only increments: its logs get no offset.
 
     Args:
-        model: as it was identified without nuisances.
-        logs: what it was identified from.
+        model: identified without nuisances.
+        logs: that it was identified from.
         sample_time: time between two samples [s].
         monotone: a Coleman-Hodgdon model is constrained to c >= b / 2.
         thresholds_mm: of a Prandtl-Ishlinskii model, if given.
 
     Returns:
-        The model, its RMSE over all samples freed of nuisances [deg], and these.
+        The model, its RMSE over all samples without nuisances [deg], and the nuisances.
     """
     if isinstance(model, PrandtlIshlinskii):
         return _fit_delay(logs, sample_time, thresholds_mm)
     if isinstance(model, BoucWen):
-        return _fit_together(bouc_wen.model_at, bouc_wen.point_of(model), logs, sample_time)
+        return _fit_together(models.bouc_wen_at, models.bouc_wen_point(model), logs, sample_time)
     if not isinstance(model, ColemanHodgdon):
-        raise InputError(f"{model.name}: nuisances are fitted beside {', '.join(MODELS)} only")
-    start = coleman_hodgdon.point_of(model, monotone)
-    return _fit_together(lambda unit: coleman_hodgdon.model_at(unit, monotone), start, logs, sample_time)
+        raise InputError(f"{model.name}: nuisances are fitted with {', '.join(MODELS)} only")
+    start = models.coleman_hodgdon_point(model, monotone)
+    return _fit_together(lambda unit: models.coleman_hodgdon_at(unit, monotone), start, logs, sample_time)
 
 
 def _fit_together(
@@ -213,10 +210,7 @@ def _fit_together(
         begun.append(descend(first, FIRST_STEPS))
     best = descend(min(begun, key=lambda result: result.cost).x, MOST_STEPS)
     rmse = float(np.sqrt(np.mean(errors(best.x) ** 2)))
-    fitted = model_at(best.x[:count])
-    names = [field.name for field in dataclasses.fields(fitted)]
-    model = type(fitted)(*(float(np.asarray(getattr(fitted, name))) for name in names))
-    return model, rmse, nuisances_at(best.x)
+    return models.with_floats(model_at(best.x[:count])), rmse, nuisances_at(best.x)
 
 
 def _fit_delay(
@@ -227,7 +221,7 @@ def _fit_delay(
 
     def fit(delay: float) -> tuple[PrandtlIshlinskii, float]:
         records = records_of(logs, dataclasses.replace(none, delay_s=delay), sample_time)
-        return identify_prandtl_ishlinskii(records, thresholds_mm=thresholds_mm)
+        return models.identify_prandtl_ishlinskii(records, thresholds_mm=thresholds_mm)
 
     if not any(log.has_delay for log in logs):
         return *fit(0.0), none
