@@ -98,55 +98,16 @@ def pickles(root: Path, *, every: bool) -> Iterator[Case]:
 
 
 NUMBERS = (
-    "-1",
-    "0",
-    "nan",
-    "inf",
-    "1e400",
-    "1000000000",
-    "9" * 5000,
-    "-1e18",
-    "0.5",
-    "0x10",
-    "1_0",
-    "\u0661",
-)
+    "-1", "0", "nan", "inf", "1e400", "1000000000", "9" * 5000, "-1e18", "0.5", "0x10", "1_0", "\u0661",
+)  # fmt: skip
 WORDS = (
-    "",
-    " ",
-    "x" * 5000,
-    "two\nlines",
-    "a\rb\x1b[31mred",
-    "--out",
-    "-",
-    "--",
-    "\udcff",
-    "null",
-    "=",
-    "a=b",
-)
+    "", " ", "x" * 5000, "two\nlines", "a\rb\x1b[31mred", "--out", "-", "--", "\udcff", "null", "=", "a=b",
+)  # fmt: skip
 PATHS = (
-    ".",
-    "..",
-    "../outside",
-    "../outside/precious.txt",
-    "log.csv/inside",
-    "data",
-    "data/train/dataset.json",
-    "small.yaml",
-    "x" * 300,
-    "x/" * 200 + "x",
-    "two\nlines.yaml",
-    "no/such/folder",
-    "/proc/none",
-    "/dev/full",
-    "/dev/null",
-    "coleman_hodgdon.json",
-    "runs/ram/policy.onnx",
-    "missing.yaml",
-    "~",
-    "*",
-)
+    ".", "..", "../outside", "../outside/precious.txt", "log.csv/inside", "data", "data/train/dataset.json",
+    "small.yaml", "x" * 300, "x/" * 200 + "x", "two\nlines.yaml", "no/such/folder", "/proc/none", "/dev/full",
+    "/dev/null", "coleman_hodgdon.json", "runs/ram/policy.onnx", "missing.yaml", "~", "*",
+)  # fmt: skip
 SKIPPED = {"dask", "live", "live-port", "json", "help"}
 """Options that wait for another machine or for a viewer, or that are no value."""
 
