@@ -56,7 +56,7 @@ class Import:
     name: str | None = None
     """Name of the MCAP file without its ending; that of the CSV file if not given."""
     seed: int = 0
-    """Nothing is drawn by chance; here for uniformity."""
+    """Ignored."""
     json: bool = False
     """Print the summary as one JSON object."""
 

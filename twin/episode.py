@@ -49,9 +49,9 @@ class Episode:
         wire_tension: (N, wires, elements + 1) tension in each length of wire, pulley to tip [N].
         sheath_friction: (N, wires, elements) largest friction force that each element of the sheath can
             exert [N].
-        pulley: (N,) distance that the pulley has really pulled, behind servo and backlash [m]; may be empty.
+        pulley: (N,) distance that the pulley has really pulled, after servo and backlash [m]; may be empty.
         sheath_bend: (N,) angle that the sheath is bent by [rad]; may be empty.
-        wire_slack: (N, wires, elements + 1) how much longer each length of wire is than its way [m], pulley
+        wire_slack: (N, wires, elements + 1) how much longer each length of wire is than its path [m], pulley
             to tip; zero where it is taut; may be empty.
         lateral_pull: (N,) commanded pulling distance of wire c against d [m]; empty with one bending plane.
         lateral_bend: (N,) true bending angle of the tip, in the plane of wires c and d [rad]; empty with one

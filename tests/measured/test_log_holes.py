@@ -92,7 +92,7 @@ FIELD = st.floats(-300, 300, width=16).map(str)
 HOLED = st.one_of(FIELD, FIELD, FIELD, FIELD, st.sampled_from(["", "nan", "NA", " "]))
 
 
-@settings(max_examples=300)
+@settings(max_examples=80, deadline=None)
 @given(data=st.data())
 def test_no_hole_of_a_log_becomes_a_hole_of_the_record(tmp_path_factory, data):
     time = data.draw(TIMES)

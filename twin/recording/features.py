@@ -119,7 +119,7 @@ FEATURES = (
         "wire_slack_mm",
         "/truth",
         "wire_slack_*_mm",
-        "how much longer each length of each wire is than its way, pulley to tip",
+        "how much longer each length of each wire is than its path, pulley to tip",
         lambda e: e.wire_slack * 1e3,
     ),
     Feature(

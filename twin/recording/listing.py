@@ -1,4 +1,4 @@
-"""Facts that a `dataset.json` states of each file and of all files, whoever writes it."""
+"""Facts that a `dataset.json` states of each file and of all files together."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -444,7 +444,7 @@ def recover_episode(path: str | Path) -> Recovered:
     """Read the samples before the first fault of a file; of a file without fault, the same as `read_episode`.
 
     A sample is whole if all topics of the episode have it; `/measurement` may be missing, as where a sensor
-    saw nothing. `mcap recover` of the MCAP command line tool may save more behind a damaged chunk.
+    saw nothing. `mcap recover` of the MCAP command line tool may save more after a damaged chunk.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -131,7 +131,7 @@ def write_episode(path: str | Path, episode: Episode) -> Path:
 
     Raises:
         FileNotFoundError: the folder does not exist.
-        ValueError: the episode does not fit the format (see `EpisodeWriter.write`); nothing is left behind.
+        ValueError: the episode does not fit the format (see `EpisodeWriter.write`); nothing is left over.
     """
     with EpisodeWriter(path) as writer:
         writer.write(episode)
