@@ -13,11 +13,12 @@ SMOOTH = SMALL.replace(
 HALF_TURN = np.sin(np.pi / 2 * np.minimum(np.arange(300) * 0.02 / 4, 1))
 
 
-@pytest.mark.parametrize("physics", ["mujoco", "reduced"])
 @pytest.mark.parametrize(
-    "preset",
-    [SMOOTH, SMOOTH.replace(section_stiffness=0.02, section_stiffening=0.002, pretension=10.0)],
-    ids=["stiff", "soft and wound up"],
+    ("preset", "physics"),
+    [
+        (SMOOTH, "mujoco"),
+        (SMOOTH.replace(section_stiffness=0.02, section_stiffening=0.002, pretension=10.0), "reduced"),
+    ],
 )
 def test_farthest_pull_bends_by_two_turns_without_friction(preset, physics):
     record = simulate(preset, farthest_pull(preset) * HALF_TURN, 0.02, physics=physics)
@@ -37,5 +38,5 @@ def test_a_stroke_beyond_one_turn_of_the_wire_is_simulated_and_a_wrong_unit_refu
         changed(strokes_mm=((0.0, 1.001e3 * farthest_pull(SMALL)),)).check()
 
 
-def test_no_endoscope_is_pulled_farther_than_a_log_may_tell():
+def test_no_endoscope_is_pulled_farther_than_a_log_may_be():
     assert farthest_pull(SMALL.replace(section_stiffness=1e3)) == pytest.approx(0.2)

@@ -1,14 +1,14 @@
 """Recipes: which conditions each episode gets, what it depends on, and every digit comes back from a file."""
 
-import dataclasses
 import hashlib
 import itertools
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_dataset import RECIPE, SMALL, changed
+from small_dataset import RECIPE, SMALL, TWO_PLANES, changed, make
 
 from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode, to_yaml
 from twin.dataset.recipe_file import parse_recipe, resolve
@@ -52,20 +52,25 @@ def recipes(draw: st.DrawFn) -> Recipe:
         "joint_friction": draw(st.floats(0, 1e-3)),
         "gravity_z": draw(st.floats(-100, 100)),
     }
+    given = draw(st.none() | st.lists(st.floats(-8e-3, 8e-3), min_size=2, max_size=30).map(tuple))
+    sample_time = draw(st.integers(1, 5)) * 0.01
     name = draw(st.text(PRINTABLE, min_size=1, max_size=120))
     ranges = st.builds(Ranges, st.tuples(st.tuples(st.just("pretension"), st.floats(0, 3), st.floats(4, 9))))
     return Recipe(
         preset=SMALL.replace(name=name, bending_planes=planes, **numbers),
-        strokes_mm=draw(st.lists(rising(pulls_mm), min_size=1, max_size=3).map(tuple)),
+        strokes_mm=((round(min(given) * 1e3, 9), round(max(given) * 1e3, 9)),)
+        if given
+        else draw(st.lists(rising(pulls_mm), min_size=1, max_size=3).map(tuple)),
         lateral_stroke_mm=draw(st.none() | rising(pulls_mm)) if planes == 2 else None,
         sheath_bends_deg=draw(st.lists(st.tuples(angles, angles), max_size=3).map(tuple)),
         ranges=draw(st.none() | ranges),
-        seconds=draw(st.floats(0.5, 2) | st.integers(1, 2)),
-        sample_time_s=draw(st.integers(1, 5)) * 0.01,
+        seconds=len(given) * sample_time if given else draw(st.floats(0.5, 2) | st.integers(1, 2)),
+        sample_time_s=sample_time,
         signals=draw(st.lists(st.sampled_from(list(SIGNALS)), min_size=1).map(tuple)),
         sensor_variance_deg2=draw(st.floats(0, 1e6) | st.integers(0, 9)),
         camera=draw(st.none() | st.builds(Camera, st.floats(0.01, 1000), st.integers(40, 640).map(_twice))),
         episodes=draw(st.integers(1, 6000)),
+        given_pull_m=given,
         seeds=draw(st.lists(st.integers(0, 2**70), min_size=1, max_size=3, unique=True).map(tuple)),
     )
 
@@ -81,49 +86,18 @@ def test_recipe_comes_back_from_its_file_with_every_digit(recipe):
     assert of_each_episode.__wrapped__(again) == of_each_episode.__wrapped__(recipe)  # not from the cache
 
 
-@given(st.lists(st.floats(-8e-3, 8e-3), min_size=2, max_size=30), st.integers(1, 5))
-def test_given_command_comes_back_with_every_digit(pull, periods):
-    values = {"preset": SMALL.to_dict(), "given_pull_m": pull, "sample_time_s": 0.01 * periods}
-    recipe = resolve(values, HERE)
-    assert recipe.given_pull_m == tuple(pull)
-    again = resolve(parse_recipe(to_yaml(recipe)), HERE)
-    assert again == recipe
-    assert of_each_episode.__wrapped__(again) == of_each_episode.__wrapped__(recipe)
-
-
-def test_whole_numbers_make_the_recipe_that_they_are_as_decimals():
-    whole = Recipe(SMALL, ((-1, 1),), sheath_bends_deg=((0, 90),), seconds=2, sensor_variance_deg2=1)
-    decimal = Recipe(SMALL, ((-1.0, 1.0),), sheath_bends_deg=((0.0, 90.0),), seconds=2.0)
-    decimal = dataclasses.replace(decimal, sensor_variance_deg2=1.0)
-    assert to_yaml.__wrapped__(whole) == to_yaml.__wrapped__(decimal)
-
-
 def test_recipe_of_whole_numbers_is_the_same_as_of_decimals():
     whole, decimal = (changed(preset=SMALL.replace(pretension=value)) for value in (4, 4.0))
     assert of_each_episode.__wrapped__(whole) == of_each_episode.__wrapped__(decimal)
     assert SMALL.replace(bending_planes=2).to_dict()["bending_planes"] == 2
     ranges = [Ranges((("pretension", low, high),)) for low, high in ((1, 6), (1.0, 6.0))]
     cameras = [Camera(rate) for rate in (10, 10.0)]
+    strokes = [((-1, 1),), ((-1.0, 1.0),)]
     one, other = (
-        changed(ranges=range_, camera=camera) for range_, camera in zip(ranges, cameras, strict=True)
+        changed(ranges=range_, camera=camera, strokes_mm=stroke, seconds=type(stroke[0][0])(2))
+        for range_, camera, stroke in zip(ranges, cameras, strokes, strict=True)
     )
     assert to_yaml.__wrapped__(one) == to_yaml.__wrapped__(other)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"episodes": 10_001}, "episodes = 10001: must be from 1 to 10000"),
-        ({"given_pull_m": (0.0, 1e-3), "seconds": 2.0}, "2 s: the given command lasts 0.04 s"),
-        (
-            {"ranges": Ranges((("sheath_bend", 1.0, 2.0),)), "sheath_bends_deg": ((0.0, 0.0),)},
-            "sheath_bends_deg and a range of sheath_bend: choose one",
-        ),
-    ],
-)
-def test_recipe_that_contradicts_itself_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        changed(**change).check()
 
 
 def test_what_an_episode_depends_on_does_not_tell_how_many_there_are():
@@ -152,3 +126,48 @@ def test_what_an_episode_depends_on_does_not_tell_how_many_there_are():
 )
 def test_what_an_episode_depends_on_tells_everything_else(change):
     assert of_each_episode(changed(**change)) != of_each_episode(RECIPE)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"strokes_mm": ((1.0, 1.0),)}, r"stroke \[1, 1\] mm: the first must be below the second"),
+        ({"strokes_mm": ()}, "strokes_mm: none is given"),
+        ({"seconds": 0.0}, "at least two samples"),
+        ({"seconds": np.nan}, "nan s of an episode: at most 100000"),
+        ({"seconds": 9e4}, "4500000 samples of an episode: at most 1000000"),
+        ({"seconds": 1e4, "episodes": 5000}, "samples of a dataset: at most 1000000000"),
+        ({"sample_time_s": 0.015}, "whole multiple of the control period"),
+        ({"sensor_variance_deg2": -1.0}, "not negative"),
+        ({"signals": ("sinus",)}, "unknown signal 'sinus'; valid: sine"),
+        ({"episodes": 10_001}, "episodes = 10001: must be from 1 to 10000"),
+        ({"seeds": (-1,)}, "seed = -1: must be from 0"),
+        ({"seeds": (1, 2, 1)}, r"seeds = \[1, 2, 1\]: one is given twice"),
+        ({"strokes_mm": ((0.0, np.nan),)}, r"stroke \[0, nan\] mm: this endoscope is pulled by at most"),
+        ({"strokes_mm": ((0.0, 90.0),)}, r"stroke \[0, 90\] mm: this endoscope is pulled by at most 76\.5"),
+        ({"lateral_stroke_mm": (0.0, 1.0)}, "'small' has one bending plane, it needs two"),
+        ({"preset": TWO_PLANES, "lateral_stroke_mm": (-90.0, 0.0)}, r"stroke \[-90, 0\] mm: this endoscope"),
+        ({"sheath_bends_deg": ((0.0, -6.0),)}, r"bend of the sheath -6 deg: must be from 0 to 1440 deg"),
+        ({"camera": Camera(width=81)}, "81 x 240 pixels: must be even"),
+        ({"given_pull_m": (0.0, 1e-3), "seconds": 2.0}, "2 s: the given command lasts 0.04 s"),
+        (
+            {"ranges": Ranges((("sheath_bend", 1.0, 2.0),)), "sheath_bends_deg": ((0.0, 0.0),)},
+            "sheath_bends_deg and a range of sheath_bend: choose one",
+        ),
+    ],
+)
+def test_recipe_that_cannot_be_made_is_refused_before_any_work_in_one_line(tmp_path, change, message):
+    with pytest.raises(ValueError, match=rf"^[^\n]*{message}[^\n]*$"):
+        make(tmp_path / "data", changed(**change))
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize(("episodes", "met"), [(1, 1), (3, 3), (4, None)])
+def test_episodes_that_do_not_meet_every_stroke_and_bend_are_named(episodes, met):
+    bends = ((0.0, 0.0), (90.0, 90.0))
+    recipe = changed(
+        signals=("sine",), strokes_mm=((-1.0, 1.0), (0.0, 1.0)), sheath_bends_deg=bends, episodes=episodes
+    )
+    count = f"{episodes} episode{'s' * (episodes > 1)}"
+    line = f"{count} of each seed meet only {met} of 4 pairs of stroke and bend; for all, take 4"
+    assert recipe.unmet == (line if met else None)

@@ -1,5 +1,6 @@
 """A recipe's file: what each key becomes, and what is refused, in one line with what may be."""
 
+import copy
 import dataclasses
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin.dataset.recipe import Recipe
-from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve, resolve_alone
+from twin.dataset.recipe_file import change_recipe, load_recipe, parse_recipe, resolve, resolve_alone
 from twin.measured.command import read_command
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
@@ -76,6 +77,8 @@ def test_every_key_of_the_file_is_in_the_recipe(folder):
 
 
 def test_recipe_of_no_keys_is_that_of_the_defaults():
+    given = resolved("preset: {name: mine, vertebrae: 5, pretension: 2.5}").preset
+    assert given == Preset("mine", vertebrae=5, pretension=2.5)
     for text in ("{}", "", "# nothing but a comment"):
         assert resolved(text) == Recipe(load_preset("ureteroscope"))
 
@@ -116,11 +119,6 @@ def test_columns_of_a_command_are_told_beside_its_path(folder):
         dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.0, 0.0)).check()
     with pytest.raises(ValueError, match=r"stroke \[0, 100\] mm: this endoscope"):
         dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.1) * 25).check()
-
-
-def test_preset_can_be_given_by_its_parameters():
-    given = resolved("preset: {name: mine, vertebrae: 5, pretension: 2.5}").preset
-    assert given == Preset("mine", vertebrae=5, pretension=2.5)
 
 
 def test_randomize_draws_from_the_ranges_of_the_preset(folder):
@@ -195,21 +193,15 @@ def test_wrong_recipe_is_refused_in_one_line(text, message):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("preset: none.yaml", "no preset file .*none.yaml"),
-        ("command_csv: none.csv", "no command file .*none"),
-    ],
-)
-def test_file_that_a_recipe_names_and_is_not_there_is_said(text, message):
-    with pytest.raises(FileNotFoundError, match=message):
-        resolved(text)
-
-
 def test_recipe_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no recipe .*nothing\.yaml"):
         load_recipe(tmp_path / "nothing.yaml")
+    for text, message in (
+        ("preset: none.yaml", "no preset file .*none.yaml"),
+        ("command_csv: none.csv", "no command file .*none"),
+    ):
+        with pytest.raises(FileNotFoundError, match=message):
+            resolved(text)
     contents = {"yaml": b"a: [1", "utf": b"a: \xff\xfe", "list": b"- 1"}
     for name, data in contents.items():
         path = tmp_path / f"{name}.yaml"
@@ -217,3 +209,32 @@ def test_recipe_file_that_cannot_be_read_is_named(tmp_path):
         with pytest.raises(ValueError, match=f"{name}.yaml: ") as refused:
             load_recipe(path)
         assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "changes", "changed"),
+    [
+        (
+            {"seconds": 60, "set": {"pretension": 3, "vertebrae": 6}, "seeds": [1, 2]},
+            {"seconds": 10, "set": {"pretension": 4}, "sensor": {"variance_deg2": 2}},
+            {
+                "seconds": 10,
+                "set": {"pretension": 4, "vertebrae": 6},
+                "seeds": [1, 2],
+                "sensor": {"variance_deg2": 2},
+            },
+        ),
+        ({"given_pull_m": [1.0]}, {"command_csv": "x"}, {"command_csv": "x"}),
+        ({"ranges": {"pretension": [1, 2]}}, {"randomize": True}, {"randomize": True}),
+        ({"ranges": {"a": [1, 2]}}, {"seconds": 1}, {"ranges": {"a": [1, 2]}, "seconds": 1}),
+        (
+            {"command_csv": "a.csv"},
+            {"command_csv": {"command_column": "knob_deg"}},
+            {"command_csv": {"file": "a.csv", "command_column": "knob_deg"}},
+        ),
+    ],
+)
+def test_changes_override_the_file_and_leave_the_rest(values, changes, changed):
+    before = copy.deepcopy(values)
+    assert change_recipe(values, changes) == changed
+    assert values == before
