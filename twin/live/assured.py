@@ -25,15 +25,8 @@ from twin.live.reading import UNKNOWN_DEG, Alarm, Health, Reading, Source
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is used
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is used again
 BLEND_S = 0.5  # from one to the other
-DISTRUSTED = (
-    Alarm.INNOVATION
-    | Alarm.DISAGREEMENT
-    | Alarm.RANGE
-    | Alarm.RATE
-    | Alarm.COMMAND
-    | Alarm.INTERVAL
-    | Alarm.LOST
-)
+DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE
+DISTRUSTED |= Alarm.COMMAND | Alarm.INTERVAL | Alarm.LOST
 """Alarms about the trained estimator, not about the sample."""
 _MISSING = Health.NO_MEASUREMENT | Health.IMPLAUSIBLE_MEASUREMENT | Health.OUTLIER
 # Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
@@ -72,7 +65,7 @@ class AssuredEstimator:
         initial_bend_deg: float,
         limits: StreamLimits | None = None,
     ):
-        """Prepare a stream.
+        """Prepare a stream that starts at an estimate [deg].
 
         Args:
             method: name of the trained method.
@@ -81,9 +74,6 @@ class AssuredEstimator:
             deployment: ranges of the training.
             initial_bend_deg: estimate at the first sample [deg].
             limits: beyond which a sample is refused.
-
-        Raises:
-            ValueError: the sample time or the initial estimate is not a proper number.
         """
         self.method, self.sample_time = method, fallback.sample_time
         self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
@@ -104,15 +94,9 @@ class AssuredEstimator:
         self._restarts = (0, 0)
 
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> Reading:
-        """Take in one sample and return the reading at it.
+        """Take in one sample, with NaN for what is missing, and return the reading at it.
 
-        Args:
-            time_s: its time stamp [s].
-            pull_mm: commanded pulling distance, NaN where there is none [mm].
-            measurement_deg: measured angle, NaN where there is none [deg].
-
-        Raises:
-            ValueError: one of them is not a real number; the stream is then as it was before.
+        A value that is not a real number raises `ValueError`; the stream is then as it was before.
         """
         if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
             time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
@@ -239,12 +223,8 @@ def load_runtime(
 ) -> AssuredEstimator:
     """Return the runtime of a trained file, ready for the first sample.
 
-    Args:
-        path: the file that training wrote.
-        sample_time: T [s]; that of the training, if not given. What was trained on twins runs at any.
-        noise_variance: R of the sensor [deg^2]; that of the training, if not given.
-        initial_bend_deg: estimate at the first sample [deg].
-        limits: beyond which a sample is refused.
+    The sample time T [s] and the variance R of the sensor [deg^2] are those of the training, if not given;
+    what was trained on twins runs at any T. Samples beyond the limits are refused.
 
     Raises:
         FileNotFoundError: there is no such file.

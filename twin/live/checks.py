@@ -64,8 +64,9 @@ def real_number(name: str, value: Any) -> float:
     Raises:
         ValueError: it is not a real number.
     """
-    scalar_array = type(value) is np.ndarray and value.ndim == 0 and value.dtype.kind in "fiu"
-    if not (isinstance(value, numbers.Real) or scalar_array):
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if not isinstance(value, numbers.Real):
         shown = " ".join(reprlib.repr(value).split())[:40]
         raise InputError(f"{name} = {shown}: must be a number, not {type(value).__name__[:40]}")
     try:

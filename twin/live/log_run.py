@@ -53,11 +53,7 @@ def read_logs(files: Mapping[str, Path], sample_time: float) -> list[Record]:
 
 
 def log_targets(out: Path | None, names: Sequence[str]) -> list[Path]:
-    """Return the files to write: `out` itself where it ends in .mcap, else one for each episode in it.
-
-    Raises:
-        ValueError: it has another ending, as a file of another kind would have, and is not a folder.
-    """
+    """Return the files to write: `out` itself where it ends in .mcap, else one for each episode in it."""
     if out is None:
         return []
     if out.suffix.lower() == ".mcap":
@@ -88,10 +84,6 @@ def run_log(
         sink: takes each sample, in addition to the recording; for it, episodes follow one another in time.
         facts: of the run, for the metadata of the recordings.
         on_progress: called with the samples so far and all of them.
-
-    Raises:
-        ValueError: a file has changed meanwhile, or its episode does not fit the format.
-        OSError: a target cannot be written.
     """
     errors: list[Array] = []
     steady: list[Array] = []

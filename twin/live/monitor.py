@@ -83,17 +83,9 @@ class Monitor:
     ) -> int:
         """Take in one sample and return its `Alarm`, as a number.
 
-        Args:
-            bend_deg: estimate [deg].
-            half_width_deg: half of its 95 % interval [deg].
-            fallback_deg: estimate of the fallback [deg].
-            fallback_half_width_deg: half of its interval [deg].
-            innovation_deg: of the fallback: measurement minus its prediction [deg].
-            expected: variance of that by the fallback [deg^2].
-            moved_mm: travel of the command since the previous sample [mm].
-            pull_mm: command [mm].
-            elapsed_s: time since then [s].
-            measured: whether the sample had a measurement that was accepted.
+        Known are the estimate and half of its 95 % interval [deg], the same of the fallback, its innovation
+        (measurement minus prediction) [deg] with the variance that it expected [deg^2], the command and its
+        travel since the previous sample [mm], the time since then [s], and whether the measurement was used.
         """
         alarms = 0
         if not self._low_mm <= pull_mm <= self._high_mm or moved_mm > self._speed_mm_s * elapsed_s + 1e-6:

@@ -76,8 +76,8 @@ class OnlineEstimator(Generic[State]):
             limits: beyond which a sample is refused.
         """
         self.limits = limits or StreamLimits()
-        sample_time = real_number("sample_time", sample_time)
-        initial_bend_deg = real_number("initial_bend_deg", initial_bend_deg)
+        self.sample_time = sample_time = real_number("sample_time", sample_time)
+        self.bend_deg = initial_bend_deg = real_number("initial_bend_deg", initial_bend_deg)
         if not 0 < sample_time < math.inf:
             raise InputError(f"sample time {sample_time} s: must be positive and finite")
         if not abs(initial_bend_deg) <= self.limits.bend_deg or math.isinf(initial_bend_deg):
@@ -85,19 +85,15 @@ class OnlineEstimator(Generic[State]):
                 f"initial_bend_deg = {initial_bend_deg}: must be a finite number "
                 f"from {-self.limits.bend_deg:g} to {self.limits.bend_deg:g}"
             )
-        self.estimator = estimator
-        self.sample_time = sample_time
-        self.bend_deg = initial_bend_deg
-        self.form = estimator.single()
-        self.faults = 0
+        self.estimator, self.form, self.faults = estimator, estimator.single(), 0
         self.pushed = self.ignored = self.waiting = self.steps = self.filled = self.restarts = 0
         self.state: State | None = None
         self.pull_mm = math.nan
         self._held_s = 0.0  # since the last pull
         self._gap_s = GAP_SAMPLES * sample_time
         self._wild_deg = WILD * self.limits.bend_deg
-        self._most_deg = min(self.limits.bend_deg, sys.float_info.max)
-        self._most_mm = min(self.limits.pull_mm, sys.float_info.max)
+        largest = sys.float_info.max
+        self._most_deg, self._most_mm = min(self.limits.bend_deg, largest), min(self.limits.pull_mm, largest)
         self._jump_mm, self._speed_mm_s = self.limits.pull_jump_mm, self.limits.pull_speed_mm_s
         self._refused_in_a_row = 0
         self._trusted: State | None = None  # before the latest stretch of good samples
@@ -132,15 +128,9 @@ class OnlineEstimator(Generic[State]):
         measurement along the straight line between the two pulls, as many as fit; after more than 10 s, as
         many as fit into 10 s, in larger steps. One that comes early is a sample like any other.
 
-        Args:
-            time_s: its time stamp [s].
-            pull_mm: commanded pulling distance; the last one is held if it is not finite, beyond its limit or
-                too far from the last [mm].
-            measurement_deg: measured angle, missing if it is not finite, beyond its limit or too far from the
-                last estimate [deg].
-
-        Raises:
-            ValueError: one of them is not a real number; the stream is then as it was before.
+        A pull or a measurement counts as missing if it is not finite, beyond its limit, or too far from the
+        last pull or estimate; the last pull is then held. A value that is not a real number raises
+        `ValueError`; the stream is then as it was before.
         """
         if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
             time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)

@@ -82,7 +82,7 @@ class Alarm(enum.Flag):
 
 
 class Source(enum.Enum):
-    """Source of an estimate: the trained estimator, the trusted filter, or a mean of both between them."""
+    """Source of an estimate: the trained estimator, the trusted filter, or a mean of both in between."""
 
     ADVANCED = "advanced"
     FALLBACK = "fallback"
@@ -137,11 +137,7 @@ class Sink(Protocol):
     """Consumer of samples, such as a recording or a viewer."""
 
     def add(self, sample: StreamSample, /) -> None:
-        """Take in one sample without waiting.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Take in one sample without waiting; raise `OSError` if it cannot be written."""
 
     def close(self) -> None:
         """Complete the output."""
@@ -174,12 +170,10 @@ class RunCounts:
         """Count one sample."""
         reading = sample.reading
         self.samples += 1
+        self.faulty += bool(reading.health)
         self.sources[reading.source] += 1
-        if reading.health:
-            self.faulty += 1
-            self.faults.update(flag_names(reading.health))
-        if reading.alarms:
-            self.alarms.update(flag_names(reading.alarms))
+        self.faults.update(flag_names(reading.health))
+        self.alarms.update(flag_names(reading.alarms))
 
     def close(self) -> None:
         """Do nothing: the counts stay."""
