@@ -64,13 +64,12 @@ def real_number(name: str, value: Any) -> float:
     Raises:
         ValueError: it is not a real number.
     """
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value[()]
-    if not isinstance(value, numbers.Real):
+    number = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    if not isinstance(number, numbers.Real):
         shown = " ".join(reprlib.repr(value).split())[:40]
         raise InputError(f"{name} = {shown}: must be a number, not {type(value).__name__[:40]}")
     try:
-        return float(value)
+        return float(number)
     except OverflowError:  # an integer beyond all floats
         return math.inf if value > 0 else -math.inf
 
