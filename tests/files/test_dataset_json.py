@@ -62,6 +62,9 @@ def refusal(values) -> str:
 def test_contents_come_back_from_their_file(tmp_path):
     write_contents(tmp_path, contents())
     assert to_json_values(read_contents(tmp_path)) == contents()
+    with pytest.raises(ValueError, match=r"unknown key colour.*; import the logs again into another folder"):
+        write_contents(tmp_path, contents(colour=1))
+    assert to_json_values(read_contents(tmp_path)) == contents()
 
 
 @pytest.mark.parametrize(
@@ -76,21 +79,15 @@ def test_contents_come_back_from_their_file(tmp_path):
             {"statistics": {"truth_deg": FIGURES | {"median": 1}}},
             "unknown key statistics.truth_deg.median; valid: count, max, mean, min, std",
         ),
-        ({"mujoco": "3"}, "unknown key mujoco; valid: "),
         ({"source": "simulated"}, "mujoco is missing"),
         ({"source": "guessed"}, "source = 'guessed': must be simulated, measured or benchmark"),
-        ({"source": ["measured"]}, "source = ['measured']: must be simulated, measured or benchmark"),
         ({"episodes": "1"}, "episodes = '1': must be a valid integer"),
-        ({"episodes": 1.0}, "episodes = 1.0: must be a valid integer"),
         ({"episodes": True}, "episodes = True: must be a valid integer"),
         ({"episodes": 0}, "episodes = 0: must be greater than or equal to 1"),
         ({"seconds": float("nan")}, "it holds NaN, which is no number; remove it"),
-        ({"endotwin": 1}, "endotwin = 1: must be a valid string"),
         ({"files": []}, "files = []: must have at least 1 item"),
         ({"files": [FILE, FILE]}, "files: a.mcap is there twice"),
         ({"files": [FILE | {"name": "../a.mcap"}]}, "files[0].name = '../a.mcap': must match pattern"),
-        ({"files": [FILE | {"name": ".a.mcap"}]}, "files[0].name = '.a.mcap': must match pattern"),
-        ({"files": [FILE | {"name": "a.txt"}]}, "files[0].name = 'a.txt': must match pattern"),
         ({"files": [FILE | {"sha256": "0"}]}, "files[0].sha256 = '0': must match pattern"),
         (
             {"features": {"truth_deg": FEATURE | {"shape": 3}}},
@@ -100,27 +97,6 @@ def test_contents_come_back_from_their_file(tmp_path):
 )
 def test_what_does_not_fit_is_named_with_the_rule(changes, fault):
     assert refusal(contents(**changes)).startswith(fault)
-
-
-def test_refusal_says_what_to_do():
-    assert refusal(contents(colour=1)).endswith("; import the logs again into another folder")
-    assert refusal(contents(source="simulated")).endswith("; remove it, and generate the dataset again")
-    assert "the suite makes the records again" in refusal(contents(source="benchmark"))
-    for older in ({"files": []}, {"preset": {}, "files": [], "endotwin": "0.1.0"}):
-        assert "generate the dataset again; measured logs, import again" in refusal(older)
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, "\udcff", '{"source": "measured", "source"'])
-def test_text_that_is_no_json_is_refused_in_one_line(text):
-    with pytest.raises(ValueError, match=r"it is not JSON: |it is nested too deeply") as refused:
-        parse_contents(text.encode("utf-8", "surrogateescape"))
-    assert "\n" not in str(refused.value)
-
-
-def test_what_does_not_fit_is_not_written(tmp_path):
-    with pytest.raises(ValueError, match="unknown key colour"):
-        write_contents(tmp_path, contents(colour=1))
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from twin.dataset.recipe_file import load_recipe
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.load import load_estimator, model_of
-from twin.evaluation.results import load_runs, load_tracks, save_tracks
+from twin.evaluation.results import load_runs, load_tracks
 from twin.evaluation.score import read_scores, to_rows
 from twin.files.dataset_json import read_contents
 from twin.hysteresis import PrandtlIshlinskii, load_model, model_to_dict
@@ -156,22 +156,6 @@ def test_metadata_of_an_episode_is_taken_or_refused_in_one_line(data):
     assert said.isprintable()
 
 
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({"seed": [1]}, r"metadata seed = \[1\]: must be a valid integer"),
-        ({"stroke_mm": "x"}, "metadata stroke_mm = 'x': must be a valid list"),
-        ({"preset": 5}, "metadata preset = 5: must be text"),
-        ({"preset": {"vertebrae": "x"}}, "metadata preset: vertebrae = 'x': must be a valid integer"),
-        ({"name": "a\n# b"}, "must be one line of printable characters"),
-        ({"pulley_radius": 0.0}, "must be greater than 0"),
-    ],
-)
-def test_metadata_of_the_wrong_kind_is_named(change, fault):
-    with pytest.raises(InputError, match=fault):
-        check_facts(FACTS | change)
-
-
 def policy(nodes, sizes=(1, 2), description=DESCRIPTION) -> bytes:
     """A small network in an ONNX file, of one layer and some operators behind it."""
     make, kind = onnx.helper, onnx.TensorProto.FLOAT
@@ -228,12 +212,6 @@ def test_a_description_of_a_network_is_taken_or_refused_in_one_line(folder, data
     changed = data.draw(mutated(DESCRIPTION))
     (folder / "p.onnx").write_bytes(policy([node("Tanh")], description=changed))
     refusal(load_estimator, folder / "p.onnx")
-
-
-def test_tracks_come_back(folder):
-    save_tracks(folder / "t.npz", {("gaussian", 1.0): TRACK})
-    (read,) = load_tracks(folder / "t.npz").values()
-    np.testing.assert_array_equal(read.estimates["RAM"], TRACK.estimates["RAM"])
 
 
 @pytest.mark.parametrize(

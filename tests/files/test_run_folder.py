@@ -1,10 +1,12 @@
-"""A run folder belongs to one configuration and one process; what is not the run's stays."""
+"""A run folder belongs to one configuration and one process, and counts its processor time."""
 
+import contextlib
 import os
+import time
 
 import pytest
 
-from twin.files.run_folder import claim_folder, open_run
+from twin.files.run_folder import COST_FILE, claim_folder, counted_cost, open_run, read_cost
 
 MINE = {"seed": 1}
 
@@ -66,3 +68,45 @@ def test_one_run_at_a_time(tmp_path):
         open_run(tmp_path, MINE, ()),
     ):
         pass
+
+
+def work(seconds):
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def test_processor_time_is_counted_and_waiting_is_not(tmp_path):
+    assert read_cost(tmp_path) is None
+    with counted_cost(tmp_path):
+        work(0.2)
+        time.sleep(0.5)
+    assert 0.15 <= read_cost(tmp_path) < 0.6
+
+
+def test_parts_of_a_run_that_was_stopped_add_up(tmp_path):
+    with counted_cost(tmp_path):
+        work(0.2)
+    first = read_cost(tmp_path)
+    with contextlib.suppress(KeyboardInterrupt), counted_cost(tmp_path):
+        work(0.2)
+        raise KeyboardInterrupt
+    assert read_cost(tmp_path) >= first + 0.15
+
+
+@pytest.mark.parametrize(
+    ("content", "rule"),
+    [
+        ("{}", "processor_s is missing"),
+        ('{"processor_s": -1}', "processor_s = -1: must be"),
+        ("[1]", "is not a JSON object"),
+        ('{"processor_s": 1,', "is not JSON"),
+    ],
+)
+def test_a_file_of_that_name_that_is_something_else_is_named_and_stays(tmp_path, content, rule):
+    path = tmp_path / COST_FILE
+    path.write_text(content)
+    with pytest.raises(ValueError, match=COST_FILE) as refused, counted_cost(tmp_path):
+        raise AssertionError("it was begun")
+    assert rule in str(refused.value)
+    assert path.read_text() == content

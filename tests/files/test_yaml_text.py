@@ -64,12 +64,6 @@ def test_what_is_not_plain_is_refused_with_its_line_and_at_once(text, fault):
     assert time.process_time() - begin < 5
 
 
-def test_a_billion_laughs_are_refused_before_they_are_expanded():
-    lines = ["a0: &a0 [x, x]"] + [f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]" for k in range(1, 40)]
-    with pytest.raises(InputError, match="an anchor"):
-        parse_yaml("\n".join(lines))
-
-
 @pytest.mark.parametrize(
     ("text", "value"),
     [
