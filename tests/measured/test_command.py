@@ -76,12 +76,6 @@ def test_columns_are_those_that_are_named_in_their_units(tmp_path, preset):
     assert command.lateral_pull is None
 
 
-def test_a_phase_is_played_as_slowly_as_asked_for(tmp_path, preset):
-    path = write(tmp_path / "c.csv", f"turn,pull_mm\n0,0\n{np.pi},1\n")
-    form = CommandFormat(time_column="turn", time_unit="rad", seconds_per_cycle=4.0)
-    np.testing.assert_allclose(read_command(path, preset, 0.5, form).pull, [0, 2.5e-4, 5e-4, 7.5e-4])
-
-
 @pytest.mark.parametrize(
     ("form", "message"),
     [

@@ -283,13 +283,6 @@ def test_values_of_one_time_are_averaged_column_by_column():
     np.testing.assert_allclose(average_repeats(time, values[:, 0])[1], [2, 5, 3])
 
 
-def test_a_mean_is_over_the_values_that_are_there():
-    values = np.array([[1, np.nan], [np.nan, np.nan], [4, 2]])
-    np.testing.assert_array_equal(
-        average_repeats(np.array([0.0, 0.0, 1.0]), values)[1], [[1, np.nan], [4, 2]]
-    )
-
-
 def test_a_value_may_be_missing_only_where_that_is_allowed(tmp_path):
     words = ["", "nan", "-NaN", " NA ", "n/a", "#N/A", "NULL", "None"]
     table = read_text(tmp_path, "x,y\n" + "".join(f"1,{word}\n" for word in words) + "1,\n1,2\n")

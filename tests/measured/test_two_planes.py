@@ -7,8 +7,8 @@ import pytest
 from csv_logs import steps, write
 
 from scripts.import_log import main
-from twin.measured.log import LogFormat, read_measured_log, read_windows
-from twin.recording import read_dataset, read_episode
+from twin.measured.log import LogFormat, read_measured_log
+from twin.recording import read_dataset
 
 PLANES = {"lateral_command_column": "side_deg", "lateral_angle_column": "tilt_deg"}
 LOG = steps(side_deg=[3, 1, -2, 0], tilt_deg=[1.5, 0.5, -1, -0.5])
@@ -33,16 +33,6 @@ def test_the_second_plane_is_read_in_si_units_and_comes_back_from_the_file(tmp_p
     assert read.metadata["lateral_angle_column"] == "tilt_deg"
     features = json.loads((tmp_path / "out" / "dataset.json").read_text())["features"]
     assert {"lateral_pull_mm", "lateral_bend_deg"} <= features.keys()
-
-
-def test_units_are_those_of_the_lateral_columns(tmp_path):
-    columns = steps(side_mm=[0, 1, 2, 1], tilt_rad=[0, 0.1, 0.2, 0.1])
-    form = LogFormat(lateral_command_column="side_mm", lateral_angle_column="tilt_rad")
-    episode = read_measured_log(write(tmp_path, columns), form)
-    np.testing.assert_allclose(episode.lateral_pull, [0, 1e-3, 2e-3, 1e-3])
-    np.testing.assert_allclose(episode.lateral_bend, columns["tilt_rad"])
-    assert episode.metadata["lateral_command_unit"] == "mm"
-    assert episode.metadata["pulley_radius"] == 0.01  # of the first plane
 
 
 def test_a_sample_counts_as_measured_where_both_angles_are(tmp_path):
@@ -78,13 +68,6 @@ def test_tensions_of_two_wires_are_left_out_and_that_is_told(tmp_path):
     assert said == [f"{log} has tension_a_n and tension_b_n: {rule}"]
     with pytest.raises(ValueError, match=f"{rule}: leave out `tension_a_column`"):
         read_measured_log(log, LogFormat(tension_a_column="tension_a_n", **PLANES))
-
-
-def test_windows_have_both_planes(tmp_path):
-    log = write(tmp_path, LOG | {"window": [0, 0, 1, 1]})
-    first, second = read_windows(log, "window", LogFormat(**PLANES))
-    np.testing.assert_allclose(np.degrees(first.lateral_bend), [1.5, 0.5])
-    np.testing.assert_allclose(np.degrees(second.lateral_bend), [-1, -0.5])
 
 
 @pytest.mark.parametrize(
@@ -129,11 +112,3 @@ def test_the_verb_speaks_of_its_flags_and_writes_nothing(tmp_path, capsys):
     assert main(line) == 2
     assert "give --lateral-command-column and --lateral-angle-column both" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_a_log_of_one_plane_has_no_second(tmp_path):
-    episode = read_measured_log(write(tmp_path, LOG))
-    assert len(episode.lateral_pull) == len(episode.lateral_bend) == 0
-    assert not [name for name in episode.metadata if "lateral" in name]
-    assert main([str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")]) == 0
-    assert len(read_episode(tmp_path / "out" / "log.mcap").lateral_bend) == 0

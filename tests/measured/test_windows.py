@@ -108,7 +108,7 @@ def test_windows_are_listed_and_read_as_separate_records(tmp_path):
     assert [log.metadata["window"] for log in read_dataset(folder)] == [7, 3, 5]
     records = evaluation_records([folder], 0.5)
     assert [record.name for record in records] == [path.stem for path in paths]
-    assert [record.bend_deg[0] for record in records] == pytest.approx([0, -15, 24])
+    assert [record.reference_deg[0] for record in records] == pytest.approx([0, -15, 24])
 
 
 def test_a_file_that_is_read_again_in_another_way_leaves_nothing_of_the_first(tmp_path):

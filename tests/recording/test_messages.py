@@ -20,7 +20,7 @@ from twin.episode import Episode
 from twin.recording import endotwin_pb2 as schema
 from twin.recording import read_episode, write_episode
 from twin.recording.chunks import Stream, find_layout, varint_sizes, varints
-from twin.recording.messages import SCHEMAS, decode, to_nanoseconds
+from twin.recording.messages import SCHEMAS, to_nanoseconds
 from twin.recording.scene import scene
 
 SECOND = 10**9  # [ns]
@@ -174,25 +174,6 @@ def test_file_that_another_program_wrote_message_by_message_is_read(tmp_path):
         writer.add_metadata("endotwin", {"seed": "3"})
         writer.finish()
     assert_equal(read_episode(path), episode)
-
-
-@pytest.mark.parametrize(
-    ("truth", "fault"),
-    [
-        (schema.Truth(wire_slack_a_mm=[1.0]), "wire_slack_a_mm has 1 columns, wire_slack_b_mm has 0"),
-        (schema.Truth(wire_slack_c_mm=[1.0]), "wire_slack_c_mm is recorded, but no lateral"),
-    ],
-)
-def test_slack_of_some_wires_is_named(truth, fault):
-    payloads = {"/command": [b""], "/truth": [truth.SerializeToString()], "/measurement": [b""]}
-    with pytest.raises(ValueError, match=fault):
-        decode({topic: [0] for topic in payloads}, payloads)
-
-
-def test_the_drawing_need_not_be_at_the_time_of_a_sample():
-    payloads = {"/command": [b""] * 2, "/truth": [b""] * 2, "/measurement": [b""] * 2, "/scene": [b"?"]}
-    times = {topic: [3] if topic == "/scene" else [0, 10] for topic in payloads}
-    np.testing.assert_array_equal(decode(times, payloads)["pull"], [0, 0])
 
 
 # How many messages are serialised at once

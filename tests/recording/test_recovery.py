@@ -131,7 +131,7 @@ def test_nothing_to_recover_gives_one_line(tmp_path):
 
 def test_our_own_files_lose_no_more_than_the_chunk_that_is_cut(tmp_path):
     """Their chunks hold complete samples."""
-    episode = make_episode(4000)
+    episode = make_episode(2500)
     data = write_episode(tmp_path / "a.mcap", episode).read_bytes()
     starts, chunks = offsets(data, CHUNK), messages_of_chunks(data)
     assert len(starts) >= 3

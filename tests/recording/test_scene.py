@@ -160,25 +160,6 @@ def test_wire_that_is_pulled_lies_inside_the_bend(planes, inner, outer):
     assert ends[outer] - ends[inner] == pytest.approx(chord, rel=1e-9)
 
 
-@both
-def test_viewer_keeps_every_part_in_a_frame_that_tf_moves(planes):
-    episode = posed(planes, np.zeros((2, 5)))
-    entities = scene(episode, TIME).entities
-    assert [entity.frame_id for entity in entities] == list(frames(recorded(episode)[1]))
-    assert len({entity.id for entity in entities}) == len(entities)
-    for entity in entities:
-        assert entity.frame_locked
-        assert entity.timestamp.ToNanoseconds() == TIME
-        assert entity.HasField("lifetime")
-        assert entity.lifetime.ToNanoseconds() == 0
-        for shape in [*entity.cylinders, *entity.spheres, *entity.lines]:
-            parts = np.array([shape.color.r, shape.color.g, shape.color.b])
-            assert ((parts >= 0) & (parts <= 1)).all()
-            assert shape.color.a == 1
-        for shape in entity.cylinders:
-            assert 0.5 < shape.top_scale <= shape.bottom_scale == 1
-
-
 @pytest.mark.parametrize("missing", ["section_length", "vertebrae", "wire_offset", "bending_planes"])
 def test_nothing_is_drawn_where_the_geometry_is_not_known(missing):
     episode = posed(1, np.zeros((2, 5)))

@@ -15,7 +15,6 @@ from twin.files.assets import assets_folder
 from twin.physics import simulate
 from twin.preset.file import load_preset
 from twin.recording import EpisodeWriter
-from twin.recording.camera import CAMERA_TOPIC
 from twin.recording.estimate import estimate_message, estimate_topic
 from twin.recording.messages import to_nanoseconds
 
@@ -102,11 +101,3 @@ def test_hysteresis_is_plotted_over_the_command(recorded, episode):
     (line,) = loop["paths"]
     np.testing.assert_array_equal(values(recorded, loop["xAxisPath"]["value"]), episode.pull_mm)
     np.testing.assert_array_equal(values(recorded, line["value"]), episode.truth_deg)
-
-
-def test_shown_topics_are_those_of_an_episode(recorded):
-    (view,) = [config for name, config in PANELS.items() if name.startswith("3D!")]
-    (image,) = [config for name, config in PANELS.items() if name.startswith("Image!")]
-    assert set(view["topics"]) == {"/scene", "/tf"} <= set(recorded)
-    assert all(topic["visible"] for topic in view["topics"].values())
-    assert image["imageMode"]["imageTopic"] == CAMERA_TOPIC
