@@ -1,6 +1,7 @@
 """`endotwin benchmark`: measure physics, datasets, filters and identification at full size."""
 
 import dataclasses
+import importlib.util
 import json
 import sys
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 from scripts.command import Summary, complain, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
-from twin.errors import require_extra
+from twin.errors import InputError, require_extra
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,8 +50,10 @@ class Benchmark:
 def benchmark(args: Benchmark) -> Summary:
     """Write `benchmark.json`; the exit code is 1 where a bar does not hold."""
     require_extra("sim")
-    from rl.benchmark import OF_LEARNING
-    from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
+    if importlib.util.find_spec("scripts.benchmarks") is None:
+        raise InputError("benchmarks are not in the package: run this in a checkout of the repository")
+    from scripts.benchmarks.learning import OF_LEARNING
+    from scripts.benchmarks.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
     from twin.files.atomic import MADE_BY, write_whole
 
     table_of_all = MEASUREMENTS | OF_LEARNING

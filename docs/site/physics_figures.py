@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY))
 
-from twin.benchmark.physics import PERIOD, whole
-from twin.benchmark.signals import SAMPLE_TIME, sinusoid
+from scripts.benchmarks.harness import SAMPLE_TIME, sinusoid
+from scripts.benchmarks.physics import PERIOD, whole
 from twin.files.atomic import write_whole
 from twin.physics import simulate_batch
 from twin.preset.file import load_preset

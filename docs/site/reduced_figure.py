@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY))
 
-from twin.benchmark.physics import whole
-from twin.benchmark.reduced import LEAST_RANGE, Array, T, records
+from scripts.benchmarks.physics import whole
+from scripts.benchmarks.reduced import LEAST_RANGE, Array, T, records
 from twin.files.atomic import write_whole
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset

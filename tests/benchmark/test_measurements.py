@@ -2,9 +2,9 @@
 
 import pytest
 
-from twin.benchmark import measurements
-from twin.benchmark.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
-from twin.benchmark.result import Result
+from scripts.benchmarks import measurements
+from scripts.benchmarks.harness import Result
+from scripts.benchmarks.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.benchmark import recovery
-from twin.benchmark.recovery import SPREAD, USUAL, deviations, drawn, logs_of
+from scripts.benchmarks import physics as recovery
+from scripts.benchmarks.physics import SPREAD, USUAL, deviations, drawn, logs_of
 from twin.calibration.parameters import free_parameters
 from twin.calibration.search import Fit
 from twin.calibration.uncertainty import uncertainty
@@ -25,19 +25,19 @@ def test_drawn_endoscopes_differ_in_every_parameter_by_its_spread():
 
 @pytest.fixture
 def loops(monkeypatch):
-    monkeypatch.setattr(recovery, "SECONDS", 10.0)
-    monkeypatch.setattr(recovery, "PERIOD", 5.0)
+    monkeypatch.setattr(recovery, "LOG_SECONDS", 10.0)
+    monkeypatch.setattr(recovery, "LOG_PERIOD", 5.0)
     return logs_of(BASE, 9e-3, np.random.default_rng(1))
 
 
-def test_distances_are_those_of_the_parameters_that_are_rmse_text(loops):
+def test_distances_are_those_of_the_parameters_that_are_determined(loops):
     free = free_parameters(BASE, loops, ("wire_stiffness", "initial_bend", "routing_friction"))
     residual = 0.01 * np.random.default_rng(2).standard_normal(300)
     jacobian = np.random.default_rng(3).standard_normal((300, 3)) * [
         1.0,
         1.0,
         1e-4,
-    ]  # the last is not reports
+    ]  # the last is undetermined
     found = BASE.replace(wire_stiffness=BASE.wire_stiffness * 1.01, initial_bend=0.001)
     fit = Fit(free, found, 1.0, 1.0, jacobian, residual)
     known = uncertainty(fit).deviation

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.benchmark import reduced
+from scripts.benchmarks import reduced
 from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
 from twin.simulation import simulate_batch

@@ -1,6 +1,6 @@
 """Jobs that take turns: by which clock, and what does not count."""
 
-from twin.benchmark.speed import in_turn
+from scripts.benchmarks.harness import in_turn
 
 
 def test_two_jobs_take_turns_and_the_first_turn_does_not_count():

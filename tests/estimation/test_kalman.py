@@ -9,7 +9,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.benchmark.filters import covariances, least_margin
+from scripts.benchmarks.estimation import covariances, least_margin
 from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel, RobustActiveModel
 from twin.estimation.tuning import ConstantGain

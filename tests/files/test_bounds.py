@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rl.comparison.full import FullSuite
-from twin.benchmark.measurements import Size
+from scripts.benchmarks.measurements import Size
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import check_between, check_file_name
 from twin.identification import check_options

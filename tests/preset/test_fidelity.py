@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.benchmark.fidelity import REFERENCE, SAMPLE_TIME, bends_of, errors_deg
+from scripts.benchmarks.physics import REFERENCE, SAMPLE_TIME, bends_of, errors_deg
 from twin.preset.file import load_preset
 from twin.preset.preset import FIDELITIES, Preset, at_fidelity
 from twin.signals.excitation import command

@@ -6,21 +6,8 @@ from pathlib import Path
 
 from tabulate import tabulate
 
-from twin.benchmark import (
-    datasets,
-    fidelity,
-    filters,
-    identification,
-    physics,
-    recovery,
-    reduced,
-    rendering,
-    scaling,
-    speed,
-    start,
-    stereo,
-)
-from twin.benchmark.result import Result
+from scripts.benchmarks import datasets, estimation, physics, pictures, reduced, speed
+from scripts.benchmarks.harness import Result
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.preset.file import load_preset
@@ -104,21 +91,21 @@ MEASUREMENTS: dict[str, Measurement] = {
     "speed_one_core": _short(speed.one_core),
     "speed_two_threads": _short(speed.two_threads),
     "cost_of_vertebrae": _short(speed.cost_of_vertebrae),
-    "fidelities": lambda preset, size, _: fidelity.fidelities(preset, size.amplitude),
-    "rendering": _short(rendering.pictures),
+    "fidelities": lambda preset, size, _: physics.fidelities(preset, size.amplitude),
+    "rendering": _short(pictures.pictures),
     "logging": _short(datasets.logging),
-    "identification": _short(identification.against_one_at_a_time),
-    "identification_plain": _short(identification.against_plain_numbers),
-    "cost_of_seeds": _short(scaling.cost_of_seeds),
-    "cost_of_samples": _short(scaling.cost_of_samples),
-    "start": lambda _, __, progress: start.start(progress),
+    "identification": _short(estimation.against_one_at_a_time),
+    "identification_plain": _short(estimation.against_plain_numbers),
+    "cost_of_seeds": _short(speed.cost_of_seeds),
+    "cost_of_samples": _short(speed.cost_of_samples),
+    "start": lambda _, __, progress: speed.start(progress),
     "closed_cycles": lambda preset, size, progress: physics.closed_cycles(
         preset, size.amplitude, size.cycles, progress
     ),
     "random_draws": lambda preset, size, progress: physics.random_draws(
         preset, load_ranges(size.preset), size.amplitude, size.draws, progress
     ),
-    "covariances": lambda _, size, progress: filters.covariances(size.steps, progress),
+    "covariances": lambda _, size, progress: estimation.covariances(size.steps, progress),
     "dataset": lambda preset, size, progress: datasets.dataset(
         preset, size.amplitude, size.episodes, progress
     ),
@@ -140,11 +127,11 @@ MEASUREMENTS: dict[str, Measurement] = {
         preset, load_ranges(size.preset), size.amplitude
     ),
     "reduced_start": lambda preset, _, __: reduced.start(preset),
-    "recovery": lambda preset, size, progress: recovery.recovered(
+    "recovery": lambda preset, size, progress: physics.recovered(
         preset, size.amplitude, size.known, progress
     ),
-    "stereo": lambda preset, _, progress: stereo.accuracy(preset, progress),
-    "stereo_occlusions": lambda preset, size, progress: stereo.occlusions(preset, size.frames, progress),
+    "stereo": lambda preset, _, progress: pictures.accuracy(preset, progress),
+    "stereo_occlusions": lambda preset, size, progress: pictures.occlusions(preset, size.frames, progress),
     "memory": lambda preset, size, _: datasets.memory(preset, size.amplitude, size.many_episodes),
 }
 """Each measurement by its name: a result, or several."""

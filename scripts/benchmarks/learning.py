@@ -22,13 +22,10 @@ from rl.twins.members import draw_members
 from rl.twins.noises import count_laws
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
-from twin.benchmark import runtime
-from twin.benchmark.control import control_step
-from twin.benchmark.measurements import Measurement, Size
-from twin.benchmark.result import Result
-from twin.benchmark.signals import SAMPLE_TIME, sinusoid
-from twin.benchmark.speed import in_turn
-from twin.benchmark.stream import stream
+from scripts.benchmarks import live
+from scripts.benchmarks.harness import SAMPLE_TIME, Result, in_turn, sinusoid
+from scripts.benchmarks.live import control_step, stream
+from scripts.benchmarks.measurements import Measurement, Size
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import KEY as DEPLOYMENT
 from twin.estimation.deployment import prepare_deployment
@@ -107,18 +104,20 @@ def one_command(preset: Preset, size: Size) -> dict[str, Result]:
     with tempfile.TemporaryDirectory() as folder:
         records = nominal_records(preset, TwinsTraining().stroke_mm, 1, T, 1)
         deployment = prepare_deployment(records, PAPER_MODEL, T, 1).to_dict()
-        told = {"preset": preset.to_dict(), DEPLOYMENT: deployment}
-        return control_step(_untrained_twins(preset, size, Path(folder), told), preset)
+        extra = {"preset": preset.to_dict(), DEPLOYMENT: deployment}
+        return control_step(_untrained_twins(preset, size, Path(folder), extra), preset)
 
 
-def _untrained_twins(preset: Preset, size: Size, folder: Path, told: Mapping[str, Any] | None = None) -> Path:
-    """Write a file of RAM (twins) that nothing was taught to, with what else it is to tell."""
+def _untrained_twins(
+    preset: Preset, size: Size, folder: Path, extra: Mapping[str, Any] | None = None
+) -> Path:
+    """Write an untrained file of RAM (twins), with an extra description."""
     settings = TwinsTraining()
     members = draw_members(preset, load_ranges(size.preset), settings.members, 1, moving=settings.moving)
     directions = torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]
     step = TwinsStep(directions, count_laws(settings.noises), settings.policy_width).eval()
     step.guarded = True
-    description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(told or {})}
+    description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(extra or {})}
     path = folder / ram_twins.TRAINING.file
     export_twins(step, settings.members, description, path)
     return path
@@ -140,7 +139,7 @@ def gains_on_a_linear_system() -> dict[str, Result]:
             above = decibels(estimates, bodies.place) - best
             short = spec.name.removesuffix(" (twins)")
             key = f"{short} {noise}".replace(" ", "_").lower()
-            what = f"{short} above the Kalman filter that is told R, {noise}"
+            what = f"{short} above the Kalman filter that knows R, {noise}"
             results[key] = Result(what, above, "dB", f"<= {most:g} dB", above <= most)
             if step.by_likelihood:
                 nees = float(np.mean(((estimates - bodies.place) / deviations)[10:] ** 2))
@@ -163,6 +162,6 @@ OF_LEARNING: dict[str, Measurement] = {
     "ppo": lambda *_: ppo(),
     "ram_twins_online": lambda preset, size, _: one_sample(preset, size),
     "run": lambda *_: with_policy(stream),
-    "runtime": lambda *_: with_policy(runtime.one_sample),
+    "runtime": lambda *_: with_policy(live.one_sample),
 }
-"""Each measurement by its name; those of the twin are in `twin.benchmark.measurements`."""
+"""Each measurement by its name; those of the twin are in `scripts.benchmarks.measurements`."""

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from twin.benchmark.result import Result
-from twin.benchmark.speed import in_turn
+from scripts.benchmarks.harness import Result, in_turn
 from twin.dataset.episodes import make_episodes
 from twin.dataset.files import make_files
 from twin.dataset.recipe import Recipe

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.benchmark.result import Result
-from twin.benchmark.speed import in_turn
+from scripts.benchmarks.harness import Result, in_turn
 from twin.episode import Episode
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -227,7 +226,7 @@ def _difference(mujoco: Episode | None, reduced: Episode | None) -> Array:
 
 
 def _agreement(name: str, where: str, of_all: Sequence[Array], bars: Sequence[float]) -> dict[str, Result]:
-    """Return the worst of all records as results, beside the median record."""
+    """Return the worst of all records and the median record as results."""
     results = {}
     for measure, values, bar in zip(MEASURES, np.transpose(of_all), bars, strict=True):
         results[f"{name}_{measure}"] = Result(
