@@ -145,12 +145,6 @@ def test_closed_inner_loop_leaves_no_memory(path, width, ends, future):
         assert bits(with_loop[len(path) + 3 :]) == bits(without[len(path) + 1 :])
 
 
-@given(path=PATHS, width=PLAYS)
-def test_rising_command_never_lowers_the_pulley(path, width):
-    assert (np.diff(play(sorted(path), width)) >= 0).all()
-    assert (np.diff(play(sorted(path, reverse=True), width)) <= 0).all()
-
-
 @given(width=PLAYS, beyond=st.floats(1e-4, 5e-3))
 def test_loop_has_the_area_of_the_parallelogram(width, beyond):
     amplitude = width / 2 + beyond
@@ -160,20 +154,6 @@ def test_loop_has_the_area_of_the_parallelogram(width, beyond):
     area = 0.5 * abs(np.sum(motor[:-1] * pulley[1:] - motor[1:] * pulley[:-1]))
     assert area == pytest.approx(2 * width * beyond, rel=1e-9)
     assert np.ptp(pulley) == pytest.approx(2 * beyond, rel=1e-9)
-
-
-def test_half_of_the_play_is_lost_on_the_first_move_and_all_of_it_at_a_reversal():
-    assert play([1.0, 0.9, 0.85, -1.0, -0.9, -0.7], 0.01) == pytest.approx(
-        [0.995, 0.905, 0.855, -0.995, -0.905, -0.705]
-    )
-    assert play([0.004, -0.004, 0.006, -0.003], 0.01) == pytest.approx([0.0, 0.0, 0.001, 0.001])
-
-
-@given(parameters=DRIVES, width=PLAYS, path=PATHS)
-def test_gear_follows_the_motor_that_does_not_feel_it(parameters, width, path):
-    geared, free = drive(backlash=width, **parameters), drive(**parameters)
-    motor = motor_path(free, path)[1:]
-    assert bits(geared.advance(command) for command in path) == bits(play(motor, width))
 
 
 # The servo.
@@ -186,20 +166,6 @@ def test_position_loop_is_the_analytic_first_order_lag(gain, step, periods):
     np.testing.assert_allclose(motor, expected, rtol=1e-11, atol=1e-20)
 
 
-@given(gain=GAINS, speed=SPEEDS, acceleration=ACCELERATIONS, share=st.floats(0.01, 0.99))
-def test_small_error_feels_no_limit(gain, speed, acceleration, share):
-    step = share * min(speed * PERIOD, acceleration * PERIOD**2)
-    limited = drive(servo_gain=gain, servo_speed=speed, servo_acceleration=acceleration)
-    expected = step * -np.expm1(-gain * PERIOD * np.arange(51))
-    np.testing.assert_allclose(motor_path(limited, [step] * 50), expected, rtol=1e-9)
-
-
-@given(commands=PATHS)
-def test_limits_that_do_not_bind_leave_the_command_as_it_is(commands):
-    limited = drive(servo_speed=10.0, servo_acceleration=1000.0)
-    assert bits(map(limited.advance, commands)) == bits(commands)
-
-
 @given(gain=GAINS, speed=st.floats(1e-3, 0.05))
 def test_motor_lags_behind_a_steady_pull_by_speed_over_gain(gain, speed):
     commands = speed * PERIOD * np.arange(1, 2000)
@@ -207,13 +173,6 @@ def test_motor_lags_behind_a_steady_pull_by_speed_over_gain(gain, speed):
     expected = speed * PERIOD / math.expm1(gain * PERIOD)
     assert lag[-1] == pytest.approx(expected, rel=1e-6, abs=1e-13)
     assert expected == pytest.approx(speed / gain, abs=speed * PERIOD / 2)
-
-
-@given(acceleration=st.floats(0.5, 100.0), speed=st.floats(1e-3, 0.05))
-def test_motor_lags_behind_a_steady_pull_by_the_distance_it_stops_in(acceleration, speed):
-    commands = speed * PERIOD * np.arange(1, 4000)
-    lag = commands - motor_path(drive(servo_acceleration=acceleration), commands.tolist())[1:]
-    assert lag[-1] == pytest.approx(speed**2 / (2 * acceleration), abs=speed * PERIOD)
 
 
 @given(parameters=DRIVES, path=PATHS, hold=st.integers(1, 5))
@@ -227,12 +186,6 @@ def test_speed_and_acceleration_stay_within_their_limits(parameters, path, hold)
         assert np.abs(change).max() <= parameters["servo_acceleration"] * PERIOD**2 + ROUNDING
 
 
-def test_speed_limit_alone_gives_a_straight_ramp():
-    motor = motor_path(drive(servo_speed=0.01), [1e-3] * 30)
-    np.testing.assert_allclose(motor, np.minimum(0.01 * PERIOD * np.arange(31), 1e-3), rtol=1e-12)
-    assert motor[-1] == 1e-3
-
-
 @given(acceleration=ACCELERATIONS, strides=st.integers(1, 100))
 def test_acceleration_limit_alone_gives_the_triangle_of_speed(acceleration, strides):
     change = acceleration * PERIOD**2  # up to `strides` times it and down: a sum of strides^2 of them
@@ -241,16 +194,6 @@ def test_acceleration_limit_alone_gives_the_triangle_of_speed(acceleration, stri
     expected = [*range(1, strides), *range(strides, 0, -1), 0, 0]
     np.testing.assert_allclose(speed, expected, atol=1e-6)
     assert motor[-1] == strides**2 * change
-
-
-@given(acceleration=ACCELERATIONS, speed=or_none(SPEEDS), distance=st.floats(1e-5, 5e-3))
-def test_motor_arrives_within_two_periods_of_the_shortest_time(acceleration, speed, distance):
-    parameters = {"servo_acceleration": acceleration, "servo_speed": speed}
-    arrival = np.argmax(np.isclose(settle(drive(**parameters), distance), distance, rtol=1e-12, atol=0))
-    top = math.sqrt(acceleration * distance)
-    cruise = speed if speed and speed < top else top
-    shortest = cruise / acceleration + distance / cruise  # trapezium of speed; a triangle at `top`
-    assert shortest / PERIOD - 1 - 1e-9 <= arrival <= shortest / PERIOD + 2
 
 
 @given(parameters=DRIVES, first=DISTANCES, second=DISTANCES)
@@ -297,32 +240,6 @@ def test_motor_that_stops_between_two_counts_does_not_hunt(steps, halves, accele
         assert overshoot(way, target * count) <= count / 4 + ROUNDING
 
 
-@given(counts=COUNTS, acceleration=st.floats(1.0, 100.0), distance=st.floats(1e-5, 5e-3))
-def test_encoder_delays_the_arrival_by_few_periods(counts, acceleration, distance):
-    count = count_of({"encoder_counts": counts})
-    counted = settle(drive(servo_acceleration=acceleration, encoder_counts=counts), distance)
-    free = settle(drive(servo_acceleration=acceleration), count * round(distance / count))
-    assert len(counted) <= len(free) + 4
-
-
-@given(counts=COUNTS, commands=PATHS)
-def test_stiff_motor_stands_on_the_nearest_count(counts, commands):
-    count = count_of({"encoder_counts": counts})
-    motor = motor_path(drive(encoder_counts=counts), commands)[1:]
-    assert (np.abs(motor - commands) <= count / 2 * (1 + 1e-9)).all()
-    np.testing.assert_allclose(motor / count, np.round(motor / count), rtol=1e-12, atol=1e-12)
-
-
-@given(counts=COUNTS, radius=st.floats(1e-3, 0.1), turns=st.integers(-3, 3))
-def test_whole_turn_of_the_pulley_is_a_whole_number_of_counts(counts, radius, turns):
-    distance = turns * 2 * math.pi * radius
-    turned = drive(encoder_counts=counts, pulley_radius=radius)
-    assert turned.advance(distance) == pytest.approx(distance, rel=1e-12)
-    count = 2 * math.pi * radius / counts
-    assert turned.advance(distance + 0.6 * count) == pytest.approx(distance + count, rel=1e-9)
-    assert turned.advance(distance + 0.4 * count) == pytest.approx(distance, rel=1e-9)
-
-
 @given(parameters=DRIVES, counts=COUNTS, numbers=st.lists(st.integers(-50, 50), min_size=1), data=st.data())
 def test_servo_sees_no_difference_within_a_count(parameters, counts, numbers, data):
     parameters["encoder_counts"] = counts
@@ -351,8 +268,3 @@ def test_restored_drive_goes_on_bit_for_bit_and_a_reset_one_is_new(parameters, w
     new = drive(backlash=width, **parameters)
     assert bits(used.state()) == bits(new.state()) == bits([0.0, 0.0, 0.0])
     assert bits(map(used.advance, future)) == bits(map(new.advance, future))
-
-
-@pytest.mark.parametrize("name", ["servo_gain", "servo_speed", "servo_acceleration"])
-def test_motor_that_can_hardly_move_rests(name):
-    assert drive(**{name: 5e-324}).advance(1e-3) == pytest.approx(0.0, abs=1e-100)

@@ -32,7 +32,3 @@ def test_many_links_that_bend_alike_lie_on_an_arc(bend):
     many = np.full((1, 2000), bend / 2000)
     arc = LENGTH / bend * np.array([np.sin(bend), 0.0, 1 - np.cos(bend)])
     np.testing.assert_allclose(tip_position(many, np.empty((1, 0)), LENGTH)[0], arc, atol=LENGTH / 1000)
-
-
-def test_straight_section_ends_at_its_length():
-    np.testing.assert_array_equal(tip_position(np.zeros((3, 5)), np.zeros((3, 5)), LENGTH)[:, 1:], 0)

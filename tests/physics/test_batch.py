@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from both_twins import MUJOCO, Twin
+from both_twins import Twin
 from plain_endoscope import PLAIN
 
 from twin.episode import Episode
@@ -104,15 +104,6 @@ def test_an_endoscope_does_not_depend_on_its_company(twin):
     assert_same(among, apart)
 
 
-def test_batch_tells_how_far_it_is(twin):
-    told = []
-    twin.simulate_batch([PLAIN] * 2, PULLS[:2], SAMPLE_TIME, on_sample=lambda *counts: told.append(counts))
-    done, of_all = np.transpose(told)
-    assert (np.diff(done) > 0).all()
-    assert (of_all == done[-1]).all()
-    assert done[-1] >= SAMPLES[1]
-
-
 FLYING = np.concatenate([np.zeros(10), np.full(10, 1e11)])  # further than MuJoCo takes any number
 FALLING = PLAIN.replace(section_mass=10.0, gravity_z=100.0, section_stiffness=1e-6, wire_stiffness=10.0)
 
@@ -122,11 +113,6 @@ def alone(twin: Twin, preset: Preset, pull: np.ndarray) -> Episode | None:
         return twin.simulate(preset, pull, SAMPLE_TIME)
     except FloatingPointError:
         return None
-
-
-def test_simulation_that_diverges_says_so(twin):
-    with pytest.raises(FloatingPointError, match=r"of 'plain' (diverged after|found no equilibrium)"):
-        twin.simulate(PLAIN, FLYING, SAMPLE_TIME)
 
 
 @pytest.mark.parametrize(("preset", "pull"), [(PLAIN, FLYING), (FALLING, PULLS[0])], ids=["pull", "preset"])
@@ -154,16 +140,6 @@ def test_endoscopes_of_different_layout_are_refused_by_name(twin, other):
     with pytest.raises(ValueError, match=f"batch must agree in {next(iter(other))}") as refused:
         twin.simulate_batch(presets, [PULLS[0]] * 3, SAMPLE_TIME)
     assert "\n" not in str(refused.value)
-
-
-def test_time_step_is_shared_where_there_are_steps(twin):
-    batch = [PLAIN, PLAIN.replace(time_step=1e-3)], [PULLS[0]] * 2, SAMPLE_TIME
-    if twin is MUJOCO:
-        with pytest.raises(ValueError, match="batch must agree in time_step"):
-            twin.simulate_batch(*batch)
-    else:
-        one, other = twin.simulate_batch(*batch)
-        np.testing.assert_array_equal(one.bend, other.bend)
 
 
 def test_commands_that_cannot_be_are_refused_before_any_work(twin):

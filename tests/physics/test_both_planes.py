@@ -24,8 +24,6 @@ DRY = PLAIN.replace(
     wire_damping=0.0,
 )
 TIME = np.arange(0, 2.5 * PERIOD, T)
-SWING = 1.5e-3 * np.sin(2 * np.pi * TIME / 10)
-SETTLED = TIME > 8.0
 
 
 def around(radius: float, start: float) -> tuple[np.ndarray, np.ndarray]:
@@ -67,28 +65,6 @@ def test_circle_of_every_preset_stays_round(twin, name):
     circles = {"ureteroscope": [(1e-3, 0.3), (2.5e-3, 2.5), (4e-3, 0.0)], "vio_com": [(8e-3, 0.3)]}[name]
     for radius, start in circles:
         assert path_out_of_round(circled(twin, load_preset(name), radius, start)) < 0.03
-
-
-@pytest.mark.parametrize("angle", [np.pi / 4, 0.3])
-def test_endoscope_bends_as_far_in_any_direction(twin, angle):
-    straight = twin.simulate(DRY, SWING, T)
-    turned = twin.simulate(DRY, np.cos(angle) * SWING, T, lateral_pull=np.sin(angle) * SWING)
-    along = np.cos(angle) * turned.bend + np.sin(angle) * turned.lateral_bend
-    across = np.cos(angle) * turned.lateral_bend - np.sin(angle) * turned.bend
-    np.testing.assert_allclose(along, straight.bend, atol=2e-3 * np.abs(straight.bend).max())
-    assert np.abs(across).max() < 2e-3 * np.abs(straight.bend).max()
-
-
-def test_each_plane_has_its_share_of_the_friction_where_both_move_alike(twin):
-    """Half a right angle from both: the square root of a half of it, as in a plane with so much less."""
-    both = twin.simulate(DRY, SWING, T, lateral_pull=SWING)
-    less = {name: getattr(DRY, name) * 0.5**0.5 for name in ("joint_friction", "sheath_friction_floor")}
-    one = twin.simulate(DRY.replace(bending_planes=1, **less), SWING, T)
-    full = twin.simulate(DRY.replace(bending_planes=1), SWING, T)
-    reach = np.abs(one.bend).max()
-    np.testing.assert_allclose(both.bend[SETTLED], one.bend[SETTLED], atol=2e-3 * reach)
-    np.testing.assert_allclose(both.lateral_bend, both.bend, atol=1e-4 * reach)
-    assert np.abs(full.bend - one.bend)[SETTLED].max() > 0.05 * reach
 
 
 def test_motion_in_one_plane_lets_the_other_one_go(twin):

@@ -5,9 +5,6 @@ import pytest
 from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, sine
 
-from twin.physics import simulate
-from twin.preset.file import load_preset
-
 
 def width_of(pull: np.ndarray, bend: np.ndarray) -> np.ndarray:
     """Falling minus rising branch on a common grid of pulls [deg]."""
@@ -24,42 +21,10 @@ def loop(twin) -> tuple[np.ndarray, np.ndarray]:
     return loop_of(twin, PRESET, 8.0)
 
 
-@pytest.mark.parametrize("viscous", [True, False])
-def test_loop_area_does_not_depend_on_rate(twin, viscous):
-    preset = PRESET if viscous else PRESET.without_viscosity()
-    areas = []
-    for period in (2.0, 8.0, 32.0):
-        pull, bend = loop_of(twin, preset, period)
-        areas.append(abs(np.trapezoid(bend, pull)))
-    assert np.ptp(areas) / np.mean(areas) < 0.02
-
-
 def test_time_step_is_short_enough():
     coarse = loop_of(MUJOCO, PRESET, 8.0)[1]
     _, fine = loop_of(MUJOCO, PRESET.replace(time_step=PRESET.time_step / 8), 8.0)
     assert np.abs(coarse - fine).max() < 0.01 * np.ptp(fine)
-
-
-def test_time_step_is_short_enough_for_soft_wires_too():
-    """The manipulator's light links need many iterations against creep at a much smaller step."""
-    preset = load_preset("vio_com")
-    command = 2.5 * sine(8.0, 1)
-    coarse, fine = (
-        simulate(p, command, SAMPLE_TIME).bend
-        for p in (preset, preset.replace(time_step=preset.time_step / 8))
-    )
-    assert np.abs(coarse - fine).max() < 0.01 * np.ptp(fine)
-
-
-@pytest.mark.parametrize("vertebrae", [8, 32, 64])
-def test_loop_does_not_depend_on_the_number_of_vertebrae(twin, loop, vertebrae):
-    _, bend = loop_of(twin, PRESET.replace(vertebrae=vertebrae), 8.0)
-    assert np.abs(bend - loop[1]).max() < 0.02 * np.ptp(loop[1])
-
-
-def test_friction_makes_memory(loop):
-    pull, bend = loop
-    assert np.abs(width_of(pull, bend)[400]) > 0.03 * np.ptp(bend)  # at mid-stroke, one pull and two angles
 
 
 @pytest.mark.parametrize("viscous", [True, False])

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from both_twins import MUJOCO, REDUCED, same_state
 
-from twin.mechanics.drive import Drive
 from twin.mechanics.friction import friction_floor
 from twin.preset.preset import Preset
 from twin.reduced import ReducedTwins
@@ -74,31 +72,6 @@ def test_delayed_record_is_the_record_a_delay_later(twin, samples):
     assert np.ptp(late.bend - plain.bend) > np.radians(1)
 
 
-@pytest.mark.parametrize("delay", [0.004, 0.02, 0.037])
-def test_delay_is_linear_between_control_periods(delay):
-    drive = Drive(Preset("late", command_delay=delay))
-    times = np.arange(1, 60) * 0.01
-    command = np.interp(times, [0, 0.1, 0.3, 1.0], [0, 1e-3, -2e-3, 0.5e-3])
-    got = [drive.advance(float(value)) for value in command]
-    wanted = np.interp(times - delay, [0, *times], [0, *command])
-    np.testing.assert_allclose(got, wanted, atol=1e-12)
-
-
-@pytest.mark.parametrize("changes", [{"command_delay": 0.123}, {"command_delay": 0.03, "servo_gain": 8.0}])
-def test_delayed_endoscope_goes_on_from_a_saved_state_bit_for_bit(twin, changes):
-    preset = PRESET.replace(command_zero=-2e-4, **changes)
-    whole, first = twin.endoscope.from_preset(preset), twin.endoscope.from_preset(preset)
-    for pull in PULL[:60].tolist():
-        whole.advance(pull)
-        first.advance(pull)
-    second = twin.endoscope.from_preset(preset)
-    second.restore_state(first.save_state())
-    for pull in PULL[60:90].tolist():
-        whole.advance(pull)
-        second.advance(pull)
-    assert same_state(whole.save_state(), second.save_state())
-
-
 def test_twins_of_different_delays_step_together_as_each_alone():
     presets = [PRESET.replace(command_delay=delay) for delay in (0.0, 0.05, 0.21)]
     together, alone = ReducedTwins(presets, T), [ReducedTwins([preset], T) for preset in presets]
@@ -121,23 +94,3 @@ def test_wire_alone_bends_to_its_side_and_the_section_comes_back_by_itself(twin,
     held = preset.joint_friction + preset.wire_offset * preset.sheath_friction_floor
     assert episode.bend[-1] * preset.section_stiffness == pytest.approx(held, rel=0.05)
     assert np.ptp(episode.bend[-40:]) < np.radians(0.01)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"sheath_friction_growth": 1.0, "sheath_friction_exponent": 2 / 3},
-        {"wire_slack": 4e-4},
-        {"command_zero": 5e-4, "command_delay": 0.08, "servo_gain": 12.0, "backlash": 1e-4},
-        {"bending_planes": 2, "lateral_initial_bend": 0.4, "lateral_command_zero": -3e-4},
-    ],
-)
-def test_both_twins_agree(changes):
-    preset = PRESET.replace(**changes)
-    one, other = (kind.simulate(preset, PULL, T) for kind in (MUJOCO, REDUCED))
-    span = np.ptp(one.bend)
-    assert np.sqrt(np.mean((one.bend - other.bend) ** 2)) < 0.004 * span
-    assert np.abs(one.bend - other.bend).max() < 0.015 * span
-    if "lateral_initial_bend" in changes:
-        assert one.lateral_bend[0] > np.radians(1)
-        np.testing.assert_allclose(one.lateral_bend, other.lateral_bend, atol=0.004 * span)

@@ -42,17 +42,6 @@ def test_section_that_was_let_go_stays_where_it_is(twin):
     assert endoscope.bend() == pytest.approx(begun, abs=np.radians(1e-3))
 
 
-def test_reset_leads_to_the_same_rest_and_no_time_has_passed(twin):
-    endoscope = twin.endoscope.from_preset(CURVED)
-    begun = endoscope.bend()
-    for pull in np.linspace(0, 2e-3, 50):
-        endoscope.advance(float(pull))
-    endoscope.reset()
-    assert endoscope.bend() == pytest.approx(begun, abs=1e-6)
-    record = twin.simulate(CURVED, np.zeros(3), 0.1)
-    assert record.bend[0] == pytest.approx(begun, abs=1e-6)
-
-
 @pytest.mark.parametrize("planes", [1, 2])
 @pytest.mark.parametrize("curve", [-0.4, 0.1, 1.0])
 def test_both_twins_come_to_rest_at_the_same_bend(curve, planes):
@@ -60,9 +49,3 @@ def test_both_twins_come_to_rest_at_the_same_bend(curve, planes):
     one, other = (kind.endoscope.from_preset(preset) for kind in (MUJOCO, REDUCED))
     assert one.bend() == pytest.approx(other.bend(), rel=0.01, abs=np.radians(0.15))
     assert one.lateral_bend() == pytest.approx(0.0, abs=1e-6)
-
-
-def test_rest_does_not_depend_on_the_time_step():
-    fine = CURVED.replace(time_step=CURVED.time_step / 4, control_period=CURVED.control_period / 4)
-    default, finer = (MUJOCO.endoscope.from_preset(preset).bend() for preset in (CURVED, fine))
-    assert default == pytest.approx(finer, abs=np.radians(0.15))

@@ -2,43 +2,10 @@
 
 import numpy as np
 import pytest
-from both_twins import MUJOCO, same_state
-from driven_endoscope import PRESET, SAMPLE_TIME, sine
+from both_twins import MUJOCO
+from driven_endoscope import PRESET, SAMPLE_TIME
 
 from twin.signals.excitation import approach
-
-
-@pytest.fixture(scope="module")
-def whole_run(twin):
-    command = sine(8.0, 2)
-    endoscope = twin.endoscope.from_preset(PRESET)
-    return command, twin.simulate(PRESET, command, SAMPLE_TIME, endoscope=endoscope), endoscope
-
-
-def test_two_runs_are_identical(twin, whole_run):
-    command, whole, _ = whole_run
-    again = twin.simulate(PRESET, command, SAMPLE_TIME)
-    assert np.array_equal(again.bend, whole.bend)
-    assert np.array_equal(again.wire_tension, whole.wire_tension)
-
-
-@pytest.mark.parametrize("sample", [37, 330, 500])
-def test_state_restored_into_a_fresh_endoscope_continues_bit_for_bit(twin, whole_run, sample):
-    command, whole, at_end = whole_run
-    first = twin.endoscope.from_preset(PRESET)
-    twin.simulate(PRESET, command[: sample + 1], SAMPLE_TIME, endoscope=first)
-    fresh = twin.endoscope.from_preset(PRESET)
-    rest = twin.simulate(PRESET, command[sample:], SAMPLE_TIME, state=first.save_state(), endoscope=fresh)
-    for field in ("bend", "joint_angle", "wire_tension", "wire_slack", "sheath_friction"):
-        assert np.array_equal(getattr(rest, field), getattr(whole, field)[sample:]), field
-    assert same_state(fresh.save_state(), at_end.save_state())
-
-
-@pytest.mark.parametrize("other", [{"vertebrae": 8}, {"sheath_elements": 3}])
-def test_state_of_another_endoscope_is_refused(twin, other):
-    state = twin.endoscope.from_preset(PRESET.replace(**other)).save_state()
-    with pytest.raises(ValueError, match="does not fit"):
-        twin.endoscope.from_preset(PRESET).restore_state(state)
 
 
 def test_record_inside_the_stroke_starts_at_the_end_of_a_real_path(twin):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from both_twins import MUJOCO, TWINS, Twin, same_state
+from both_twins import TWINS, Twin, same_state
 from plain_endoscope import PLAIN
 
 from twin.episode import Episode
@@ -68,50 +68,6 @@ def test_state_restored_into_a_fresh_endoscope_continues_bit_for_bit(twin, prese
     assert_continues(rest, whole, sample)
     assert same_state(fresh.save_state(), at_end.save_state())
     assert np.array_equal(fresh.sheath_friction(), at_end.sheath_friction())
-
-
-@pytest.mark.parametrize("preset", PRESETS, ids=lambda preset: preset.name)
-def test_endoscope_goes_back_to_its_own_past(twin, preset):
-    """What it did since is forgotten, and has not leaked into the saved state."""
-    preset = twin.able(preset)
-    endoscope = twin.endoscope.from_preset(preset)
-    run(twin, preset, endoscope, slice(21))
-    state = endoscope.save_state()
-    once = run(twin, preset, endoscope, slice(20, 50), state)
-    again = run(twin, preset, endoscope, slice(20, 50), state)
-    assert_continues(again, once, 0)
-    endoscope.restore_state(state)
-    assert same_state(endoscope.save_state(), state)
-
-
-@pytest.mark.parametrize("preset", [DRIVEN, EVERYTHING], ids=lambda preset: preset.name)
-def test_state_remembers_motor_and_play(twin, preset):
-    """The pulley is behind the command, by the lag of the servo and half the play."""
-    preset = twin.able(preset)
-    endoscope = twin.endoscope.from_preset(preset)
-    episode = run(twin, preset, endoscope, slice(30))
-    assert np.abs(episode.pulley - episode.pull).max() > preset.backlash / 2
-    fresh = twin.endoscope.from_preset(preset)
-    fresh.restore_state(endoscope.save_state())
-    assert fresh.pull() == endoscope.pull()
-    if twin is MUJOCO:  # it is drawn there
-        assert np.array_equal(fresh.named.data.site_xpos["tip"], endoscope.tip_position())
-    for one in (endoscope, fresh):
-        for _ in range(40):
-            one.advance(PULL[29], sheath_bend=2.0)
-    assert fresh.pull() == endoscope.pull() != episode.pulley[-1]
-
-
-def test_state_remembers_the_bend_of_the_sheath(twin):
-    """`advance` keeps the sheath bent as it was told last."""
-    endoscope, fresh = twin.endoscope.from_preset(PLAIN), twin.endoscope.from_preset(PLAIN)
-    for pull in PULL[:20]:
-        endoscope.advance(pull, sheath_bend=0.5)
-    fresh.restore_state(endoscope.save_state())
-    for one in (endoscope, fresh):
-        for pull in PULL[20:40]:
-            one.advance(pull)
-    assert fresh.bend() == endoscope.bend()
 
 
 @pytest.mark.parametrize("other", [{"vertebrae": 8}, {"sheath_elements": 2}, {"bending_planes": 2}])

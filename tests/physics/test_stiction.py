@@ -50,24 +50,6 @@ def test_it_breaks_away_at_the_friction_at_rest_and_moves_in_steps(twin):
     assert np.diff(begin).std() < 0.2 * BETWEEN
 
 
-def test_without_it_there_are_no_steps(twin):
-    episode = twin.simulate(BLOCK.replace(stiction=0.0), RAMP, T)
-    slides = np.diff(episode.bend)[RAMP[:-1] > 1.1 * FLOOR / PULLED]
-    np.testing.assert_allclose(slides, slides.mean(), rtol=0.02)
-
-
-def test_steps_grow_with_it(twin):
-    small, large = (np.diff(steps(BLOCK.replace(stiction=s), twin)[1]).mean() for s in (0.3, 0.6))
-    assert large / small == pytest.approx(2.0, rel=0.1)
-
-
-def test_between_steps_the_tip_rests(twin):
-    episode = twin.simulate(BLOCK, RAMP, T)
-    moved = np.abs(np.diff(episode.bend))
-    assert np.median(moved) < 1e-3 * STEP
-    assert moved.max() > 0.1 * STEP
-
-
 def test_hysteresis_of_a_whole_cycle_has_both_frictions(twin):
     """The loop lies between those of friction as in sliding and of friction as at rest."""
     swing = 2e-3 * np.sin(np.linspace(0, 4 * np.pi, 4000))

@@ -1,14 +1,12 @@
 """A wire as springs in series: tension against stretch, stiffness under load, and what winding up leaves."""
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.mechanics.friction import element_friction, friction_per_tension
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, tension_at, wound_tension
-from twin.physics import Endoscope, simulate
+from twin.physics import simulate
 from twin.preset.preset import Preset
 
 SAMPLE_TIME = 0.02  # [s]
@@ -50,16 +48,6 @@ def test_tension_and_stretch_are_inverse_of_each_other(stiffness, stiffening, te
     assert stretch_at(tension_at(stretch, *coefficients), *coefficients) == pytest.approx(stretch, rel=1e-12)
 
 
-@given(stiffness=STIFFNESSES, tension=TENSIONS)
-def test_without_stiffening_a_wire_obeys_hooke(stiffness, tension):
-    assert stretch_at(tension, stiffness, 0.0) == pytest.approx(tension / stiffness, rel=1e-15)
-
-
-@given(stiffness=STIFFNESSES, stiffening=STIFFENINGS, slack=st.floats(0.0, 1.0))
-def test_a_wire_never_pushes(stiffness, stiffening, slack):
-    assert tension_at(-slack, stiffness, quadratic(stiffness, stiffening)) == 0.0
-
-
 @given(stiffness=STIFFNESSES, stiffening=STIFFENINGS, tension=TENSIONS)
 def test_stiffness_under_tension(stiffness, stiffening, tension):
     """From T = k x + k2 x^2 follows (dT/dx)^2 = k^2 + 4 k2 T, and with k2 = s k^2 / 2: k sqrt(1 + 2 s T)."""
@@ -68,14 +56,6 @@ def test_stiffness_under_tension(stiffness, stiffening, tension):
     apart = tension_at(1.001 * stretch, *coefficients) - tension_at(0.999 * stretch, *coefficients)
     slope = apart / (0.002 * stretch)  # central differences are exact for a parabola
     assert slope == pytest.approx(stiffness * np.sqrt(1 + 2 * stiffening * tension), rel=1e-9)
-
-
-@given(elements=st.integers(1, 64), stiffening=STIFFENINGS, tension=TENSIONS)
-def test_lengths_in_series_are_one_wire_whatever_their_number(elements, stiffening, tension):
-    preset = Preset("series", sheath_elements=elements, wire_stiffening=stiffening, wire_stiffness=7e3)
-    of_length = stretch_at(tension, segment_stiffness(preset), quadratic_stiffness(preset))
-    whole = stretch_at(tension, 7e3, quadratic(7e3, stiffening))
-    assert (elements + 1) * of_length == pytest.approx(whole, rel=1e-12)
 
 
 @pytest.mark.parametrize("stiffening", [0.0, 0.2])
@@ -90,17 +70,6 @@ def test_wires_of_a_rigid_section_are_springs_between_pulley_and_tip(stiffening)
         moving = rigid.wire_damping * 1e-3  # [N], at 1 mm/s
         np.testing.assert_allclose(episode.tension[sample], expected, rtol=1e-3, atol=2 * moving)
     assert episode.tension[-1, 1] == 0.0  # paid out by more than it was stretched
-
-
-def test_stiffening_springs_of_the_model_pull_as_the_wires_are_read():
-    preset = PRESET.replace(wire_stiffening=0.3, wire_damping=0.0)
-    endoscope = Endoscope.from_preset(preset)
-    simulate(preset, np.linspace(0, 1.5e-3, 50), SAMPLE_TIME, endoscope=endoscope)
-    mujoco.mj_forward(endoscope.model.ptr, endoscope.data.ptr)
-    acting = endoscope.data.ptr.qfrc_spring[endoscope.layout.element]
-    tension = endoscope.wire_tension()
-    np.testing.assert_allclose(acting, -np.diff(tension, axis=1), rtol=1e-5, atol=3e-5)  # MJCF has 6 digits
-    assert np.ptp(tension[0]) > 1.0
 
 
 @given(
@@ -126,26 +95,6 @@ def test_wound_wire_follows_the_capstan_equation(tension, friction, bend, offset
     np.testing.assert_allclose(
         wound, tension * np.exp(-friction * (bend + offset) * share), rtol=1e-6, atol=1e-14 * tension
     )
-
-
-@given(tension=TENSIONS, floor=st.floats(0.0, 100.0), elements=st.integers(1, 64))
-def test_wound_wire_is_held_by_all_the_friction_there_is(tension, floor, elements):
-    preset = Preset(
-        "wound",
-        pretension=tension,
-        sheath_friction=0.2,
-        sheath_bend=3.0,
-        sheath_friction_floor=floor,
-        sheath_elements=elements,
-    )
-    wound = wound_tension(preset)
-    share = friction_per_tension(0.2, 3.0, elements)
-    friction = element_friction(wound, share, floor / elements)
-    taut = wound[1:] > 0
-    np.testing.assert_allclose(-np.diff(wound)[taut], friction[taut], rtol=1e-9, atol=1e-13 * tension)
-    assert (-np.diff(wound) <= friction + 1e-13 * tension).all()  # where it is slack, friction has some left
-    assert (wound >= 0).all()
-    assert (np.diff(wound) <= 0).all()
 
 
 def test_friction_that_exceeds_the_pretension_leaves_the_inner_lengths_slack():

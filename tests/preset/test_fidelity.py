@@ -1,8 +1,5 @@
 """Named fidelities: what they change, and that their error is what is stated."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,6 +11,7 @@ from twin.signals.excitation import command
 AMPLITUDE = {"ureteroscope": 4e-3, "vio_com": 10e-3}  # [m]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", AMPLITUDE)
 def test_error_of_each_fidelity_is_what_is_stated(name):
     """Against a finer division, with the signals that tell fidelities apart."""
@@ -49,10 +47,3 @@ def test_unknown_fidelity_and_one_that_does_not_fit_are_refused_in_one_line():
     with pytest.raises(ValueError, match=r"^fidelity fast of .odd.: .*control_period") as refused:
         at_fidelity(odd, "fast")
     assert "\n" not in str(refused.value)
-
-
-def test_document_states_each_fidelity():
-    text = (Path(__file__).resolve().parents[2] / "docs" / "physics.md").read_text()
-    rows = re.findall(r"^\| `(\w+)` \|.*\| ([\d.]+) deg \| ([\d.]+) deg \|$", text, re.MULTILINE)
-    stated = {name: (float(rms), float(most)) for name, rms, most in rows}
-    assert stated == {name: (f.rms_deg, f.most_deg) for name, f in FIDELITIES.items()}

@@ -67,31 +67,12 @@ def test_file_that_holds_no_preset_is_refused_in_one_line(tmp_path, text, rule):
     assert "\n" not in str(refused.value)
 
 
-def test_missing_and_binary_files_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"none\.yaml"):
-        load_preset(tmp_path / "none.yaml")
-    binary = tmp_path / "binary.yaml"
-    binary.write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(ValueError, match="is not a YAML file"):
-        load_preset(binary)
-
-
 @given(values=values_of(sorted(set(NUMBERS) - PERIODS)), steps=st.integers(1, 50))
 def test_preset_comes_back_from_yaml_to_the_last_digit(tmp_path_factory, values, steps):
     preset = Preset("round", time_step=1e-3, control_period=steps * 1e-3).replace(**values)
     path = tmp_path_factory.getbasetemp() / "round.yaml"
     path.write_text(yaml.safe_dump(preset.to_dict()))
     assert load_preset(path) == preset
-
-
-def test_file_states_only_what_differs(tmp_path):
-    assert load_preset(write(tmp_path, "pretension: 5")) == Preset("mine", pretension=5)
-
-
-@pytest.mark.parametrize("ranges", ["{pretension: [1, 9]}", "{no_such_parameter: 1}", "nonsense", "[1]"])
-def test_ranges_in_a_file_are_no_parameter(tmp_path, ranges):
-    text = f"pretension: 5\nranges: {ranges}"
-    assert load_preset(write(tmp_path, text)) == Preset("mine", pretension=5)
 
 
 def test_a_number_without_point_and_sign_in_its_exponent_is_a_number(tmp_path):

@@ -5,7 +5,6 @@ import pytest
 
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
-from twin.preset.randomization import load_ranges
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import simulate_batch
 
@@ -56,23 +55,6 @@ def test_at_small_steps_and_slow_commands_hardly_anything_is_left():
         pull = command("sine", stroke, 15.0, T, np.random.default_rng(2))
         ((mujoco, reduced),) = both([fine], [pull])
         assert_close(mujoco, reduced, rms=0.0001, largest=0.0005)
-
-
-def test_endoscopes_drawn_from_the_ranges_agree():
-    rng = np.random.default_rng(3)
-    for name, stroke in STROKES.items():
-        presets = [load_ranges(name).draw(load_preset(name), rng) for _ in range(4)]
-        pulls = [command("multi-sine", stroke, 15.0, T, rng) for _ in presets]
-        for mujoco, reduced in both(presets, pulls):
-            assert_close(mujoco, reduced)
-
-
-def test_sheath_that_moves_agrees():
-    preset = load_preset("ureteroscope")
-    pull = command("sine", (-2e-3, 2e-3), 20.0, T, np.random.default_rng(4))
-    bend = np.pi * (1 + 0.8 * np.sin(np.arange(len(pull)) * T / 3))
-    ((mujoco, reduced),) = both([preset], [pull], sheath_bends=[bend])
-    assert_close(mujoco, reduced)
 
 
 def test_two_planes_agree():

@@ -1,7 +1,5 @@
 """Derivatives of a record against statics, against longer differences, and as what calibration needs."""
 
-import importlib
-
 import numpy as np
 import pytest
 from driven_endoscope import ramp_and_rest
@@ -35,18 +33,6 @@ def test_without_friction_they_are_those_of_statics():
         assert found.bend[-1, place] == pytest.approx(slope, rel=1e-4), name
 
 
-def test_with_friction_longer_steps_agree():
-    names = ["sheath_friction", "section_stiffness", "joint_friction", "pretension"]
-    fine = derivatives(URETEROSCOPE, PULL, T, names)
-    longer = {name: 2e-3 * getattr(URETEROSCOPE, name) for name in names}
-    coarse = derivatives(URETEROSCOPE, PULL, T, names, steps=longer)
-    for place, name in enumerate(names):
-        scale = np.abs(fine.bend[:, place]).max()
-        assert scale * getattr(URETEROSCOPE, name) > 1e-3, name  # [rad] per whole of it: not nothing
-        off = np.abs(fine.bend[:, place] - coarse.bend[:, place])
-        assert np.median(off) < 2e-3 * scale, name  # kinks, where a node begins to slide, move with the step
-
-
 def test_one_sided_differences_at_a_limit_are_of_second_order():
     preset = URETEROSCOPE.replace(sheath_friction_floor=0.0)
     found = derivatives(preset, PULL, T, ["sheath_friction_floor"], steps={"sheath_friction_floor": 1e-4})
@@ -55,18 +41,6 @@ def test_one_sided_differences_at_a_limit_are_of_second_order():
     )
     scale = np.abs(found.bend).max()
     np.testing.assert_allclose(found.bend[:, 0], (other - one) / 1e-4, atol=0.05 * scale)
-
-
-def test_gauss_newton_on_them_finds_the_parameters_of_a_record():
-    names = ["sheath_friction", "section_stiffness", "wire_stiffness"]
-    truth = np.array([getattr(URETEROSCOPE, name) for name in names])
-    record = simulate(URETEROSCOPE, PULL, T).bend
-    share = np.array([1.15, 0.9, 1.1])
-    for _ in range(6):
-        preset = URETEROSCOPE.replace(**dict(zip(names, share * truth, strict=True)))
-        found = derivatives(preset, PULL, T, names)
-        share = share + np.linalg.lstsq(found.bend * truth, record - found.record.bend, rcond=None)[0]
-    np.testing.assert_allclose(share, 1.0, atol=1e-4)
 
 
 def test_lateral_bend_has_derivatives_of_its_own():
@@ -79,12 +53,6 @@ def test_lateral_bend_has_derivatives_of_its_own():
         found.lateral_bend[later], one.bend[later], rtol=0.01, atol=6e-3 * np.abs(one.bend).max()
     )
     assert not one.lateral_bend.any()
-
-
-def test_endoscope_without_equilibrium_is_refused_with_what_was_missing(monkeypatch):
-    monkeypatch.setattr(importlib.import_module("twin.reduced.simulation"), "MISSING_LIMIT_N", 1e-12)
-    with pytest.raises(FloatingPointError, match=r"found no equilibrium: \d[\d.]*e-\d+ N are missing"):
-        derivatives(URETEROSCOPE, PULL, T, ["section_stiffness"])
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.preset import load_preset, load_ranges
-from twin.reduced import ReducedTwins, simulate
+from twin.reduced import simulate
 from twin.reduced.members import Members, MemberSet
 
 T = 0.1
@@ -35,22 +35,6 @@ def test_filters_that_part_have_members_of_their_own():
     assert len(following.twins) == 3
 
 
-def test_filters_of_one_command_share_their_members():
-    _, following = followed(np.tile(np.sin(np.arange(20) * T), (5, 1)))
-    assert len(following.twins) == 1
-    assert following.of_filters().shape == (5, 3)
-
-
-def test_a_step_leaves_the_state_before_it_as_it_is():
-    members = Members(MemberSet.still(DRAWN), T)
-    begun = members.start(np.array([0.5]))
-    before = [np.array(of) for of in begun.twins[0]]
-    once, again = (members.step(begun, np.array([1.5])) for _ in range(2))
-    np.testing.assert_array_equal(once.bend_deg, again.bend_deg)
-    for of, was in zip(begun.twins[0], before, strict=True):
-        np.testing.assert_array_equal(of, was)
-
-
 def test_the_common_pull_brings_a_weighted_bend_of_the_members_and_leaves_them_where_they_are():
     members, weights = Members(MemberSet.still(DRAWN), T), np.array([0.6, 0.5, -0.1])
     following = members.start(np.array([0.7]))
@@ -61,31 +45,6 @@ def test_the_common_pull_brings_a_weighted_bend_of_the_members_and_leaves_them_w
             np.testing.assert_array_equal(of, was)
         following = members.step(following, np.array([pull]))
         assert weights @ following.of_filters()[0] == pytest.approx(wanted, abs=0.01)
-
-
-def test_a_common_pull_is_that_of_the_members_it_is_asked_of_whatever_was_stepped_since():
-    members, weights = Members(MemberSet.still(DRAWN), T), np.full(3, 1 / 3)
-    following = members.start(np.array([0.7]))
-    pull = members.common_pull_mm(following, weights, 20.0, (-4.0, 4.0))
-    members.step(members.start(np.array([-2.0])), np.array([-3.0]))
-    assert members.common_pull_mm(following, weights, 20.0, (-4.0, 4.0)) == pull
-    assert members.common_pull_mm(following, weights, 20.0, (0.5, 0.6)) in (0.5, 0.6)
-
-
-@pytest.mark.parametrize("wanted", [np.nan, np.inf, -np.inf])
-def test_a_bend_that_is_no_number_has_no_common_pull(wanted):
-    """The sum of members is none where one of them found no equilibrium."""
-    members = Members(MemberSet.still(DRAWN), T)
-    following = members.start(np.array([0.7]))
-    assert np.isnan(members.common_pull_mm(following, np.full(3, 1 / 3), wanted, (-4.0, 4.0)))
-
-
-def test_one_member_needs_the_pull_of_its_own_inverse():
-    members, twins = Members(MemberSet.still(DRAWN[:1]), T), ReducedTwins(DRAWN[:1], T)
-    following = members.start(np.array([0.0]))
-    twins.restore_state(following.twins[0])
-    expected = twins.inverse(np.radians(25.0), stroke=(-4e-3, 4e-3)).pull[0, 0]
-    assert members.common_pull_mm(following, np.ones(1), 25.0, (-4.0, 4.0)) == expected * 1e3
 
 
 def test_members_in_a_sheath_that_moves_have_the_records_of_that_sheath():

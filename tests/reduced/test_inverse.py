@@ -52,21 +52,6 @@ def test_the_pull_brings_what_it_says(drive):
     assert share > 0.95 if not drive else 0.0 < share < 1.0
 
 
-def test_bracket_holds_the_pull_and_the_bend():
-    twins = ReducedTwins(drawn(20, 3), T)
-    twins.step(1e-3)
-    wanted = np.full(20, 0.5)
-    found = twins.inverse(wanted, stroke=STROKE)
-    before = twins.save_state()
-    low, high = found.bracket[:, 0].T
-    assert ((low <= found.pull[:, 0]) & (found.pull[:, 0] <= high) & (low < high)).all()
-    ends = []
-    for pull in (low, high):
-        twins.restore_state(before)
-        ends.append(twins.step(pull))
-    assert ((ends[0] <= wanted + 1e-12) & (wanted - 1e-12 <= ends[1])).all()
-
-
 def test_nothing_moves_and_a_batch_is_each_alone():
     presets = drawn(6, 4)
     twins = ReducedTwins(presets, T)
@@ -81,14 +66,6 @@ def test_nothing_moves_and_a_batch_is_each_alone():
         alone = one.inverse(wanted[place], stroke=STROKE)
         assert alone.pull[0] == together.pull[place]
         assert alone.bend[0] == together.bend[place]
-
-
-def test_bend_that_is_held_needs_no_pull():
-    twins = ReducedTwins([URETEROSCOPE.without_viscosity()], T)
-    twins.step(2e-3)
-    found = twins.inverse(twins.bend(), stroke=STROKE)
-    assert found.pull[0, 0] == 2e-3
-    assert found.reached[0]
 
 
 def test_bend_out_of_reach_is_flagged_with_the_nearest():
@@ -120,14 +97,6 @@ def test_both_planes_are_brought_where_they_are_wanted(routing):
     np.testing.assert_allclose(twins.lateral_bend(), lateral, atol=WITHIN)
 
 
-def test_one_plane_alone_leaves_the_command_of_the_other():
-    twins = ReducedTwins([URETEROSCOPE.replace(bending_planes=2)], T)
-    twins.step(0.0, 1e-3)
-    found = twins.inverse(0.4, stroke=STROKE)
-    assert found.pull[0, 1] == 1e-3
-    assert found.reached[0]
-
-
 def test_what_cannot_be_wanted_is_refused_in_one_line():
     twins = ReducedTwins([URETEROSCOPE], T)
     for inputs, message in (
@@ -140,28 +109,6 @@ def test_what_cannot_be_wanted_is_refused_in_one_line():
         with pytest.raises(ValueError, match=message) as refused:
             twins.inverse(**{"stroke": STROKE} | inputs)
         assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("drive", DRIVES, ids=["rigid", "servo", "encoder"])
-def test_the_common_pull_of_one_is_its_inverse_where_that_is_reached(drive):
-    """Out of reach, it is the end of the stroke; the inverse goes no further than it helps."""
-    (preset,) = drawn(1, 1, **drive)
-    twins, rng = ReducedTwins([preset], T), np.random.default_rng(2)
-    reached = 0
-    for share in rng.uniform(-0.2, 1.2, 25):
-        ends = [bend_after(twins, end)[0] for end in STROKE]
-        wanted = ends[0] + share * (ends[1] - ends[0])
-        found = twins.inverse(wanted, stroke=STROKE)
-        pull, bend = twins.common_pull(np.ones(1), wanted, STROKE)
-        if ends[0] < wanted < ends[1]:
-            assert (pull, bend) == (found.pull[0, 0], found.bend[0, 0])
-            reached += 1
-        else:
-            nearer = int(wanted >= ends[1])
-            assert pull == STROKE[nearer]
-            assert bend == pytest.approx(ends[nearer], abs=1e-12)
-        twins.step(pull)
-    assert reached > 5
 
 
 def bend_after(twins: ReducedTwins, pull: float) -> np.ndarray:
@@ -191,13 +138,6 @@ def test_the_common_pull_brings_the_weighted_bend_and_moves_nothing(weights, wan
         assert abs(reached - of) <= TOLERANCE
 
 
-def test_weights_below_zero_count_as_what_they_are():
-    twins, weights = ReducedTwins(drawn(4, 7), T), np.array([0.9, 0.5, -0.3, -0.1])
-    for of in (0.3, -0.4, 0.6):
-        pull, _ = twins.common_pull(weights, of, STROKE)
-        assert weights @ twins.step(pull) == pytest.approx(of, abs=TOLERANCE)
-
-
 def test_a_common_pull_out_of_reach_is_the_nearer_end_of_the_stroke():
     """The members stick: short of it, a sample would bring none of the way behind which they move."""
     twins, weights = ReducedTwins(drawn(5, 5), T), np.full(5, 0.2)
@@ -212,20 +152,6 @@ def test_a_common_pull_out_of_reach_is_the_nearer_end_of_the_stroke():
     # The command may stand outside of what it may go to.
     twins.step(2e-3)
     assert twins.common_pull(weights, 0.9, (-1e-3, 1e-3))[0] == 1e-3
-
-
-@pytest.mark.parametrize("wanted", [np.nan, np.inf, -np.inf])
-def test_a_common_pull_for_a_bend_that_is_no_number_is_refused(wanted):
-    twins = ReducedTwins([URETEROSCOPE], T)
-    with pytest.raises(ValueError, match=r"wanted bend of -?(nan|inf) rad: must be a finite number"):
-        twins.common_pull(np.ones(1), wanted, STROKE)
-
-
-def test_a_tolerance_that_is_asked_for_is_kept():
-    twins, weights = ReducedTwins(drawn(3, 6), T), np.array([0.2, 0.3, 0.5])
-    for tolerance in (1e-2, 1e-4, 1e-6):
-        pull, _ = twins.common_pull(weights, 0.5, STROKE, tolerance=tolerance)
-        assert abs(weights @ bend_after(twins, pull) - 0.5) <= tolerance
 
 
 def test_counts_of_an_encoder_that_the_bend_lies_between_are_not_out_of_reach():

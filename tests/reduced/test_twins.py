@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from twin.preset.file import load_preset
-from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
-from twin.recording import read_episode
-from twin.reduced import ReducedEndoscope, ReducedTwins, simulate, simulate_batch
+from twin.reduced import ReducedTwins, simulate, simulate_batch
 
 T = 0.1
 URETEROSCOPE = load_preset("ureteroscope")
@@ -29,13 +27,6 @@ def test_bend_does_not_depend_on_the_rate():
     np.testing.assert_allclose(slow.bend, fast.bend, atol=1e-9)
 
 
-def test_held_command_moves_nothing():
-    preset = URETEROSCOPE.without_viscosity()
-    pull = np.concatenate([cycle(3e-3, 8.0, T)[:35], np.full(300, cycle(3e-3, 8.0, T)[34])])
-    bend = simulate(preset, pull, T).bend
-    np.testing.assert_allclose(bend[35:], bend[35], atol=1e-8)
-
-
 def test_steps_give_what_the_record_gives():
     rng = np.random.default_rng(8)
     presets = [load_ranges("vio_com").draw(load_preset("vio_com"), rng) for _ in range(5)]
@@ -46,25 +37,6 @@ def test_steps_give_what_the_record_gives():
     records = simulate_batch(presets, [pull] * 5, T)
     # The record begins at rest for a second, and its first sample is a step of its own.
     np.testing.assert_allclose(stepped, np.array([record.bend for record in records]).T, atol=2e-3)
-
-
-@pytest.mark.parametrize("changes", [{}, {"backlash": 1e-4, "servo_gain": 9.0}, {"bending_planes": 2}])
-def test_state_restored_into_fresh_twins_continues_bit_for_bit(changes):
-    presets = [URETEROSCOPE.replace(friction_warm_up=0.2, friction_wear=0.1, **changes)] * 2
-    pull = cycle(2e-3, 7.0, T)
-    first, second = ReducedTwins(presets, T), ReducedTwins(presets, T)
-    for value in pull[:50]:
-        first.step(value)
-    second.restore_state(first.save_state())
-    for value in pull[50:]:
-        np.testing.assert_array_equal(first.step(value), second.step(value))
-    np.testing.assert_array_equal(first.wire_tension_and_slack()[0], second.wire_tension_and_slack()[0])
-
-
-def test_state_of_other_endoscopes_is_refused():
-    state = ReducedTwins([URETEROSCOPE] * 2, T).save_state()
-    with pytest.raises(ValueError, match="does not fit"):
-        ReducedTwins([URETEROSCOPE], T).restore_state(state)
 
 
 def test_wrong_inputs_are_refused_in_one_line():
@@ -85,13 +57,6 @@ def test_random_endoscopes_find_their_equilibrium_through_jumps():
         for _ in range(20):
             twins.step(rng.uniform(-stroke, stroke, 100))
         assert twins.converged.all()
-
-
-def test_endoscope_that_finds_none_is_reported(monkeypatch):
-    twins = ReducedEndoscope(URETEROSCOPE)
-    twins.twins.state.missing[0] = 1.0
-    with pytest.raises(FloatingPointError, match="found no equilibrium: 1 N are missing"):
-        twins.advance(0.0)
 
 
 def test_interpreted_kernels_give_the_same_to_rounding():
@@ -118,18 +83,6 @@ def test_interpreted_kernels_give_the_same_to_rounding():
 def test_it_imports_no_mujoco():
     code = "import sys, twin.reduced; sys.exit('mujoco' in sys.modules or 'dm_control' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=Path("/")).returncode == 0
-
-
-def test_dataset_of_the_reduced_twin_verifies_and_says_what_made_it(tmp_path):
-    out = tmp_path / "made"
-    make = f"generate --preset vio_com --physics reduced --stroke -5 5 --episodes 2 --seconds 2 --out {out}"
-    for line in (f"{make} --workers 1", f"generate --verify --out {out}"):
-        subprocess.run([sys.executable, "-m", "twin", *line.split()], check=True, capture_output=True)
-    episode = read_episode(out / "episode_0000.mcap")
-    assert episode.metadata["physics"] == "reduced"
-    again = simulate_batch([Preset(**episode.metadata["preset"])], [episode.pull], 0.02)[0]
-    assert again is not None
-    np.testing.assert_allclose(again.bend, episode.bend, atol=1e-12)
 
 
 def test_stepping_keeps_no_memory():

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.evaluation.paper import noise_label
-from twin.signals.noise import KINDS, SENSORS, draw_errors, fisher_information, noise_bound, noise_variance
+from twin.signals.noise import draw_errors, noise_variance
 from twin.signals.sensor_errors import FAULTS, FINE_DEG2, GAP_S, KNOWN_DEG2, STUCK_S
 
 T = 0.02
@@ -90,14 +89,3 @@ def test_whatever_the_level_and_length_errors_are_numbers_or_missing(kind, level
     assert np.isfinite(errors[~np.isnan(errors)]).all()
     assert kind == "drop-outs" or not np.isnan(errors).any()
     np.testing.assert_array_equal(errors, draw(kind, level, np.linspace(0, 50, samples), seed))
-
-
-@pytest.mark.parametrize("kind", FAULTS)
-def test_each_is_a_sensor_without_a_bound_or_a_density_and_has_a_name_in_words(kind):
-    assert kind in KINDS
-    assert noise_bound(kind, 0.1) == np.inf
-    assert fisher_information(kind, 0.1) is None
-    assert "0.1" in noise_label(kind, 0.1)
-    for level in (-0.1, SENSORS[kind].most * 1.01, np.nan):
-        with pytest.raises(ValueError, match=f"{kind} noise of level .*: must be from 0 to"):
-            draw(kind, level)

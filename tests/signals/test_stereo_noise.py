@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.signals.noise import KINDS, NOISES, draw_errors, fisher_information, noise_bound, noise_variance
-from twin.signals.sensor_errors import FAULTS, STEREO, StereoNoise, stereo_noise
+from twin.signals.noise import draw_errors, noise_variance
+from twin.signals.sensor_errors import STEREO, stereo_noise
 
 TIME = 0.02
 
@@ -38,20 +38,6 @@ def test_an_error_depends_on_the_angle_so_that_neighbours_are_alike():
     assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.15
 
 
-def test_scatter_and_mean_are_kept_apart():
-    """Two rigs whose errors are known: what is drawn at an angle has the mean and spread of one of them."""
-    rng = np.random.default_rng(1)
-    mean = np.array([[0.1], [0.3]])
-    errors = mean[..., None] + 0.05 * rng.standard_normal((2, 1, 4000))
-    noise = StereoNoise(np.array([0.0]), errors, 1.0, np.array([0.5]))
-    means = set()
-    for seed in range(8):
-        drawn = noise.draw(0.0, np.zeros(20_000), TIME, np.random.default_rng(seed))
-        assert drawn.std() == pytest.approx(0.05, rel=0.05)
-        means.add(round(drawn.mean(), 1))
-    assert means == {0.1, 0.3}
-
-
 def test_passes_leave_gaps_of_the_share_that_they_hide():
     noise, minutes, level = stereo_noise(), 60, 12.0
     bends = np.zeros(round(minutes * 60 / TIME))
@@ -61,15 +47,3 @@ def test_passes_leave_gaps_of_the_share_that_they_hide():
     gaps = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))))[::2]
     assert gaps.min() * TIME > 0.05
     assert not np.isnan(draw(bends)).any()
-
-
-def test_it_has_no_bound_and_no_information_and_is_not_drawn_without_an_angle():
-    assert (*NOISES, STEREO, *FAULTS) == KINDS
-    assert noise_bound(STEREO, 4.0) == np.inf
-    assert fisher_information(STEREO, 4.0) is None
-
-
-@pytest.mark.parametrize("level", [-1.0, 61.0, np.nan])
-def test_passes_that_cannot_be_are_refused(level):
-    with pytest.raises(ValueError, match=r"stereo-vision noise of level .*: must be from 0 to 60 passes"):
-        draw([0.0, 1.0], level)

@@ -7,7 +7,7 @@ wires from the axis (`Preset.wire_offset`), so that an endoscope of any thicknes
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -91,7 +91,12 @@ class DrawnEndoscope:
             self.model.body(index).name: int(self.model.body_mocapid[index])
             for index in range(1, self.model.nbody)
         }
-        self._skins = self._wire_skins()
+        names = [self.model.skin(index).name for index in range(self.model.nskin)]
+        self._skins = {  # of each length of each wire
+            (WIRES.index(name[5]), int(name[6:])): index
+            for index, name in enumerate(names)
+            if name.startswith("wire_")
+        }
         self.place("base", np.zeros(3), np.eye(3))
         self.place_sheath(sheath_frames(preset, 0.0))
 
@@ -145,15 +150,6 @@ class DrawnEndoscope:
         """Put every body out of sight; those that are placed from then on are seen again."""
         self._data.mocap_pos[:] = AWAY
 
-    def _wire_skins(self) -> dict[tuple[int, int], int]:
-        """Return the skin of each length of each wire."""
-        named = {self.model.skin(index).name: index for index in range(self.model.nskin)}
-        return {
-            (WIRES.index(name[5]), int(name[6:])): index
-            for name, index in named.items()
-            if name.startswith("wire_")
-        }
-
 
 def _light_by_the_tip(spec: mujoco.MjSpec, preset: Preset) -> None:
     """Put out the lights of the bench, and light what is before the tip."""
@@ -184,29 +180,22 @@ def cap_length(preset: Preset) -> float:
 
 
 def add_bodies(spec: mujoco.MjSpec, preset: Preset) -> tuple[Bones, Bones]:
-    """Add the bodies that are placed for each picture; returns the bones of the section and of the sheath."""
-    section, sheath = _section_bones(preset), _sheath_bones(preset)
-    for bones in (section, sheath):
-        for name, origin in zip(bones.names, bones.origin, strict=True):
-            spec.worldbody.add_body(name=name, pos=[origin, 0, 0], mocap=True)
-    return section, sheath
+    """Add the bodies that are placed for each picture; returns the bones of the section and of the sheath.
 
-
-def _section_bones(preset: Preset) -> Bones:
-    """Return the base, the links and the tip. The base holds the shaft straight."""
-    count, link = preset.vertebrae, preset.section_length / preset.vertebrae
-    names = ("base", *(f"link_{index}" for index in range(count)))
+    Those of the section are base, links and tip; the base holds the shaft straight. Those of the sheath go
+    from the pulley to the base, so that x increases.
+    """
+    count, length = preset.vertebrae, drawn_sheath_length(preset)
+    link = preset.section_length / count
     origin = np.array([0.0, *(link * np.arange(count))])
     middle = np.array([-0.5 * link, *(link * (np.arange(count) + 0.5))])
-    return Bones(names, origin, middle)
-
-
-def _sheath_bones(preset: Preset) -> Bones:
-    """Return the frames of the sheath from the pulley to the base, so that x increases."""
-    length = drawn_sheath_length(preset)
-    names = tuple(f"sheath_{index}" for index in range(SHEATH_BONES, -1, -1))
-    origin = np.linspace(-length, 0.0, SHEATH_BONES + 1)
-    return Bones(names, origin, origin)
+    section = Bones(("base", *(f"link_{index}" for index in range(count))), origin, middle)
+    along = np.linspace(-length, 0.0, SHEATH_BONES + 1)
+    sheath = Bones(tuple(f"sheath_{index}" for index in range(SHEATH_BONES, -1, -1)), along, along)
+    for bones in (section, sheath):
+        for name, place in zip(bones.names, bones.origin, strict=True):
+            spec.worldbody.add_body(name=name, pos=[place, 0, 0], mocap=True)
+    return section, sheath
 
 
 def add_section(spec: mujoco.MjSpec, preset: Preset, bones: Bones, sleeve: str) -> None:
@@ -309,21 +298,13 @@ def add_station(spec: mujoco.MjSpec, preset: Preset) -> None:
         body = spec.worldbody.add_body(name=f"wheel_{plane}", mocap=True)
         _add_wheel(body, wheel)
         start, end = (centre + share * wheel * axis for share in (0.5 * _WHEEL_THICK, 1.5))
-        station.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            fromto=[*start, *end],
-            size=[0.62 * wheel, 0, 0],
-            material="motor",
-        )
+        _between(station, start, end, 0.62 * wheel, "motor")
         for wire in WIRES[2 * plane : 2 * plane + 2]:
             y, z = WIRE_PLACES[wire]
             across = np.array([0.0, y, z])
-            station.add_geom(
-                name=f"wire_{wire}",
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=[*(radius * across), *(centre + (wheel - 0.5 * _WIRE * radius) * across)],
-                size=[_WIRE * radius, 0, 0],
-                material="wire",
+            on_wheel = centre + (wheel - 0.5 * _WIRE * radius) * across
+            _between(
+                station, radius * across, on_wheel, _WIRE * radius, "wire", "CAPSULE", name=f"wire_{wire}"
             )
 
 
@@ -336,12 +317,8 @@ def _add_wheel(body: mujoco.MjsBody, radius: float) -> None:
     """Add a wheel about the y axis of its body: rims around a groove, holes, and a mark to see its turn."""
     half = 0.5 * _WHEEL_THICK * radius
 
-    def disc(
-        start: float, end: float, size: float, material: str, place: tuple[float, float] = (0, 0)
-    ) -> None:
-        x, z = place
-        ends = [x, start, z, x, end, z]
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=ends, size=[size, 0, 0], material=material)
+    def disc(start: float, end: float, size: float, material: str, x: float = 0, z: float = 0) -> None:
+        _between(body, (x, start, z), (x, end, z), size, material)
 
     disc(-half, -0.4 * half, 1.08 * radius, "wheel")
     disc(-0.4 * half, 0.4 * half, 0.98 * radius, "vertebra")
@@ -349,8 +326,8 @@ def _add_wheel(body: mujoco.MjsBody, radius: float) -> None:
     disc(-1.5 * half, 1.5 * half, 0.2 * radius, "motor")
     for hole in range(_HOLES):
         angle = 2 * np.pi * (hole + 0.5) / _HOLES
-        place = (0.6 * radius * np.cos(angle), 0.6 * radius * np.sin(angle))
-        disc(-1.1 * half, 1.1 * half, 0.2 * radius, "mark", place)
+        x, z = 0.6 * radius * np.cos(angle), 0.6 * radius * np.sin(angle)
+        disc(-1.1 * half, 1.1 * half, 0.2 * radius, "mark", x, z)
     for side in (-1.05, 1.05):
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -379,6 +356,25 @@ def _shell(
     add_skin(spec, f"{name}_cut", cut, bones, "cut")
 
 
+def _between(
+    body: mujoco.MjsBody,
+    start: Sequence[float],
+    end: Sequence[float],
+    radius: float,
+    material: str,
+    shape: str = "CYLINDER",
+    name: str = "",
+) -> None:
+    """Add a cylinder, or another shape with an axis, from one point to another one."""
+    body.add_geom(
+        name=name,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape}"),
+        fromto=[*start, *end],
+        size=[radius, 0, 0],
+        material=material,
+    )
+
+
 def _cylinder(
     body: mujoco.MjsBody,
     start: float,
@@ -388,12 +384,7 @@ def _cylinder(
     place: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Add a cylinder along x."""
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[start, *place, end, *place],
-        size=[radius, 0, 0],
-        material=material,
-    )
+    _between(body, (start, *place), (end, *place), radius, material)
 
 
 def _revolved(
@@ -465,9 +456,4 @@ def add_plate(spec: mujoco.MjSpec, plate: Plate) -> None:
 def add_rod(spec: mujoco.MjSpec, name: str, radius: float, length: float) -> None:
     """Add a dark rod along the x axis of a body of its own: an instrument that passes before the cameras."""
     body = spec.worldbody.add_body(name=name, pos=AWAY.tolist(), mocap=True)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[-length / 2, 0, 0, length / 2, 0, 0],
-        size=[radius, 0, 0],
-        material="motor",
-    )
+    _between(body, (-length / 2, 0, 0), (length / 2, 0, 0), radius, "motor", "CAPSULE")
