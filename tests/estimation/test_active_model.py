@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.estimator import Sensor
 from twin.estimation.gaussian import Belief
 from twin.hysteresis import ColemanHodgdon
 from twin.hysteresis.bouc_wen import BoucWen
@@ -83,25 +82,6 @@ def test_filter_equals_the_textbook_kalman_filter(q, r, p, seed):
     np.testing.assert_allclose(covariances[..., 0], expected_covariances, rtol=1e-5, atol=1e-8 * max(*q, *p))
 
 
-def test_batch_of_filters_equals_single_filters():
-    measurement, initial = noisy(5), np.array([40.0, 50.0, 60.0, 70.0, 80.0])
-    batch = FILTER.estimate(PULL, measurement, initial)
-    for row in range(5):
-        single = FILTER.estimate(PULL, measurement[row], initial[row])
-        np.testing.assert_allclose(batch[row], single[0], rtol=1e-12)
-
-
-def test_filters_of_a_batch_may_follow_their_own_commands_and_sensors():
-    pulls, measurement, variance = np.stack([PULL, PULL[::-1]]), noisy(2), np.array([0.3, 2.0])
-    means, covariances = run_online(FILTER.with_sensor(Sensor(variance)), pulls, measurement, 60.0)
-    for row in range(2):
-        alone = run_online(
-            FILTER.with_sensor(Sensor(variance[row])), pulls[row], measurement[row : row + 1], 60.0
-        )
-        np.testing.assert_allclose(means[..., row], alone[0][..., 0], rtol=1e-12)
-        np.testing.assert_allclose(covariances[..., row], alone[1][..., 0], rtol=1e-12)
-
-
 def test_online_form_equals_whole_records_and_does_not_use_the_first_measurement():
     measurement, initial = noisy(3), np.array([60.0, 70.0, 80.0])
     means, _ = run_online(FILTER, PULL, measurement, initial)
@@ -122,29 +102,6 @@ def test_step_is_predict_then_update_and_leaves_its_argument_alone():
         np.testing.assert_array_equal(one, two)
     for one, two in zip(belief, kept, strict=True):
         np.testing.assert_array_equal(one, two)
-
-
-def test_missing_measurements_are_predicted_over():
-    measurement = noisy(2)
-    measurement[1, 100:150] = np.nan
-    means, covariances = run_online(FILTER, PULL, measurement, 60.0)
-    x, P = means[99, :, 1], covariances[99, ..., 1]
-    for k in range(100, 150):
-        F, u = affine_system(PULL[k], PULL[k - 1])
-        x, P = F @ x + u, F @ P @ F.T + np.diag(FILTER.process_variance)
-    np.testing.assert_allclose(means[149, :, 1], x, rtol=1e-12)
-    np.testing.assert_allclose(covariances[149, ..., 1], P, rtol=1e-12)
-    np.testing.assert_allclose(means[..., 0], run_online(FILTER, PULL, noisy(2), 60.0)[0][..., 0], rtol=1e-12)
-
-
-def test_measurement_reduces_variance():
-    belief = FILTER.start(PULL[:1], np.array([60.0]))
-    for k in range(1, 50):
-        predicted = FILTER.predict(belief, PULL[k : k + 1], PULL[k - 1 : k])
-        belief = FILTER.update(predicted, np.array([60.0]))
-        assert belief.covariance[0, 0, 0] < predicted.covariance[0, 0, 0]
-        assert belief.covariance[0, 0, 0] < FILTER.measurement_variance
-        assert belief.covariance[1, 1, 0] <= predicted.covariance[1, 1, 0]
 
 
 @settings(max_examples=50)

@@ -114,18 +114,3 @@ def test_filter_that_excludes_a_bias_is_the_active_model():
     never = dataclasses.replace(BIASED, bias_variance=0.0, bias_process_variance=0.0)
     expected = PLAIN.estimate(PULL, measurement, 60.0)
     np.testing.assert_allclose(never.estimate(PULL, measurement, 60.0), expected, rtol=1e-12)
-
-
-def test_missing_measurement_is_prediction_alone_and_batch_equals_single_filters():
-    _, measurement = simulate(3, np.array(0.7), 7)
-    measurement[1, 200:260] = np.nan
-    belief = BIASED.start(np.full(2, 3.0), np.array([50.0, 60.0]))
-    after = BIASED.update(belief, np.array([np.nan, 61.0]))
-    np.testing.assert_array_equal(after.mean[:, 0], belief.mean[:, 0])
-    np.testing.assert_array_equal(after.covariance[..., 0], belief.covariance[..., 0])
-    assert after.mean[2, 1] > 0
-    batch = BIASED.estimate(PULL, measurement, [50.0, 60.0, 70.0])
-    for row, initial in enumerate([50.0, 60.0, 70.0]):
-        np.testing.assert_allclose(
-            batch[row], BIASED.estimate(PULL, measurement[row], initial)[0], rtol=1e-11
-        )

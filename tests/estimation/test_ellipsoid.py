@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from twin.estimation.set_membership import Ellipsoid, add_segment, around_box, cut
 
@@ -97,28 +97,6 @@ def test_no_cut_of_the_family_is_smaller(shape, axis, low, width):
     assert np.log(area(kept)) == pytest.approx(min(least, logarithm(-50.0)), abs=1e-6)
 
 
-@settings(max_examples=25)
-@given(shape=shapes, low=st.floats(-0.95, 0.9), width=st.floats(0.05, 1.5))
-def test_no_ellipse_around_a_cut_one_is_smaller(shape, low, width):
-    """Of all ellipses, by search: in the coordinates of the disc, symmetric about the normal."""
-    high = min(low + width, 1.0)
-    held = ellipsoid(*shape)
-    kept, _ = cut(held, 0, np.array([low * shape[0]]), np.array([high * shape[0]]))
-    t = np.concatenate([[low, high], np.linspace(low, high, 200)])
-    z = np.sqrt(np.maximum(1 - t**2, 0))
-
-    def logarithm(parameters):
-        """Area of the least ellipse of this middle and this ratio of half axes that holds all points."""
-        middle, log_ratio = parameters
-        square = (((t - middle) / np.exp(log_ratio)) ** 2 + z**2).max()
-        return np.log(square) + log_ratio
-
-    starts = [((low + high) / 2, 0.0), ((low + high) / 2, np.log((high - low) / 2)), (0.0, 0.0)]
-    options = {"xatol": 1e-7, "fatol": 1e-9, "maxiter": 2000}
-    least = min(minimize(logarithm, start, method="Nelder-Mead", options=options).fun for start in starts)
-    assert np.log(area(kept) / area(held)) == pytest.approx(least, abs=2e-3)
-
-
 @given(shape=shapes, axis=axes)
 def test_bounds_around_the_ellipsoid_leave_it_and_bounds_beside_it_leave_nothing(shape, axis):
     held = ellipsoid(*shape, (3.0, -1.0))
@@ -146,17 +124,3 @@ def test_ellipsoid_around_a_box_passes_through_its_corners(first, second):
     np.testing.assert_allclose(level(around, corners), 1, rtol=1e-6)
     # The smallest ellipse around a rectangle has pi / 2 of its area.
     assert area(around) * np.pi == pytest.approx(np.pi / 2 * first * second, rel=1e-6)
-
-
-def test_batch_of_ellipsoids_equals_single_ones():
-    rng = np.random.default_rng(0)
-    root = rng.standard_normal((6, 2, 2))
-    held = Ellipsoid(rng.standard_normal((2, 6)), np.moveaxis(root @ root.transpose(0, 2, 1), 0, -1))
-    length, low = rng.uniform(0, 2, 6), rng.uniform(-2, 1, 6)
-    kept, empty = cut(add_segment(held, 0, length), 0, low, low + 1)
-    for b in range(6):
-        one = Ellipsoid(held.centre[:, b : b + 1], held.shape[..., b : b + 1])
-        single, nothing = cut(add_segment(one, 0, length[b]), 0, low[b : b + 1], low[b : b + 1] + 1)
-        np.testing.assert_allclose(kept.shape[..., b], single.shape[..., 0], rtol=1e-12)
-        np.testing.assert_allclose(kept.centre[:, b], single.centre[:, 0], rtol=1e-12)
-        assert empty[b] == nothing[0]

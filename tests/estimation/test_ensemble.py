@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.estimation.ensemble import EnsembleFilter, posterior_bound
-from twin.estimation.estimator import Sensor
 from twin.signals.noise_density import noise_density
 
 MEMBERS, SAMPLES = 40, 120
@@ -63,12 +62,6 @@ def test_error_over_twins_of_the_ensemble_reaches_the_bound_and_no_less():
     assert found == pytest.approx(bound, rel=0.1)
 
 
-def test_a_member_without_noise_is_found(members):
-    twin = members[7]
-    estimate = EnsembleFilter(members, 1e-8).estimate(np.zeros(SAMPLES), twin, 0.0)[0]
-    np.testing.assert_allclose(estimate[MEMBERS:], twin[MEMBERS:], atol=1e-2)
-
-
 def test_knowing_the_density_helps_and_for_gaussian_noise_changes_nothing(members):
     rng = np.random.default_rng(3)
     pull, truth = np.zeros(SAMPLES), members[5]
@@ -95,16 +88,6 @@ def test_a_batch_is_its_single_filters(count, seed):
     batch = filters.estimate(pull, measurement, 0.0)
     for row in range(count):
         np.testing.assert_allclose(batch[row], filters.estimate(pull, measurement[row], 0.0)[0], atol=1e-9)
-
-
-def test_filters_of_one_ensemble_share_sensor_and_gaps(members):
-    filters = EnsembleFilter(members)
-    assert filters.with_sensor(Sensor(np.full(3, 2.0))).measurement_variance == 2.0
-    with pytest.raises(ValueError, match="one sensor"):
-        filters.with_sensor(Sensor(np.array([1.0, 2.0])))
-    state = filters.start(np.zeros(2), np.zeros(2))
-    with pytest.raises(ValueError, match="same measurements"):
-        filters.step(state, np.zeros(2), np.zeros(2), np.array([1.0, np.nan]))
 
 
 def test_with_a_bias_it_is_the_conditional_mean_of_angle_and_bias_together(members):

@@ -1,10 +1,8 @@
 """Bounds of the error of a model: recovered from records that exhaust them, and none smaller holds."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from bounded_system import COLEMAN_HODGDON, MODELS, T, pulls, simulate
+from bounded_system import COLEMAN_HODGDON, T, pulls, simulate
 
 from twin.estimation.set_membership import ErrorBound, bound_model_error
 
@@ -50,21 +48,6 @@ def test_a_slow_error_of_the_model_is_told_from_the_rest():
     assert without.floor_deg + without.slope_deg_per_mm * 0.05 > 0.2
     assert 2.0 < with_f.error_deg_per_s < 7.0
     assert with_f.increment_deg_per_s == 0.1
-
-
-def test_factor_scales_all_bounds():
-    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))[:2]
-    once = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
-    twice = bound_model_error(COLEMAN_HODGDON, records, T, increment_deg_per_s=0.1)
-    np.testing.assert_allclose(dataclasses.astuple(twice), 2 * np.array(dataclasses.astuple(once)))
-
-
-def test_memory_of_the_model_is_carried_along_the_records():
-    model = MODELS[2]
-    pull = pulls(np.random.default_rng(7), 2)
-    records = [(row, model.response(row, 20.0)) for row in pull]
-    found = bound_model_error(model, records, T)
-    assert found.floor_deg + found.slope_deg_per_mm < 1e-9
 
 
 def test_wrong_bounds_are_refused():

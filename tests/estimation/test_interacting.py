@@ -7,7 +7,6 @@ import pytest
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import InteractingModels
-from twin.estimation.estimator import Sensor
 from twin.hysteresis import ColemanHodgdon
 
 T, R = 0.1, 0.5
@@ -84,12 +83,3 @@ def test_one_step_is_that_of_the_textbook():
         )
         unnormed.append(c * np.exp(-0.5 * (45.0 - ahead[0]) ** 2 / S) / np.sqrt(S))
     np.testing.assert_allclose(second.probability[:, 0], np.array(unnormed) / sum(unnormed), rtol=1e-9)
-
-
-def test_each_is_told_of_the_sensor_and_one_alone_is_refused():
-    told = InteractingModels((STIFF, AGILE)).with_sensor(Sensor(2.0))
-    assert {float(of.measurement_variance) for of in told.filters} == {2.0}
-    with pytest.raises(ValueError, match="at least two"):
-        InteractingModels((STIFF,))
-    with pytest.raises(ValueError, match="stays"):
-        InteractingModels((STIFF, AGILE), stays=1.0)

@@ -9,7 +9,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scripts.benchmarks.estimation import covariances, least_margin
+from scripts.benchmarks.estimation import least_margin
 from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel, RobustActiveModel
 from twin.estimation.tuning import ConstantGain
@@ -147,19 +147,6 @@ def test_a_model_that_is_not_affine_is_refused():
         KalmanActiveModel(BoucWen(22.0, -15.0, 1.2, 1.5, 2.0), 0.1)
 
 
-@pytest.mark.parametrize("samples", [100_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
-def test_covariances_of_the_extended_filter_are_covariances_over_a_million_samples(samples):
-    assert least_margin(ActiveModel, samples) > 1e-9
-
-
 @pytest.mark.parametrize("filter_type", [KalmanActiveModel, UnscentedActiveModel])
 def test_covariances_of_the_others_are_covariances_over_thousands_of_samples(filter_type):
     assert least_margin(filter_type, 20_000) > 1e-9
-
-
-def test_benchmark_of_the_covariances_reports_the_worst_of_all_filters():
-    reported = []
-    result = covariances(300, lambda done, count: reported.append((done, count)))
-    assert result.holds
-    assert result.value == min(least_margin(kind, 300) for kind in FAMILY)
-    assert reported == [(1, 3), (2, 3), (3, 3)]

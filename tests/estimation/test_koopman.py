@@ -1,6 +1,5 @@
 """The Koopman filter: the fit on Coleman and Hodgdon's own data, the filter against filterpy."""
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -9,7 +8,6 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.estimation.estimator import Sensor
 from twin.estimation.koopman import KoopmanFilter, fit_koopman
 from twin.hysteresis import ColemanHodgdon
 
@@ -63,23 +61,6 @@ def test_fit_recovers_a_model_with_delays_and_finds_that_it_needs_them():
     pull, bend = delayed_record(99)
     assert np.abs(chosen.response(pull, 60.0)[0] - bend).max() < 0.5
     assert np.abs(fit_koopman(records, delays=0).response(pull, 60.0)[0] - bend).max() > 0.5
-
-
-def test_fit_agrees_with_the_normal_equations_of_a_penalised_regression():
-    rng = np.random.default_rng(5)
-    records = [(pull, bend + 0.1 * rng.normal(size=bend.shape)) for pull, bend in own_records()]
-    rows = [
-        (abs(n - b) * y, n - b, abs(n - b) * n, z - y)
-        for pull, bend in records
-        for (b, n), (y, z) in zip(itertools.pairwise(pull), itertools.pairwise(bend), strict=True)
-    ]
-    X, y = np.array(rows)[:, :3], np.array(rows)[:, 3]
-    penalty = 0.01 * len(X) * np.diag(np.mean(X**2, axis=0))
-    minus_a, c, ab = np.linalg.solve(X.T @ X + penalty, X.T @ y)
-    found = fit_koopman(records, delays=0, ridge=0.01)
-    np.testing.assert_allclose(found.gates[:, 0], [1, minus_a], rtol=1e-8)
-    np.testing.assert_allclose(found.drives[:, 0], [c, ab], rtol=1e-8)
-    assert found.process_variance == pytest.approx(np.mean((y - X @ [minus_a, c, ab]) ** 2))
 
 
 def lifted_system(filter_: KoopmanFilter, pulls: list[float]) -> tuple[np.ndarray, float]:
@@ -141,12 +122,6 @@ def test_prediction_forgets_its_first_angle_about_any_pull(symmetric, centre):
     assert np.abs(far[len(TIME) :]).max() < 3000
 
 
-def test_symmetric_model_bends_the_other_way_along_the_mirrored_command():
-    pull, bend = delayed_record(3)
-    filter_ = fit_koopman([(pull, bend)], delays=1)
-    np.testing.assert_allclose(filter_.response(-pull, -60.0), -filter_.response(pull, 60.0), rtol=1e-12)
-
-
 def test_model_that_does_not_forget_is_refused():
     pull, _ = delayed_record(3)
     away = [60.0]
@@ -154,34 +129,3 @@ def test_model_that_does_not_forget_is_refused():
         away.append(away[-1] + 0.2 * abs(now - before) * (away[-1] - 60) + now - before)
     with pytest.raises(ValueError, match="forgets"):
         fit_koopman([(pull, np.array(away))])
-
-
-def test_missing_measurement_is_prediction_alone_and_batch_equals_single_filters():
-    filter_ = fit_koopman([delayed_record(seed) for seed in range(2)], delays=2).with_sensor(Sensor(0.5))
-    assert filter_.measurement_variance == 0.5
-    pull, bend = delayed_record(7)
-    measurement = bend + np.random.default_rng(0).normal(size=(3, len(bend)))
-    measurement[1, 100:150] = np.nan
-    batch = filter_.estimate(pull, measurement, [50.0, 60.0, 70.0])
-    for row, initial in enumerate([50.0, 60.0, 70.0]):
-        np.testing.assert_allclose(
-            batch[row], filter_.estimate(pull, measurement[row], initial)[0], rtol=1e-11
-        )
-    state = filter_.start(np.full(2, 3.0), np.array([60.0, 60.0]))
-    after = filter_.step(state, np.full(2, 3.1), np.full(2, 3.0), np.array([np.nan, 65.0]))
-    predicted = filter_.predict(state, np.full(2, 3.1), np.full(2, 3.0))
-    np.testing.assert_array_equal(after.mean[:, 0], predicted.mean[:, 0])
-    np.testing.assert_array_equal(after.covariance[..., 0], predicted.covariance[..., 0])
-    assert after.mean[0, 1] > predicted.mean[0, 1] + 1
-
-
-def test_covariance_stays_symmetric_and_positive():
-    filter_ = fit_koopman([delayed_record(seed) for seed in range(2)], delays=2)
-    filter_ = dataclasses.replace(filter_, process_variance=1e-9, initial_variance=1e6)
-    pull, bend = delayed_record(7)
-    state = filter_.start(pull[:1], bend[:1])
-    for k in range(1, len(pull)):
-        state = filter_.step(state, pull[k : k + 1], pull[k - 1 : k], bend[k : k + 1])
-        covariance = state.covariance[..., 0]
-        np.testing.assert_array_equal(covariance, covariance.T)
-        assert np.linalg.eigvalsh(covariance).min() > -1e-12 * np.trace(covariance) - 1e-15

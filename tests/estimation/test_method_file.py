@@ -33,10 +33,6 @@ def own_table(monkeypatch):
     monkeypatch.setattr(registry, "_LOADED", {})
 
 
-def test_the_example_is_short():
-    assert len([line for line in EXAMPLE.read_text().splitlines() if line.strip()]) < 30
-
-
 def test_the_example_is_in_tables_figures_and_results(tmp_path):
     model = ColemanHodgdon(1.15, 22.38, 5.0)
     (tmp_path / "model.json").write_text(json.dumps({"model": model.name, **model.to_dict()}))

@@ -79,11 +79,3 @@ def test_the_interval_holds_the_truth_as_often_as_it_says():
     measured = truth + draw_noise("gaussian", 1.0, truth.shape, np.random.default_rng(6))
     found, half = estimates(ParticleFilter(EnsembleFilter(members, 1.0)), measured)
     assert np.mean(np.abs(found - truth) <= half) == pytest.approx(0.95, abs=0.02)
-
-
-def test_filters_share_their_gaps():
-    members = family(20, 1)
-    measured = np.ones((2, SAMPLES))
-    measured[0, 5] = np.nan
-    with pytest.raises(ValueError, match="must miss the same measurements"):
-        estimates(ParticleFilter(EnsembleFilter(members)), measured)

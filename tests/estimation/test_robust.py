@@ -81,17 +81,3 @@ def test_filter_resists_outliers_that_mislead_the_active_model():
     measurement = truth + rng.normal(size=outliers.shape) + outliers
     error = [np.sqrt(np.mean((f.estimate(PULL, measurement, 60.0) - truth) ** 2)) for f in (ROBUST, PLAIN)]
     assert error[0] < error[1] / 2
-
-
-def test_missing_measurement_is_prediction_alone_and_batch_equals_single_filters():
-    measurement = MODEL.response(PULL, 60.0) + np.random.default_rng(2).normal(size=(4, len(PULL))) * 2
-    measurement[1, 100:120] = np.nan
-    before = belief_of(np.ones(2))
-    after = ROBUST.update(before, np.array([np.nan, 70.0]))
-    np.testing.assert_array_equal(after.mean[:, 0], before.mean[:, 0])
-    np.testing.assert_array_equal(after.covariance[:, :, 0], before.covariance[:, :, 0])
-    batch = ROBUST.estimate(PULL, measurement, [40.0, 50.0, 60.0, 70.0])
-    for row, initial in enumerate([40.0, 50.0, 60.0, 70.0]):
-        np.testing.assert_allclose(
-            batch[row], ROBUST.estimate(PULL, measurement[row], initial)[0], rtol=1e-12
-        )

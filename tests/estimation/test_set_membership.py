@@ -114,19 +114,6 @@ def test_without_f_the_interval_is_the_exact_one(slope, floor, noise, seed):
         np.testing.assert_allclose(high[:, k], exact_high, atol=1e-4)
 
 
-def test_a_constant_error_of_the_model_is_learned():
-    """What the ellipsoid is for: a box alone never narrows f."""
-    bound = ErrorBound(0.0, 0.0, 10.0, 0.0)
-    rng = np.random.default_rng(0)
-    pull = pulls(rng, 30, 300)
-    bend, f = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
-    measurement = bend + rng.uniform(-1, 1, bend.shape)
-    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
-    *_, state = states(tuned, pull, measurement, bend[:, 0])
-    assert (state.high[1] - state.low[1]).max() < 1.0
-    assert ((state.low[1] <= f[:, -1]) & (f[:, -1] <= state.high[1])).all()
-
-
 def test_noise_that_keeps_to_its_bound_leaves_less_than_the_strip_of_one_measurement():
     rng = np.random.default_rng(0)
     bound = ErrorBound(3.0, 0.02)
@@ -137,20 +124,6 @@ def test_noise_that_keeps_to_its_bound_leaves_less_than_the_strip_of_one_measure
     low, high = tuned.intervals(pull, measurement, bend[:, 0])
     assert (high - low)[:, 20:].mean() < 0.5 * 4
     assert np.sqrt(np.mean((tuned.estimate(pull, measurement, bend[:, 0]) - bend)[:, 20:] ** 2)) < 0.5
-
-
-def test_estimate_is_the_middle_of_the_interval_and_starts_where_it_is_told():
-    rng = np.random.default_rng(2)
-    pull = pulls(rng, 3)
-    measurement = 60 + rng.uniform(-2, 2, pull.shape)
-    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(30.0, 0.2), 2.0)
-    low, high = tuned.intervals(pull, measurement, 60.0)
-    np.testing.assert_allclose(tuned.estimate(pull, measurement, 60.0), (low + high) / 2)
-    np.testing.assert_allclose([low[:, 0], high[:, 0]], [[40.0] * 3, [80.0] * 3])
-    for row in range(3):
-        alone = tuned.intervals(pull[row], measurement[row], 60.0)
-        np.testing.assert_allclose(alone[0][0], low[row])
-        np.testing.assert_allclose(alone[1][0], high[row])
 
 
 def test_without_measurements_the_interval_is_that_of_the_model_and_its_bound():
@@ -212,16 +185,6 @@ def test_model_of_bouc_and_wen_keeps_order_and_moves_nothing_apart(bend, apart, 
     ends = np.array([bend, bend + apart])
     left, right = BOUC_WEN.step(ends, np.empty((0, 2)), np.full(2, 3.0 + move), np.full(2, 3.0))[0]
     assert -1e-9 <= right - left <= apart + 1e-9
-
-
-def test_no_bounds_at_all_is_a_set_that_still_works():
-    """Noise, model and first estimate without error: the widths that rounding asks for are all there is."""
-    pull = pulls(np.random.default_rng(5), 2)
-    exact = COLEMAN_HODGDON.response(pull, 60.0)
-    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(0.0, 0.0), 0.0, 0.0)
-    low, high = tuned.intervals(pull, exact, 60.0)
-    assert ((low <= exact) & (exact <= high)).all()
-    assert (high - low).max() < 1e-5
 
 
 def test_strips_that_meet_in_one_point_leave_a_set_that_goes_on():

@@ -6,10 +6,7 @@ from models import COLEMAN_HODGDON
 
 from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
 from twin.estimation.adaptive import AdaptiveActiveModel, BiasedActiveModel, RobustActiveModel
-from twin.estimation.ensemble import EnsembleFilter
-from twin.estimation.estimator import Estimator
 from twin.estimation.koopman import KoopmanFilter
-from twin.estimation.tuning import ConstantGain
 from twin.evaluation.method import with_innovations
 from twin.evaluation.metrics import interval_indices
 
@@ -51,21 +48,6 @@ def test_a_kalman_filter_is_as_sure_as_it_may_be(filter_):
     assert np.nanmean(squares) == pytest.approx(1.0, abs=0.04)
 
 
-def test_an_ensemble_of_which_the_truth_is_a_normal_draw_is_as_sure_as_it_may_be():
-    rng = np.random.default_rng(3)
-    members, samples = 24, 60
-    angles = 20 * rng.standard_normal((members, 3)) @ rng.standard_normal((3, samples))
-    mean = angles.mean(axis=0)
-    weights = rng.standard_normal((RUNS, members)) / np.sqrt(members - 1)
-    truth = mean + weights @ (angles - mean)
-    measured = truth + np.sqrt(R) * rng.standard_normal(truth.shape)
-    pull = np.broadcast_to(np.arange(samples, dtype=float), truth.shape)
-    estimate, half = EnsembleFilter(angles, R).estimate_with_interval(pull, measured, 0.0)
-    found = interval_indices((estimate - truth)[:, 1:], half[:, 1:])
-    assert found["coverage95"] == pytest.approx(0.95, abs=0.01)
-    assert found["nees"] == pytest.approx(1.0, abs=0.05)
-
-
 def test_one_stream_and_many_state_the_same_interval():
     pull, measured, first, _ = world()
     filter_ = ActiveModel(**TOLD, measurement_variance=R)
@@ -92,10 +74,3 @@ def test_an_interval_narrows_with_measurements_and_widens_without(filter_):
     assert (half > 0).all()
     assert (half[:, 49] < half[:, 0]).all()
     assert (half[:, 69] >= half[:, 49]).all()
-
-
-def test_a_gain_beside_the_filter_states_no_interval():
-    filter_: Estimator = ConstantGain(**TOLD, measurement_variance=R, gain=(0.3, 0.1))
-    pull, measured, first, _ = world()
-    assert not filter_.states_interval
-    assert filter_.estimate_with_interval(pull[:2], measured[:2], first)[1] is None

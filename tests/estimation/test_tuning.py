@@ -75,17 +75,6 @@ def test_tuning_does_not_touch_the_noise_and_does_not_lose_likelihood():
     assert innovation_log_likelihood(tuned, *data) > innovation_log_likelihood(start, *data) + 100
 
 
-def test_likelihood_leaves_out_missing_measurements():
-    filter_ = ActiveModel(AT_REST, 0.1, (0.02, 0.05), 0.3, (0.7, 0.2))
-    measurement = np.random.default_rng(3).standard_normal((2, 8))
-    ends_early = measurement.copy()
-    ends_early[:, 5:] = np.nan
-    pull = np.zeros_like(measurement)
-    found = innovation_log_likelihood(filter_, pull, ends_early, np.zeros(2))
-    expected = innovation_log_likelihood(filter_, pull[:, :5], measurement[:, :5], np.zeros(2))
-    assert found == pytest.approx(expected, rel=1e-12)
-
-
 def test_tuning_recovers_the_noise_too_where_it_is_asked_to():
     rng = np.random.default_rng(4)
     bend, measurement = simulate(0.05, 0.02, 0.4, 80, 120, rng)
@@ -111,19 +100,6 @@ def test_filter_with_fitted_noise_keeps_it_and_the_other_is_told():
     plain = ActiveModel(**vars(fitted))
     np.testing.assert_array_equal(fitted.estimate(*data), plain.estimate(*data))
     assert isinstance(fitted, FixedNoiseActiveModel)
-
-
-def test_training_episodes_are_noisy_records_from_a_wrong_start(records):
-    task = TrainingTask(*stack_records(records), noise_level=0.3)
-    episodes = draw_training_episodes(task, 7, count=400)
-    record = np.array([np.flatnonzero((task.pull_mm == pull).all(axis=1))[0] for pull in episodes.pull_mm])
-    assert set(record) == {0, 1, 2}
-    np.testing.assert_array_equal(episodes.bend_deg, task.bend_deg[record])
-    noise = episodes.measurement_deg - episodes.bend_deg
-    assert noise.var() == pytest.approx(0.3, rel=5 * np.sqrt(2 / noise.size))
-    off = episodes.initial_bend_deg - episodes.bend_deg[:, 0]
-    assert np.abs(off).max() < 20
-    assert off.std() == pytest.approx(20 / np.sqrt(3), rel=0.1)
 
 
 def test_training_episodes_are_those_that_the_published_rows_were_tuned_on(records):

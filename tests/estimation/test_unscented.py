@@ -98,15 +98,6 @@ def test_root_is_that_of_linear_algebra(covariance):
     np.testing.assert_allclose(cholesky(P[..., None])[..., 0], np.linalg.cholesky(P), rtol=1e-7)
 
 
-def test_root_of_covariances_on_the_edge_is_real():
-    edge = np.array(
-        [[[0.0, 4.0, 1.0, -1e-18], [0.0, 2.0, 1.0, 0.0]], [[0.0, 2.0, 1.0, 0.0], [9.0, 1.0, 1 - 1e-12, 2]]]
-    )
-    root = cholesky(edge)
-    assert np.isfinite(root).all()
-    np.testing.assert_allclose(np.einsum("ijb,kjb->ikb", root, root), edge, atol=1e-11)
-
-
 @given(mean=st.floats(-3, 3), variance=st.floats(0.01, 4))
 def test_mean_and_variance_of_a_squared_angle_are_exact(mean, variance):
     """E x^2 = m^2 + v and var x^2 = 4 m^2 v + 2 v^2 for a normal x; a slope alone gives m^2 and 4 m^2 v."""
@@ -134,28 +125,6 @@ def test_prediction_has_the_moments_of_many_random_states():
         found[kind] = np.array([belief.mean[0, 0], belief.covariance[0, 0, 0]])
     off = {kind: np.abs(values - expected) for kind, values in found.items()}
     assert (off[UnscentedActiveModel] < off[ActiveModel] / 2).all()
-
-
-def test_batch_of_filters_equals_single_filters():
-    rng = np.random.default_rng(3)
-    pull = 3 + np.sin(np.arange(100) / 8)
-    measurement = BOUC_WEN.response(pull, 60.0) + rng.normal(size=(4, 100))
-    measurement[2, 10:30] = np.nan
-    tuned = UnscentedActiveModel(BOUC_WEN, 0.1)
-    initial = np.array([40.0, 55.0, 65.0, 80.0])
-    batch = tuned.estimate(pull, measurement, initial)
-    for row in range(4):
-        np.testing.assert_allclose(
-            batch[row], tuned.estimate(pull, measurement[row], initial[row])[0], rtol=1e-12
-        )
-
-
-def test_wrong_initial_estimate_is_forgotten_without_noise_and_model_error():
-    pull = 3 + np.sin(2 * np.pi * np.arange(1500) / 120)
-    exact = BOUC_WEN.response(pull, 60.0)
-    estimate = UnscentedActiveModel(BOUC_WEN, 0.1).estimate(pull, exact, 80.0)[0]
-    assert abs(estimate[1] - exact[1]) > 10
-    assert np.abs(estimate - exact)[-100:].max() < 1e-3
 
 
 @pytest.mark.parametrize(("alpha", "kappa"), [(0.0, 1.0), (-1.0, 1.0), (1.0, -2.0), (np.nan, 1.0)])

@@ -89,15 +89,6 @@ def test_nobody_needs_be_worse_than_the_limit_and_it_is_near_its_bound(ensembles
         assert 0.7 * row["rmse_deg"] < reached < 1.6 * row["rmse_deg"]  # four twins are not the mean of all
 
 
-def test_runs_of_a_case_are_what_each_would_be_alone(ensembles, test_set):
-    method, protocol = Ensembles(tuple(ensembles), 0.1), Protocol("full", seeds=2)
-    both = make_case([(0, test_set[0]), (4, test_set[4])], protocol)
-    estimate = method(both)
-    half = len(estimate) // 2
-    for part, (number, record) in ((slice(0, half), (0, test_set[0])), (slice(half, None), (4, test_set[4]))):
-        np.testing.assert_allclose(method(make_case([(number, record)], protocol)), estimate[part], atol=1e-9)
-
-
 def test_gaps_of_a_record_are_bridged(ensembles, test_set):
     record = test_set[0]
     seen = np.ones(len(record.truth_deg), bool)

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import make_episode
 
-from scripts.import_log import Import, import_log
 from twin.episode import Episode
 from twin.evaluation.reading import complete_pieces, evaluation_records, read_episodes, true_records
 from twin.measured.folder import write_measured
@@ -38,30 +37,6 @@ def test_a_sample_that_was_not_measured_is_neither_measured_nor_scored(tmp_path)
     np.testing.assert_allclose(record.pull_mm, np.sin(np.pi * np.arange(2, 8) / 10), atol=1e-9)
     assert (record.source, record.name) == ("measured", "log")
     assert record.stroke_mm == (0.6, 1.0)
-
-
-def test_import_says_how_many_samples_have_no_measurement(tmp_path, capsys):
-    csv = tmp_path / "log.csv"
-    csv.write_text("time_s,command_deg,angle_deg\n0,0,1\n1,9,\n2,18,nan\n3,9,7\n")
-    summary = import_log(Import(csv, tmp_path / "out"))
-    assert summary.values["missing"] == 2
-    assert summary.line.endswith(
-        ": 4 samples (2 without a measurement), 3 s at 1 Hz, pulled from 0 to 3.14 mm, "
-        "bent from 1.0 to 7.0 deg"
-    )
-    (warning,) = capsys.readouterr().err.splitlines()
-    assert warning.startswith("endotwin import: warning: ")
-    assert warning.endswith(
-        "log.csv line 3: angle_deg is missing, as in 2 of 4 rows: nothing is measured there"
-    )
-
-
-def test_a_gap_in_time_is_not_scored(tmp_path):
-    time = np.concatenate([np.arange(10), np.arange(25, 40)]) * SAMPLE_TIME
-    (record,) = evaluation_records([imported(tmp_path, [*range(25)], time)], SAMPLE_TIME)
-    np.testing.assert_array_equal(np.flatnonzero(~record.known), np.arange(10, 25))
-    assert np.isfinite(record.filled_deg).all()
-    assert np.isfinite(record.pull_mm).all()
 
 
 def test_a_simulated_record_is_known_throughout(tmp_path):

@@ -21,7 +21,6 @@ from twin.evaluation.reading import (
     chosen_measurements,
     common_variance,
     evaluation_record,
-    evaluation_records,
     recorded_variance,
 )
 from twin.export.export import named_files
@@ -70,13 +69,6 @@ def test_variance_is_that_of_the_sensor_and_of_the_recipe(folder):
     assert common_variance([folder]) == (pytest.approx(expected), True)
 
 
-def test_a_measured_log_does_not_tell_its_noise(tmp_path):
-    (tmp_path / "data").mkdir()
-    write_measured(tmp_path / "data", "log", measured_log(tmp_path))
-    assert recorded_variance(read_episode(tmp_path / "data/log.mcap")) is None
-    assert common_variance([tmp_path / "data"]) == (0.1, False)
-
-
 @pytest.fixture
 def logs(tmp_path):
     """A folder of one measured log."""
@@ -110,30 +102,6 @@ def test_the_library_scores_measured_logs_as_they_were_measured(logs, model):
     (score,) = twin.evaluate(logs, estimators)
     assert (score.noise, score.seeds, score.paper_rmse_deg) == ("recorded", 1, None)
     assert len(twin.evaluate(logs, estimators, seeds=1, suite="paper-only", measurements="drawn")) == 5
-
-
-def test_records_know_the_preset_that_simulated_them(folder, logs):
-    assert {record.preset for record in evaluation_records([folder], 0.1)} == {RECIPE.preset.name}
-    assert [record.preset for record in evaluation_records([logs], 0.1)] == [""]
-
-
-def test_the_verb_says_what_it_does_with_measured_logs_and_prints_no_figure_of_the_paper(
-    logs, tmp_path, model, capsys
-):
-    (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
-    line = [str(logs), "--model", str(tmp_path / "model.json"), "--suite", "paper-only", "--seeds", "1"]
-    for words, noise, said in (
-        ([], {"recorded"}, "estimators get their recorded measurements, and are scored against the same"),
-        (["--measurements", "drawn"], {"gaussian", "poisson"}, "and noise is drawn on top of them"),
-    ):
-        assert verb.main([*line, *words, "--out", str(tmp_path / "out")]) == 0
-        printed = capsys.readouterr()
-        assert "endotwin evaluate: 1 of 1 records are measured logs: " in printed.err
-        assert said in printed.err
-        rows = json.loads((tmp_path / "out/evaluation.json").read_text())["rows"]
-        assert {row["noise"] for row in rows} == noise
-        assert {row["paper_rmse_deg"] for row in rows} == {None}
-        assert "(paper" not in printed.out + (tmp_path / "out/tables.md").read_text()
 
 
 def test_a_record_without_measurements_is_refused(folder):
@@ -178,11 +146,6 @@ def test_the_verb_scores_recorded_measurements_and_writes_estimates(folder, tmp_
     for path in episode_files(tmp_path / "out/estimates"):
         assert {message.topic for message in read_protobuf_messages(path)} >= topics
     assert "RMSE [deg]" in capsys.readouterr().err
-
-
-def test_topics_are_words_of_letters_and_digits():
-    assert estimate_topic("AM-tuned (Q, R)") == "/estimate/AM-tuned_Q_R"
-    assert estimate_topic("RAM") == "/estimate/RAM"
 
 
 def test_a_recipe_is_what_tells_the_added_noise():

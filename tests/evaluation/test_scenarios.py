@@ -40,14 +40,6 @@ def test_twins_of_a_stroke_follow_five_commands_within_it(drives):
             assert (pull <= stroke[1] * 1e-3 + 1e-12).all()
 
 
-def test_the_same_seed_gives_the_same_records_and_another_does_not(drives):
-    again, other = scenarios(PRESET, RANGES, 4.0, seed=3), scenarios(PRESET, RANGES, 4.0, seed=4)
-    for first, second, third in zip(drives, again, other, strict=True):
-        assert first.preset == second.preset
-        np.testing.assert_array_equal(first.pull, second.pull)
-        assert not np.array_equal(first.pull, third.pull)
-
-
 def test_no_member_of_an_ensemble_is_a_twin_of_the_test(drives):
     pull = commands((-1.0, 1.0), 4.0, 3)["sine"]
     ensemble = members(PRESET, RANGES, pull, 64, seed=3)

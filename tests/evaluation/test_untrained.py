@@ -8,7 +8,6 @@ from twin.evaluation.scenarios import (
     TOUCHED,
     WIDER,
     Scenario,
-    scenarios,
     simulate_pushed,
     untrained_scenarios,
 )
@@ -24,20 +23,6 @@ def drives():
 
 def of_kind(drives, twin):
     return [drive for drive in drives if drive.twin == twin]
-
-
-def test_kinds_strokes_and_numbers(drives):
-    counts = {twin: len(of_kind(drives, twin)) for twin in dict.fromkeys(drive.twin for drive in drives)}
-    assert counts == {
-        "nominal": 10,
-        "sheath moves suddenly": 10,
-        "tip touched": 10,
-        "wider ranges": 20,
-        "another endoscope": 5,
-    }
-    commands = {drive.pull.tobytes() for drive in scenarios(PRESET, RANGES, 10.0, seed=3)}
-    mine = [drive for drive in drives if not drive.twin.startswith("another")]
-    assert {drive.pull.tobytes() for drive in mine} < commands
 
 
 def test_a_sheath_moves_by_half_a_turn_within_half_a_second(drives):

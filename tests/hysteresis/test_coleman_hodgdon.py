@@ -10,7 +10,6 @@ from models import COLEMAN_HODGDON
 from scipy.integrate import solve_ivp
 
 from twin.hysteresis import (
-    MODELS,
     BoucWen,
     ColemanHodgdon,
     IdentifiedModel,
@@ -56,13 +55,6 @@ def test_response_solves_the_differential_equation_to_first_order():
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)  # Euler: half the step, half the error
 
 
-@given(path=paths, bend0=st.floats(-100, 100), data=st.data())
-def test_waiting_on_the_way_changes_nothing(path, bend0, data):
-    repeats = np.array(data.draw(st.lists(st.integers(1, 4), min_size=len(path), max_size=len(path))))
-    slow = PAPER.response(np.repeat(path, repeats), bend0)
-    np.testing.assert_array_equal(slow[np.cumsum(repeats) - 1], PAPER.response(path, bend0))
-
-
 def test_speed_along_the_path_changes_nothing():
     time = np.linspace(0, 10, 20001)
     hurried = 10 * (time / 10) ** 2  # the same path, slow first and fast last
@@ -96,15 +88,6 @@ def test_single_steps_equal_the_whole_response(path, bend0, a, b, c):
     np.testing.assert_allclose(response, bend, rtol=1e-9, atol=1e-9 * np.abs(response).max())
 
 
-@given(a=rates, b=slopes, c=slopes, bends=st.tuples(st.floats(-90, 90), st.floats(-90, 90)), path=paths)
-def test_slope_is_what_is_left_of_any_deviation(a, b, c, bends, path):
-    """The model is affine in the angle: no limit of small deviations is needed."""
-    model, bend = ColemanHodgdon(a, b, c), np.array(bends)
-    after, _ = model.step(bend, model.start(np.full(2, path[0])), path[1], path[0])
-    left = model.slope(bend, path[1], path[0]) * (bend[1] - bend[0])
-    np.testing.assert_allclose(after[1] - after[0], left, atol=1e-9 * (1 + np.abs(after).max()))
-
-
 @given(a=rates, b=slopes, c=slopes, offset=st.floats(-50, 50), direction=st.sampled_from([1, -1]))
 def test_monotone_pull_follows_the_closed_form(a, b, c, offset, direction):
     """Along a monotone pull eq. 1 is linear: an exponential approach to b l +- (c - b) / a with slope b."""
@@ -135,12 +118,6 @@ def test_monotone_is_whether_the_bend_falls_with_the_first_release(a, b, share):
     assert (released[-1] - released[-2]) / -1e-4 == pytest.approx(2 * share * b - b, abs=0.02 * b)
 
 
-def test_monotone_threshold_belongs_to_the_monotone_side_and_every_candidate_counts():
-    assert ColemanHodgdon(1.0, 20.0, 10.0).monotone()
-    assert not ColemanHodgdon(1.0, 20.0, np.nextafter(10.0, 0)).monotone()
-    assert not ColemanHodgdon(1.0, np.array([20.0, 20.0]), np.array([11.0, 9.0])).monotone()
-
-
 EACH = (
     PAPER,
     BoucWen(22.0, -12.0, 1.7, 0.9, 1.5),
@@ -155,10 +132,6 @@ def test_model_file_comes_back(tmp_path, model):
     path = tmp_path / "model.json"
     path.write_text(json.dumps(written))
     assert load_model(path) == model
-
-
-def test_every_model_is_known_by_name():
-    assert sorted(MODELS) == sorted(model.name for model in EACH)
 
 
 def test_file_of_coleman_and_hodgdon_tells_how_far_from_monotone_it_is_and_needs_no_name(tmp_path):
@@ -197,8 +170,3 @@ def test_file_that_is_no_model_is_refused_by_name(tmp_path, content, fault):
     with pytest.raises(ValueError, match=r"coleman_hodgdon\.json") as refused:
         load_model(path)
     assert fault in str(refused.value)
-
-
-def test_missing_model_file_says_what_writes_one(tmp_path):
-    with pytest.raises(FileNotFoundError, match="endotwin identify"):
-        load_model(tmp_path / "none.json")

@@ -53,18 +53,6 @@ def test_single_steps_equal_the_whole_response(path, bend0):
         np.testing.assert_allclose(bend, MODEL.response(path, bend0)[k], atol=1e-9)
 
 
-@given(commands=st.lists(paths.map(lambda path: np.resize(path, 8)), min_size=1, max_size=4))
-def test_batch_equals_loop(commands):
-    batch, first = np.array(commands), 10.0 * np.arange(len(commands))
-    response = MODEL.response(batch, first)
-    bend, memory = first, MODEL.start(batch[:, 0])
-    for k in range(1, 8):
-        bend, memory = MODEL.step(bend, memory, batch[:, k], batch[:, k - 1])
-    np.testing.assert_allclose(bend, response[:, -1], atol=1e-9)
-    for one, pull, start in zip(response, batch, first, strict=True):
-        np.testing.assert_allclose(one, MODEL.response(pull, start), atol=1e-10)
-
-
 @given(path=paths, deviation=st.floats(-60, 60))
 def test_deviation_of_the_angle_stays_as_it_is(path, deviation):
     """What a filter corrects stays corrected: the slope is one."""
@@ -72,19 +60,6 @@ def test_deviation_of_the_angle_stays_as_it_is(path, deviation):
         MODEL.response(path, 20 + deviation), MODEL.response(path, 20.0) + deviation, atol=1e-10
     )
     np.testing.assert_array_equal(MODEL.slope(np.zeros(3), np.ones(3), np.zeros(3)), np.ones(3))
-
-
-@given(path=paths, refine=st.integers(2, 6))
-def test_samples_in_between_change_nothing(path, refine):
-    """The model does not depend on rate, whatever the sample time."""
-    index = np.arange((len(path) - 1) * refine + 1)
-    fine = np.interp(index / refine, np.arange(len(path)), path)
-    np.testing.assert_allclose(MODEL.response(fine, 0.0)[::refine], MODEL.response(path, 0.0), atol=1e-9)
-
-
-@given(path=paths)
-def test_model_is_odd(path):
-    np.testing.assert_allclose(MODEL.response(-path, -3.0), -MODEL.response(path, 3.0), atol=1e-10)
 
 
 @given(path=paths, inner=st.floats(-5, 5))
@@ -109,14 +84,6 @@ def test_area_of_a_loop_is_that_of_its_parallelograms(amplitude):
         4 * w * r * (amplitude - r) for w, r in zip(WEIGHTS, THRESHOLDS, strict=True) if r < amplitude
     )
     assert area == pytest.approx(expected, rel=1e-4)
-
-
-def test_slope_falls_to_the_reversible_one_after_a_reversal_and_grows_as_the_plays_join():
-    """Going back from A by s drags the plays of 2 r < s: the slope is the sum of their weights."""
-    back = np.linspace(3, 0, 3001)
-    slope = np.gradient(MODEL.response(back, 0.0), back)
-    for gone, expected in ((0.2, 8.0), (0.8, 12.0), (1.4, 18.0), (2.4, 21.0)):
-        assert slope[round(gone * 1000)] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(

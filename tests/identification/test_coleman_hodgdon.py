@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from identifying import OTHER, SEEDS, TIME, noisy_records, parameters_of, records_of
+from identifying import OTHER, SEEDS, noisy_records, parameters_of, records_of
 from models import PAPER
-from scipy.optimize import differential_evolution
 
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import identify
-from twin.identification.models import LOWER, UPPER
 
 
 @pytest.mark.parametrize("known", [PAPER, OTHER])
@@ -16,31 +14,6 @@ def test_genetic_algorithm_recovers_known_parameters(known):
     model, rmse = identify(records_of(known), seed=1)
     np.testing.assert_allclose(parameters_of(model), known, rtol=0.01)
     assert rmse < 0.05
-
-
-def test_differential_evolution_finds_the_same_optimum_with_noise():
-    records = records_of(PAPER, noise_deg=1.0)
-
-    def cost(candidates: np.ndarray) -> np.ndarray:
-        """Sum of squares of each column of (3, S) candidates, with its own forward simulation."""
-        a, b, c = candidates
-        total = np.zeros(candidates.shape[1:])
-        for pull, measured in records:
-            bend = np.full(candidates.shape[1:], measured[0])
-            for k in range(1, len(pull)):
-                move = pull[k] - pull[k - 1]
-                bend = bend + a * abs(move) * (b * pull[k] - bend) + c * move
-                total += (bend - measured[k]) ** 2
-        return total
-
-    other = differential_evolution(
-        cost, list(zip(LOWER, UPPER, strict=True)), rng=0, vectorized=True, updating="deferred", maxiter=150
-    )
-    model, rmse = identify(records, seed=2)
-    np.testing.assert_allclose(parameters_of(model), other.x, rtol=0.01)
-    np.testing.assert_allclose(parameters_of(model), PAPER, rtol=0.02)
-    assert rmse == pytest.approx(np.sqrt(other.fun / (2 * len(TIME))), rel=1e-3)
-    assert rmse == pytest.approx(1.0, abs=4 / np.sqrt(2 * 2 * len(TIME)))  # four standard errors
 
 
 def test_monotone_constraint_holds_and_costs_accuracy_where_the_truth_is_not_monotone():

@@ -14,9 +14,6 @@ from scripts.studies import ablation
 from scripts.studies.ablation import (
     VARIANTS,
     Ablation,
-    ablation_figure,
-    ablation_table,
-    chosen_variants,
     main,
     run_ablation,
 )
@@ -97,36 +94,12 @@ def test_rows_are_in_order_and_the_whole_is_one(made):
         assert (row.coverage95 is None) == (row.name == "filter-alone")
 
 
-def test_the_table_and_the_figure_have_every_variant(made):
-    rows, _ = made
-    lines = ablation_table(rows).splitlines()
-    assert [line.split("|")[1].strip() for line in lines[2:]] == [row.change for row in rows]
-    labels = [text.get_text() for text in ablation_figure(rows).axes[0].get_yticklabels()]
-    assert labels == [row.change for row in rows][::-1]
-
-
-def test_a_finished_training_is_taken_up(made):
-    rows, run = made
-    files = sorted(run.folder.glob("*/seed_*/*.onnx"))
-    before = [path.stat().st_mtime_ns for path in files]
-    with choose_workers(2, 1) as (executor, _):
-        again = run_ablation(run, executor, lambda *_: lambda *_: None)
-    assert [path.stat().st_mtime_ns for path in files] == before
-    assert again == rows
-
-
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.name)
 def test_every_variant_has_settings_that_its_training_takes(variant):
     settings = TwinsTraining() if variant.agent == ram_twins.AGENT else NetworkTraining()
     for name in variant.settings:
         assert hasattr(settings, name)
     dataclasses.replace(settings, **variant.settings)
-
-
-def test_the_whole_is_always_among_those_that_are_chosen():
-    assert [of.name for of in chosen_variants(["no-error"])] == ["whole", "no-error"]
-    assert chosen_variants([]) == list(VARIANTS)
-    assert len({of.name for of in VARIANTS}) == len(VARIANTS)
 
 
 def test_the_command_writes_what_it_found(tmp_path, monkeypatch, capsys):
