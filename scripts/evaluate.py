@@ -27,10 +27,10 @@ class Evaluate:
     """Compare methods on test records under noise.
 
     The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
-    --train and kept beside the results; without --train it is left out.
+    --train and kept with the results; without --train it is left out.
 
     The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
-    twins. It makes what it is not given: records, models, training. All is kept; a stopped run goes on.
+    twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
@@ -53,13 +53,13 @@ class Evaluate:
     """Python files that register estimators of your own (`register_method`), to compare them too; each is
     run."""
     suite: str = "paper"
-    """paper: its five noises, and the Poisson ones with dither beside them; paper-only: its five; full;
+    """paper: its five noises, and the Poisson ones with dither; paper-only: its five; full;
     untrained: as full, with faults of the sensor and twins that no training meets."""
     measurements: Literal["auto", "drawn", "recorded"] = "auto"
-    """drawn: the truth and noise drawn anew; recorded: what the sensor of the record saw, once. auto:
-    recorded where all records are measured logs, else drawn; the full suite draws, unless told."""
+    """drawn: the truth with drawn noise; recorded: what the sensor of the record saw, once. auto:
+    recorded where all records are measured logs, else drawn; the full suite draws, unless given."""
     sensor_variance: float | None = None
-    """R that is told with recorded measurements [deg^2]; if not given, as the records tell it, else 0.1."""
+    """R of recorded measurements [deg^2]; if not given, as the records state it, else 0.1."""
     write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
     """Also write each record into OUT/estimates with /estimate/METHOD: what methods make of its recorded
     measurements."""
@@ -217,11 +217,7 @@ def _paper(args: Evaluate) -> Summary:
 
 
 def _variance(args: Evaluate, recorded: bool) -> float | None:
-    """Return R of recorded measurements, as it is given or as the records tell it; None where none are used.
-
-    Raises:
-        ValueError: it is given and out of range, or not needed.
-    """
+    """Return R of recorded measurements, as it is given or as the records state it; None without them."""
     from twin.evaluation.reading import common_variance
     from twin.files.bounds import LARGEST_VARIANCE_DEG2
 
@@ -234,15 +230,15 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
         )
     if variance is not None or not recorded:
         return variance
-    variance, told = common_variance(args.data)
-    if not told:
-        unknown = "not every record tells the noise of its sensor"
+    variance, stated = common_variance(args.data)
+    if not stated:
+        unknown = "not every record states the noise of its sensor"
         _say(f"{unknown}: R = {variance:g} deg^2 (--sensor-variance sets it)")
     return variance
 
 
 def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Score], str], str]") -> str:
-    """Return a table, and below it the spread between trainings, where a method has several."""
+    """Return a table, and below it the spread between training runs, where a method has several."""
     from twin.report.tables import training_table
 
     return "\n\n".join(part for part in (table(scores, fmt), training_table(scores, fmt)) if part)
@@ -254,7 +250,7 @@ def _say(line: str) -> None:
 
 
 def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
-    """Return how the results are made again, and the hashes of all that they are made from."""
+    """Return the command of the results, and the hashes of all that they are made from."""
     from twin.files.origin import origin_of
 
     models = (path for path in (args.train, model) if path is not None)
@@ -263,9 +259,9 @@ def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":
-    """The reference model and where it is from: given, in the working folder, or inside the first policy.
+    """Return the reference model and its file: given, in the working folder, or inside the first policy.
 
-    None where every policy brings twins in place of a model.
+    None where every policy predicts by twins instead of a model.
     """
     from twin.estimation.learned.trained_file import read_trained_file
     from twin.estimation.load import model_of

@@ -136,7 +136,7 @@ class AblationRow:
         by_twin_deg: by kind of twin, over noises and strokes [deg].
         by_noise_deg: by noise, over kinds of twins and strokes [deg].
         times_whole: over all of them, in units of the whole.
-        times_whole_ci95: paired 95 % interval of that; None where nothing can be drawn anew.
+        times_whole_ci95: paired 95 % interval of that; None where there is but one run.
         coverage95: share of samples whose interval holds the truth; None where none is stated.
         trainings: how many it is the mean over.
     """

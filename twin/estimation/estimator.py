@@ -20,7 +20,7 @@ State = TypeVar("State")
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """Noise of the measurements, as far as an estimator is told.
+    """Noise of the measurements, as far as an estimator knows it.
 
     Attributes:
         variance: R, scalar or (B,) [deg^2].

@@ -42,6 +42,11 @@ class Ellipsoid(NamedTuple):
     centre: Array
     shape: Array
 
+    @property
+    def covariance(self) -> Array:
+        """Shape, which must be positive definite as a covariance."""
+        return self.shape
+
     def half_width(self, axis: int) -> Array:
         """Return how far (B,) they reach from their centres along a coordinate."""
         reach: Array = np.sqrt(self.shape[axis, axis])

@@ -1,16 +1,13 @@
-"""Soundness of an estimator's whole state: every number finite and of a possible size, covariances positive.
+"""Soundness of an estimator's complete state: every number finite and of a possible size, covariances positive.
 
-It is asked after each sample of a live stream, and so is quick on small arrays: Python compares a few numbers
-in less time than NumPy takes to begin.
+It is checked after each sample of a live stream, and so is quick on small arrays: Python compares a few
+numbers in less time than NumPy takes to begin.
 """
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from twin.estimation.estimator import Estimator
-from twin.estimation.set_membership import Ellipsoid
 
 LARGEST = 1e12
 """Magnitude that no number of a sound state comes near, a variance after hours without a sensor included."""
@@ -24,7 +21,7 @@ def is_sound(state: Any) -> bool:
 
     Args:
         state: numbers and arrays, tuples, lists and dictionaries of them, and objects that hold them.
-            Estimators in it are parameters, which do not move, and are passed over.
+            Estimators in it (with `with_sensor`) are parameters, which do not move, and are skipped.
     """
     if isinstance(state, np.ndarray):
         return _is_bounded(state)
@@ -32,13 +29,13 @@ def is_sound(state: Any) -> bool:
         for part in state:
             if not is_sound(part):
                 return False
-        covariance = state.shape if isinstance(state, Ellipsoid) else getattr(state, "covariance", None)
+        covariance = getattr(state, "covariance", None)
         return covariance is None or _is_positive(covariance)
     if isinstance(state, int | float | np.number | np.bool_):
         return -LARGEST < float(state) < LARGEST
     if isinstance(state, list | dict):
         return all(map(is_sound, state.values() if isinstance(state, dict) else state))
-    if isinstance(state, Estimator) or not hasattr(state, "__dict__") or callable(state):
+    if hasattr(state, "with_sensor") or not hasattr(state, "__dict__") or callable(state):
         return True
     return all(map(is_sound, vars(state).values()))
 

@@ -25,10 +25,10 @@ class Cost:
     """Costs of a method: of a sample, and of its training.
 
     Attributes:
-        sample_us: median time of a sample of one stream on one core, as a device waits for it [us]; None for
-            what needs a whole record. It is of this process and machine, and no part of what repeats.
-        parameters: that were learned; None where nothing is learned, or the file does not say it.
-        training_s: processor time of a training, the mean of those that say it [s]; None where none does.
+        sample_us: median time of a sample of one stream on one core, in this process and machine [us]; None
+            for methods that need a complete record.
+        parameters: number of learned parameters; None where nothing is learned or it is unknown.
+        training_s: mean processor time of a training run [s]; None where it is unknown.
     """
 
     sample_us: float | None = None
@@ -42,16 +42,9 @@ def method_costs(
     files: Mapping[str, Sequence[Path]],
     seed: int = 0,
 ) -> dict[str, Cost]:
-    """Return the costs of each method, by its name.
+    """Return the costs of each method along the first samples of a record, by its name.
 
-    Args:
-        methods: to run along the record.
-        record: of which the first samples are timed.
-        files: trained files of those that run on some, by the name of the method.
-        seed: of the noise.
-
-    Raises:
-        ValueError: the `cost.json` beside a trained file is none.
+    `files` are trained files by the name of the method that runs on them.
     """
     noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.time))
     pull, measured = record.pull_mm.tolist(), (record.filled_deg + noise).tolist()
@@ -62,7 +55,7 @@ def method_costs(
 
 
 def _learned(files: Sequence[Path]) -> tuple[int | None, float | None]:
-    """Return the learned parameters and the mean time of a training [s], as far as the files say it."""
+    """Return the learned parameters and the mean time of a training run [s], as far as they are known."""
     took = [seconds for path in files if (seconds := read_cost(path.parent)) is not None]
     counted = (learned_parameters(read_trained_file(path)) for path in files)
     parameters = next((count for count in counted if count is not None), None)

@@ -8,7 +8,7 @@ from twin.estimation.gaussian import DEVIATIONS_OF_95
 
 Array = NDArray[np.float64]
 NARROWEST_DEG = 1e-3
-"""Half of the narrowest interval that counts [deg]: a belief of no variance would be infinitely wrong."""
+"""Half of the narrowest interval [deg]: a belief of zero variance would be infinitely wrong."""
 
 
 def error_indices(error_deg: Array) -> dict[str, Array]:
@@ -38,18 +38,12 @@ def error_indices(error_deg: Array) -> dict[str, Array]:
 
 
 def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float]:
-    """Return how honest stated 95 % intervals are.
+    """Return the calibration of stated 95 % intervals: errors and half widths of the same shape [deg].
 
-    Args:
-        error_deg: estimate minus truth [deg].
-        half_width_deg: half of each interval, of the same shape [deg].
-
-    Returns:
-        `coverage95`, the share of samples whose interval held the truth; `width95_deg`, its mean width;
-        `nees`, the mean square error in units of the variance that a normal law of that interval has
-        (Bar-Shalom et al. 2001), 1 where it is honest; `crps_deg`, the mean continuous ranked probability
-        score of that law (Gneiting and Raftery 2007, eq. 21), which is small where it is both narrow and
-        honest.
+    `coverage95` is the share of samples whose interval covers the truth; `width95_deg` its mean width; `nees`
+    the mean square error in units of the variance of a normal distribution of that interval (Bar-Shalom et
+    al. 2001), 1 where it is calibrated; `crps_deg` the mean continuous ranked probability score of that
+    distribution (Gneiting and Raftery 2007, eq. 21).
     """
     half = np.maximum(half_width_deg, NARROWEST_DEG)
     sigma = half / DEVIATIONS_OF_95
@@ -65,12 +59,7 @@ def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float
 
 
 def geometric_mean(values: Array, axis: int | None = None) -> Array:
-    """Return the geometric mean of errors; one below 1e-9 counts as 1e-9.
-
-    Args:
-        values: errors [deg], or ratios of them.
-        axis: that it is taken along; all, if None.
-    """
+    """Return the geometric mean of errors [deg], or of their ratios; one below 1e-9 counts as 1e-9."""
     mean: Array = np.exp(np.log(np.maximum(values, 1e-9)).mean(axis=axis))
     return mean
 

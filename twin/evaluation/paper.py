@@ -13,7 +13,7 @@ from twin.estimation.registry import method_spec
 from twin.signals.noise import SENSORS
 
 INSTRUMENT = "ureteroscope"
-"""Preset of the paper's instrument: its figures stand beside results on records of this one alone."""
+"""Preset of the paper's instrument: its figures are shown with results on its records alone."""
 INDICES = ("mae_deg", "rmse_deg", "md_deg", "var_deg2")
 
 
@@ -83,17 +83,7 @@ TABLES = (
 
 
 def paper_value(noise: str, level: float, method: str, index: str) -> float | None:
-    """Return one published figure, or None where the paper has none.
-
-    Args:
-        noise: kind of the noise, `gaussian` or `poisson`.
-        level: covariance R [deg^2] or expectation lambda [deg].
-        method: name in the tables.
-        index: one of `INDICES`.
-
-    Returns:
-        The figure in the unit that ends the name of the index.
-    """
+    """Return one published figure under a noise, or None where the paper has none; see `INDICES`."""
     spec = method_spec(method)
     if spec is None or spec.presentation.paper_column is None or index not in INDICES:
         return None

@@ -14,7 +14,7 @@ from twin.files.bounds import (
 Condition = tuple[str, float]
 """Kind and level of a measurement noise."""
 RECORDED = "recorded"
-"""Noise that a recorded measurement has, whatever its law."""
+"""Noise of a recorded measurement, of unknown distribution."""
 STEADY_SECONDS = 5.0
 """Left out of `rmse_steady_deg` [s]: the time in which the paper's AM loses the initial error."""
 
@@ -55,13 +55,13 @@ SUITES = {
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """Conditions under which methods are compared; the defaults are the paper's, where it says.
+    """Conditions under which methods are compared; the defaults are the paper's, as far as it states them.
 
     Attributes:
-        suite: one of `SUITES`, which says the noises.
+        suite: one of `SUITES`: the noises.
         seeds: draws of each noise.
         sample_time_s: T [s].
-        initial_error_deg: how far the initial estimate is off [deg].
+        initial_error_deg: error of the initial estimate [deg].
         seed: of the draws.
         recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
     """
@@ -74,11 +74,7 @@ class Protocol:
     recorded_variance: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a protocol that cannot run.
-
-        Raises:
-            ValueError: the suite is unknown or a number is out of range.
-        """
+        """Refuse an unknown suite, and numbers out of range."""
         if self.suite not in SUITES:
             raise InputError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
         check_between("seeds", self.seeds, 1, MOST_SEEDS)

@@ -1,9 +1,9 @@
 """Ranks of methods that share records and noise, with intervals by a paired, hierarchical bootstrap.
 
-Records are drawn with replacement, draws of the noise within each, and trainings of each method (Davison and
-Hinkley 1997, section 3.8). All methods meet the same draws, so that a difference is free of what records and
-noise have in common; what their trainings differ by is in it. The figure of a method is the geometric mean
-over noises of its mean RMSE, as everywhere in this project.
+Records are drawn with replacement, draws of the noise within each, and training runs of each method (Davison
+and Hinkley 1997, section 3.8). All methods meet the same draws, so that a difference is free of what records
+and noise have in common; differences between training runs are in it. The figure of a method is the geometric
+mean over noises of its mean RMSE, as everywhere in this project.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ class MethodRank:
     Attributes:
         method: name in the tables.
         rmse_deg: geometric mean over noises of its RMSE [deg].
-        rmse_ci95_deg: interval of that [deg]; None where nothing can be drawn anew.
+        rmse_ci95_deg: interval of that [deg]; None where there is but one run.
         rank: 1 for the least error; None for what others are measured against: oracles and ensembles.
         rank_ci95: interval of the rank.
         to_best_ci95: interval of its error in units of that of the first: above 1, the first is better.
@@ -82,11 +82,7 @@ _RANKINGS = TypeAdapter(Annotated[list[Ranking], Field(max_length=1000)])
 
 
 def rankings_of(contents: Mapping[str, Any]) -> list[Ranking]:
-    """Return the rankings that the contents of an `evaluation.json` hold; older ones hold none.
-
-    Raises:
-        ValueError: they are damaged.
-    """
+    """Return the rankings in the contents of an `evaluation.json`; older ones hold none."""
     try:
         return _RANKINGS.validate_python(contents.get("ranks", []))
     except ValidationError as error:
@@ -107,12 +103,9 @@ def rank_methods(
 
     Args:
         squares: by method, (K, C, R, S) mean square error under C noises on R records and S draws of each
-            noise, of K trainings [deg^2].
+            noise, of K training runs [deg^2].
         oracles: names of methods that are shown the truth.
         rng: of the resampling.
-
-    Raises:
-        ValueError: methods were not on the same runs.
     """
     shapes = {of.shape[1:] for of in squares.values()}
     if len(shapes) != 1:
@@ -126,7 +119,7 @@ def rank_methods(
         MethodRank(name, float(whole[place]), None, ranks.get(place), None, None, (None,) * conditions)
         for place, name in enumerate(squares)
     ]
-    if records * draws == 1:  # nothing can be drawn anew
+    if records * draws == 1:  # there is nothing to resample
         return ranked
     resampled = _resampled(squares, rng)
     wholes = geometric_mean(resampled, axis=2)
@@ -153,16 +146,16 @@ def rank_methods(
 def times_reference(
     groups: Sequence[Mapping[str, Array]], reference: str, rng: np.random.Generator
 ) -> dict[str, tuple[float, tuple[float, float] | None]]:
-    """Return each method's error over all groups in units of that of one of them, with its interval of 95 %.
+    """Return each method's error over all groups in units of that of one method, with its 95 % interval.
 
     Args:
-        groups: of records; of each, what `rank_methods` takes, of the same methods.
-        reference: name of the one.
-        rng: of the resampling. A training is drawn once for all groups: it is the same one on each.
+        groups: of records; for each, `squares` of `rank_methods`, of the same methods.
+        reference: name of the one method.
+        rng: of the resampling. A training run is drawn once for all groups.
 
     Returns:
         By method the ratio of the geometric means over groups and noises, and its paired interval; None where
-        nothing can be drawn anew.
+        there is but one run.
     """
     names = list(groups[0])
     place = names.index(reference)
@@ -179,27 +172,24 @@ def times_reference(
     drawn = []
     for _ in range(RESAMPLES):
         trainings = [rng.integers(len(of), size=len(of)) for of in groups[0].values()]
-        drawn.append(over_all([_drawn_anew(group, rng, trainings) for group in groups]))
+        drawn.append(over_all([_resample(group, rng, trainings) for group in groups]))
     intervals = map(_interval, np.array(drawn).T)
     return {name: (float(of), interval) for name, of, interval in zip(names, found, intervals, strict=True)}
 
 
 def _resampled(squares: Mapping[str, Array], rng: np.random.Generator) -> Array:
-    """Return (RESAMPLES, methods, C) the RMSE of methods on the same records and draws, drawn anew."""
-    return np.stack([_drawn_anew(squares, rng) for _ in range(RESAMPLES)])
+    """Return (RESAMPLES, methods, C) the RMSE of methods on resampled records and draws."""
+    return np.stack([_resample(squares, rng) for _ in range(RESAMPLES)])
 
 
-def _drawn_anew(
+def _resample(
     squares: Mapping[str, Array],
     rng: np.random.Generator,
     trainings: Sequence[NDArray[np.int64]] | None = None,
 ) -> Array:
-    """Return (methods, C) the RMSE of methods on records and draws that are drawn anew, the same for all.
+    """Return (methods, C) the RMSE of methods on resampled records and draws, the same for all.
 
-    Args:
-        squares: as `rank_methods` takes them.
-        rng: of the resampling.
-        trainings: places of those of each method that are taken; drawn here, if not given.
+    `trainings` are indices of the resampled training runs of each method; drawn here, if not given.
     """
     _, conditions, records, draws = next(iter(squares.values())).shape
     everything = np.arange(conditions)[:, None, None]
@@ -207,8 +197,8 @@ def _drawn_anew(
     draw = rng.integers(draws, size=(records, draws))
     found = []
     for place, of in enumerate(squares.values()):
-        taken = rng.integers(len(of), size=len(of)) if trainings is None else trainings[place]
-        found.append(_rmse(of[taken[:, None, None, None], everything, record, draw]))
+        chosen = rng.integers(len(of), size=len(of)) if trainings is None else trainings[place]
+        found.append(_rmse(of[chosen[:, None, None, None], everything, record, draw]))
     return np.array(found)
 
 
