@@ -1,4 +1,4 @@
-"""Soundness of an estimator's complete state: every number finite and of a possible size, covariances positive.
+"""Soundness of an estimator's state: numbers finite and of a possible size, covariances positive.
 
 It is checked after each sample of a live stream, and so is quick on small arrays: Python compares a few
 numbers in less time than NumPy takes to begin.
