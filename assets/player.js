@@ -30,9 +30,9 @@ document.querySelectorAll("figure.player").forEach((figure) => {
     part("trace").forEach((line) => line.setAttribute("points", trace.slice(-60).join(" ")));
     slider.value = k;
     const [time, pull, bend] = [samples.time_s[k], samples.pull_mm[k], samples.bend_deg[k]];
-    const said = [`${time.toFixed(1)} s`, `pull ${pull.toFixed(2)} mm`, `bend ${bend.toFixed(1)} deg`];
-    output.textContent = said.join(", ").replace(/-/g, "\u2212");
-    slider.setAttribute("aria-valuetext", said.join(", "));
+    const shown = [`${time.toFixed(1)} s`, `pull ${pull.toFixed(2)} mm`, `bend ${bend.toFixed(1)} deg`];
+    output.textContent = shown.join(", ").replace(/-/g, "\u2212");
+    slider.setAttribute("aria-valuetext", shown.join(", "));
   }
 
   function step(now) {

@@ -30,7 +30,7 @@ class Render:
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files; several are drawn side by side."""
     out: Path
-    """File to write; its ending says which kind."""
+    """File to write; its ending sets the kind."""
     camera: str = "side"
     """side, top, tip, overview (with sheath and pulley), or endoscopic (what the tip sees)."""
     time: float | None = None

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from rendered import DOWN, SMALL, STRAIGHT, UP, film, in_two_planes, ink, make_episode, needs_gl, with_tension
+from rendered import DOWN, SMALL, STRAIGHT, UP, film, in_two_planes, make_episode, needs_gl, with_tension
 
 from twin.rendering.film import Film
-from twin.rendering.look import THEMES, WHITE, Look, rgb
+from twin.rendering.look import WHITE, Look
 from twin.rendering.overlay import Overlay
 from twin.rendering.picture import on_paper
 
@@ -41,29 +41,6 @@ def test_the_tip_is_seen_where_the_bend_puts_it():
 
 
 @needs_gl
-def test_a_film_shows_its_speed_and_a_frame_alone_does_not():
-    corner = (slice(0, 40), slice(240, 310))
-    size = {"size": (640, 360)}
-    none, real, fast, faster = (
-        film(make_episode(), speed=speed, **size).frame(0)[corner] for speed in (None, 1.0, 4.0, 8.0)
-    )
-    assert ink(none).max() < 5
-    assert min(ink(shown).max() for shown in (real, fast, faster)) > 80
-    assert (fast != faster).any()
-    assert (fast != real).any()
-
-
-@needs_gl
-def test_both_wires_are_seen_in_their_colours_where_no_tension_is_known():
-    picture = pose(film(make_episode(), size=(1280, 720)), STRAIGHT).astype(int)
-    red, green, blue = np.moveaxis(picture, -1, 0)
-    is_red, is_blue = (red > green + 60) & (red > blue + 60), (blue > red + 60) & (blue > green + 30)
-    assert is_red.sum() > 150
-    assert is_blue.sum() > 150
-    assert np.argwhere(is_red)[:, 0].mean() < np.argwhere(is_blue)[:, 0].mean()  # wire a is the upper one
-
-
-@needs_gl
 def test_the_wire_that_is_pulled_is_the_brighter_one():
     """Pulled, wire a on the upper side; pushed, wire b on the lower one."""
     episode = with_tension(make_episode(amplitude_deg=2))
@@ -90,15 +67,6 @@ def test_the_same_episode_gives_the_same_pixels_in_any_order():
     backwards = [other.frame(sample) for sample in (DOWN, UP, 0)][::-1]
     for first, second in zip(forwards, backwards, strict=True):
         np.testing.assert_array_equal(first, second)
-
-
-@needs_gl
-@pytest.mark.parametrize("background", ["white", "dark"])
-def test_the_background_is_that_of_the_theme(background):
-    frame = film(make_episode(), background=background).frame(UP)
-    paper = rgb(THEMES[background].paper)
-    assert (frame == paper).all(axis=-1).mean() > 0.5
-    assert tuple(frame[0, 0]) == tuple(frame[0, -1]) == paper
 
 
 @needs_gl

@@ -13,7 +13,7 @@ from twin.rendering.composition import GHOST_INK
 from twin.rendering.look import WHITE, Look
 from twin.rendering.overlay import Overlay, with_command, with_model
 from twin.rendering.picture import on_paper
-from twin.rendering.plots import TracePanel, loop, over_time
+from twin.rendering.plots import TracePanel, loop
 from twin.rendering.render import render
 from twin.rendering.still import farthest_sample
 
@@ -43,15 +43,6 @@ def test_the_ghost_stands_where_its_own_bend_puts_it_and_is_paler():
     assert solid > 200
     assert ghost < 0.6 * solid
     assert 0.8 * GHOST_INK * solid < ghost
-
-
-@needs_gl
-def test_the_solid_pose_is_unchanged_by_ghost_and_shadow():
-    view = view_of(BOTH)
-    scene, alone = view.scene(UP), view.pose(UP)
-    solid = alone[..., 3] == 255
-    assert solid.sum() > 200
-    np.testing.assert_array_equal(scene[solid], alone[solid])
 
 
 @needs_gl
@@ -88,25 +79,6 @@ def dark_columns(picture: np.ndarray) -> int:
     return int((picture.max(axis=-1) < 90)[60:-60, 80:-30].sum(axis=1).max())
 
 
-def test_the_reference_is_drawn_over_time_and_only_where_it_is_known():
-    known, half, none = (
-        TracePanel(over_time(Overlay(EPISODE, GHOST, reference_deg), WHITE), 640, 480).draw(0)
-        for reference_deg in (REFERENCE_DEG, np.where(EPISODE.time < 2, np.nan, 60), np.full(41, np.nan))
-    )
-    assert dark_columns(none) < 10
-    assert dark_columns(known) > 200
-    assert 0.4 < dark_columns(half) / dark_columns(known) < 0.6
-
-
-def test_the_trace_over_time_ends_at_the_sample():
-    panel = TracePanel(over_time(BOTH, WHITE), 640, 480)
-    columns = []
-    for index in (10, 20, 40):
-        picture = panel.draw(index).astype(int)[45:]  # below the legend
-        columns.append(np.flatnonzero((picture[..., 0] - picture[..., 1] > 80).any(axis=0)).max())
-    assert columns[1] - columns[0] == pytest.approx((columns[2] - columns[1]) / 2, abs=3)
-
-
 def test_the_trace_grows_and_shrinks_with_the_sample():
     """A panel keeps what it has drawn: one that goes back is as one that was never further."""
     plot = loop(Overlay(EPISODE), WHITE)
@@ -114,13 +86,6 @@ def test_the_trace_grows_and_shrinks_with_the_sample():
     inked = [(np.ptp(panel.draw(index).astype(int), axis=-1) > 80).sum() for index in (2, 20, 40)]
     assert inked[0] < inked[1] < inked[2]
     np.testing.assert_array_equal(panel.draw(20), fresh.draw(20))
-
-
-@needs_gl
-def test_a_name_out_of_a_file_is_written_as_it_is_or_left_out():
-    for name in (r"$\nothing$", "x" * 100, "two\nlines", 7, None):
-        named = dataclasses.replace(GHOST, metadata={"controller": name})
-        film(Overlay(named, named, REFERENCE_DEG)).frame(0)
 
 
 def test_the_farthest_sample_is_where_the_bends_differ_most():

@@ -8,18 +8,15 @@ from PIL import Image
 from rendered import make_episode, with_tension
 
 from twin.rendering.actor import TensionColours
-from twin.rendering.look import DARK, THEMES, WHITE, rgb
+from twin.rendering.look import THEMES, rgb
 from twin.rendering.picture import (
     Badge,
     Bar,
     Label,
     Rule,
     angle,
-    faded,
-    on_paper,
     over,
     paint,
-    reduced,
     signed,
     straight,
     times_real,
@@ -41,28 +38,12 @@ def test_over_is_the_rule_of_porter_and_duff(one, other):
     assert np.abs(over(front, behind) - wanted).max() <= 1
 
 
-def test_paper_is_seen_where_nothing_is_and_hidden_where_all_is():
-    clear, solid = np.zeros((2, 2, 4), np.uint8), np.full((2, 2, 4), 255, np.uint8)
-    solid[..., :3] = [10, 20, 30]
-    for theme in (WHITE, DARK):
-        assert tuple(on_paper(clear, theme)[0, 0]) == rgb(theme.paper)
-        assert tuple(on_paper(solid, theme)[0, 0]) == (10, 20, 30)
-
-
 @given(st.integers(0, 100))
 def test_straight_colours_times_alpha_are_the_layer(seed):
     layer = random_layer(seed)
     back = straight(layer)
     np.testing.assert_array_equal(back[..., 3], layer[..., 3])
     assert np.abs(back[..., :3] * (layer[..., 3:] / 255.0) - layer[..., :3]).max() <= 1
-
-
-def test_a_faded_layer_has_a_share_of_its_ink_and_a_reduced_one_the_mean():
-    layer = random_layer(3)
-    assert np.abs(faded(layer, 0.3) - 0.3 * layer).max() <= 0.5
-    small = reduced(layer[:6, :8], 2)
-    assert small.shape == (3, 4, 4)
-    assert np.abs(small - layer[:6, :8].reshape(3, 2, 4, 2, 4).mean(axis=(1, 3))).max() <= 1
 
 
 @given(st.floats(-400, 400), st.integers(0, 2))

@@ -1,4 +1,4 @@
-"""Figures show the numbers that they are given, in styles that are told apart without colour."""
+"""Figures show the numbers that they are given, in styles that differ without colour."""
 
 import dataclasses
 import io
@@ -55,13 +55,6 @@ def test_loop_figure_lays_each_fit_over_its_loop():
     np.testing.assert_array_equal(fitted - measured, np.ones(50))
     with pytest.raises(ValueError, match="2 fits for 1 loops"):
         loop_figure([(pull, bend)], [bend, bend])
-
-
-def test_training_figure_is_a_cost_on_a_logarithmic_axis():
-    samples = np.arange(1, 101) * 1000.0
-    (axes,) = training_figure({"RAM": {"samples": samples, "return": -1e3 / samples}}).axes
-    assert axes.get_yscale() == "log"
-    np.testing.assert_allclose(lines_of(axes)[0], 1e3 / samples)
 
 
 def test_rmse_figure_has_the_interval_the_mean_and_the_paper():

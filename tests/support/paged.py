@@ -143,7 +143,7 @@ def make_calibration(folder: Path) -> Path:
         "seed": 3,
         "logs": [fitted | tension, unseen],
         "parameters": {"pretension": {"value": 4.4, "standard_deviation": None}},
-        "warnings": ["the logs hardly tell pretension"],
+        "warnings": ["the logs hardly determine pretension"],
         "origin": origin_of("endotwin calibrate a --predict b", []),
     }
     (folder / "rig_fit.json").write_text(json.dumps(values))

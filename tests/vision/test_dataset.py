@@ -18,7 +18,7 @@ from twin.signals.noise import noise_variance
 from twin.vision.rig import StereoRig
 from twin.vision.sensor import sensor_before
 
-RIG = StereoRig(pictures_per_second=2.0, calibration_views=12)
+RIG = StereoRig(pictures_per_second=2.0, calibration_views=8)
 RECIPE = changed(stereo=RIG, episodes=2)
 
 
@@ -103,13 +103,6 @@ def test_the_dataset_is_whole_and_made_again_to_the_byte(folder):
     assert "two calibrated cameras, 10 pairs of pictures per second, angle by a marker on the tip" in card
     assert "/camera/left/..." in card
     assert "noise is drawn" not in card
-
-
-@needs_gl
-def test_an_episode_that_is_never_seen_is_refused(tmp_path):
-    blind = StereoRig(half_height=0.5, distance=2.0, calibration_views=12, occlusions_per_minute=60.0)
-    with pytest.raises(ValueError, match=r"less blur or noise|not measured in half|is found in"):
-        make(tmp_path / "blind", changed(stereo=blind, episodes=1))
 
 
 @pytest.mark.parametrize(

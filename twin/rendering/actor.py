@@ -74,15 +74,7 @@ class Actor:
         *,
         pale: bool = False,
     ) -> None:
-        """Build the drawing of an episode's preset.
-
-        Args:
-            episode: to draw.
-            scene: see `DrawnEndoscope`.
-            sleeve: see `DrawnEndoscope`.
-            colours: of the wires; None: each wire has its own.
-            pale: light materials, for a dark background.
-        """
+        """Build the drawing, see `DrawnEndoscope`; without colours, each wire has its own."""
         self.episode = episode
         joint_angle = hinge_angles_of(episode)
         self.preset = shape_of(episode, joint_angle.shape[1])

@@ -22,7 +22,7 @@ _X, _Y, _Z = np.eye(3)
 _FIELD_OF_VIEW = np.radians(95)  # of the endoscope's own lens, top to bottom
 _SHADOW_ROOM = 0.07  # at the side and below what is seen, in lengths of the section
 _ROUND = 0.42  # radius of a round picture
-_ASIDE = (0.07, 0.045)  # by which it is right and low: numbers stand above
+_ASIDE = (0.07, 0.045)  # by which it is right and low: the numbers are above
 _ELEVATION, _AZIMUTH = np.radians(33), np.radians(14)  # of the overview
 _REDUCED = 2  # a blurred picture is as good at half its size
 

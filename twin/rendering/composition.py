@@ -1,5 +1,6 @@
 """Composition of a picture: places of the views of episodes and of their plots, and what each view shows."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ class PlotCell(NamedTuple):
     scale: float
 
 
+@dataclasses.dataclass
 class ViewCell:
     """View of one episode: its pose with ghost and shadow, and the marks on it.
 
@@ -48,32 +50,29 @@ class ViewCell:
         number: of the episode in the composition.
         shot: its camera.
         actors: the endoscope, and its ghost if there is one.
+        look: options.
+        colours: of the wires; None where no tension is known.
         unit: size of a pixel of text, in pixels of a composition that is 720 high.
+        fineness: pixels drawn for each that is kept, along a side.
         is_first: whether it is the first view of its episode, which has the marks of the episode.
         is_lateral: whether it shows the second bending plane.
     """
 
-    def __init__(
-        self,
-        box: Rectangle,
-        overlay: Overlay,
-        number: int,
-        shot: Shot,
-        actors: Sequence[Actor],
-        look: Look,
-        colours: TensionColours | None,
-        unit: float,
-        fineness: int,
-        *,
-        is_first: bool,
-        lateral: bool,
-    ) -> None:
-        """Set the attributes; `fineness` is the pixels drawn for each that is kept, along a side."""
-        self.box, self.overlay, self.number, self.shot, self.actors = box, overlay, number, shot, actors
-        self._look, self._theme, self._colours = look, look.theme, colours
-        self.unit, self._fineness = unit, fineness
-        self.is_first, self.is_lateral = is_first, lateral
-        self._left = 36 * unit
+    box: Rectangle
+    overlay: Overlay
+    number: int
+    shot: Shot
+    actors: Sequence[Actor]
+    look: Look
+    colours: TensionColours | None
+    unit: float
+    fineness: int
+    is_first: bool
+    is_lateral: bool
+
+    def __post_init__(self) -> None:
+        """Set the left margin of the text."""
+        self._theme, self._left = self.look.theme, 36 * self.unit
 
     def scene(self, index: int) -> Layer:
         """Return the endoscope at a sample, over its ghost and its shadow, (height, width, 4)."""
@@ -99,8 +98,8 @@ class ViewCell:
     def _layer(self, actor: Actor, index: int) -> Layer:
         # A ghost is seen by the camera of the endoscope itself.
         layer = actor.layer(index, self.shot.view(self.actors[0], index))
-        if self._fineness > 1:
-            layer = reduced(layer, self._fineness)
+        if self.fineness > 1:
+            layer = reduced(layer, self.fineness)
         return rounded(layer) if self.shot.is_round else layer
 
     def _shadow(self, samples: Sequence[int]) -> Layer:
@@ -129,9 +128,9 @@ class ViewCell:
             marks += self._scale_bar()
         if self.shot.scene == "overview":
             marks.append(self._sheath_note(index))
-        hidden = self.shot.scene == "lumen" or (self.shot.scene == "bench" and self._look.sleeve == "whole")
-        if self.is_first and self._colours is not None and not hidden:
-            marks += self._colour_bar(self._colours)
+        hidden = self.shot.scene == "lumen" or (self.shot.scene == "bench" and self.look.sleeve == "whole")
+        if self.is_first and self.colours is not None and not hidden:
+            marks += self._colour_bar(self.colours)
         return marks
 
     def _numbers(self, index: int) -> list[Mark]:
@@ -224,14 +223,7 @@ class Composition:
     ) -> None:
         """Build the actors, place the cameras and open the renderer.
 
-        Args:
-            overlays: one, or several side by side.
-            look: options.
-            width: of the composition [pixels].
-            height: of the composition [pixels].
-            dpi: pixels per inch, which set the size of text.
-            least_scale: of text, so that it can be read in print.
-            fineness: pixels that are drawn for each that is kept, along a side.
+        Pixels per inch and `least_scale` set the size of text; `fineness` is as of `ViewCell`.
         """
         if not 1 <= len(overlays) <= MOST_EPISODES:
             raise InputError(f"{len(overlays)} records: from 1 to {MOST_EPISODES} have room side by side")
@@ -273,7 +265,7 @@ class Composition:
                 self.scale_of(box) * self._dpi / 100,
                 self._fineness,
                 is_first=place == 0 or places[place - 1][1] != number,
-                lateral=camera == "top" and self._planes == 2,
+                is_lateral=camera == "top" and self._planes == 2,
             )
             for place, (box, number, camera) in enumerate(places)
         ]

@@ -29,13 +29,7 @@ class Film:
     def __init__(
         self, overlays: Sequence[Overlay], look: Look | None = None, speed: float | None = None
     ) -> None:
-        """Draw the static parts.
-
-        Args:
-            overlays: episodes, side by side.
-            look: options; both sides of its size must be even.
-            speed: seconds of the episode per second of the film, written into the film; None: not written.
-        """
+        """Draw the static parts; both sides of the size must be even, and a given speed is written."""
         look = look or Look()
         self.width, self.height = look.size_within((WIDTH, HEIGHT), LARGEST, even=True)
         self._theme = look.theme

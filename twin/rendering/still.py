@@ -105,7 +105,7 @@ class _Chosen:
     def __init__(self, overlay: Overlay, look: Look, time: float | None, composition: Composition) -> None:
         episode = overlay.episode
         self.overlay, self._look, theme = overlay, look, look.theme
-        self.colours = [theme.ink, theme.trace, theme.trace, theme.ink]  # the two at one pull stand out
+        self.colours = [theme.ink, theme.trace, theme.trace, theme.ink]  # the two at one pull are coloured
         self.ink = theme.paper if theme.is_dark else "#ffffff"
         self.poses: list[int] = []
         if time is not None:

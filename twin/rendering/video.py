@@ -46,7 +46,7 @@ def write_video(
     whole = WholeFile(path)
     count = 0
     with whole:
-        # Its index stands in front, so that a browser begins before all is loaded.
+        # The index comes first, so that a browser plays before all is loaded.
         film: Any = av.open(whole.open_path, "w", format="mp4", options={"movflags": "+faststart"})
         with film:
             film.metadata["comment"] = MADE_BY

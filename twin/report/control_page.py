@@ -141,7 +141,7 @@ def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
 
     return (
         by_condition(
-            "Whole references",
+            "Complete references",
             "RMSE of tracking [deg] of all trials; below it, that of the worst endoscope.",
             lambda of: Cell(f"{of['rmse_deg']:.2f}", (f"{of['worst_twin_rmse_deg']:.2f}",)),
         ),

@@ -45,13 +45,13 @@ def dataset_page(path: Path) -> Page:
     contents = read_contents(folder)
     first = contents.files[0]
     page = Page("EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope", folder.resolve().name)
-    bend = contents.statistics["truth_deg"]
-    size = (
+    size = [
         ("source", _SOURCES[contents.source]),
         ("episodes", f"{contents.episodes}"),
         ("seconds", f"{contents.seconds:.4g}"),
-        ("bending angle", _signed(f"{bend.min:z.0f} to {bend.max:z.0f} deg")),
-    )
+    ]
+    if bend := contents.statistics.get("truth_deg"):
+        size.append(("bending angle", _signed(f"{bend.min:z.0f} to {bend.max:z.0f} deg")))
     shown = [facts({"": size}), player(read_episode(folder / first.name), first.name)]
     if (folder / FIGURE).is_file():
         shown.append(figure(folder / FIGURE, _LOOPS))

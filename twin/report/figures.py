@@ -123,11 +123,7 @@ def tracking_figure(
 ) -> Figure:
     """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10).
 
-    Args:
-        track: estimates along one record.
-        methods: which of them to draw, the most important last (on top).
-        title: of the figure.
-        notes: follow the names of methods in the legend.
+    The last method is on top; notes follow the names of methods in the legend.
     """
     errors = {method: track.error_deg(method) for method in methods}
     lines = {method: line_of(style_of(method, methods)) for method in methods}
@@ -311,13 +307,7 @@ def clean_axes(axes: Axes) -> Axes:
 def comparison_figures(
     scores: Sequence[Score], tracks: Mapping[Condition, Record], rankings: Sequence[Ranking] = ()
 ) -> dict[str, bytes]:
-    """Return PNG files by name.
-
-    Args:
-        scores: of all sample times, strokes and twins.
-        tracks: of the first group of episodes at the longest sample time.
-        rankings: of every sample time and group.
-    """
+    """Return PNG files by name; tracks are of the first group of episodes at the longest sample time."""
     longest, first = max(score.sample_time_s for score in scores), groups_of(scores)[0]
     shown, ranked = chosen_scores(scores, longest, first), rankings_to_draw(rankings)
     figures = {"rmse_by_noise.png": noise_figure(shown)}
@@ -345,11 +335,7 @@ def _list_methods(axes: Axes, methods: Sequence[str]) -> None:
 
 
 def noise_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the RMSE of every method, a panel for each noise, the best on top, with the limit as a line.
-
-    Args:
-        scores: of one sample time and one group of episodes.
-    """
+    """Draw the RMSE of every method on one group, a panel for each noise, the best on top, and the limit."""
     noises = list(dict.fromkeys(score.condition for score in scores))
     ratios = times_the_limit(scores, [scores[0].sample_time_s], [scores[0].group])
     methods = list(reversed(ratios or dict.fromkeys(score.method for score in scores)))

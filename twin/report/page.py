@@ -262,8 +262,8 @@ def flat_facts(values: Mapping[str, Any], prefix: str = "") -> Facts:
         elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
             entries.append((name, f"{len(value)}"))
         else:
-            said = _fact(value)
-            entries.append((name, said[1:-1] if isinstance(value, list) else said))
+            shown = _fact(value)
+            entries.append((name, shown[1:-1] if isinstance(value, list) else shown))
     return entries[:MOST_FACTS]
 
 

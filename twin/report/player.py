@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 MOST_SAMPLES = 300
 """Samples that a page holds of an episode: the slider has no more places on a screen."""
 HINGES = 16
-"""Equal hinges of the arc that stands for an endoscope whose own were not recorded."""
+"""Equal hinges of the arc of an endoscope whose own were not recorded."""
 SIZE = 360
 """Width and height of both drawings [SVG units]."""
 LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 46

@@ -51,7 +51,7 @@ LARGEST_FILM = 32 * MEBIBYTE
 """Size of a film that a page holds [bytes]: larger pages open slowly."""
 DIAGRAMS = assets_folder() / "diagrams"
 _DRAWN = 2
-"""Loops that are drawn over each other: more cannot be told apart."""
+"""Loops that are drawn over each other: more cannot be distinguished."""
 _FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
 """Errors of reading what is missing or damaged."""
 _POSES = (

@@ -254,14 +254,9 @@ def comparison_tables(
     rankings: Sequence[Ranking] = (),
     costs: Mapping[str, Cost] = MappingProxyType({}),
 ) -> str:
-    """Return a comparison in Markdown.
+    """Return a comparison in Markdown, of all sample times, strokes and twins.
 
-    Args:
-        scores: of all sample times, strokes and twins.
-        bounds: posterior Cramer-Rao bounds, as in `evaluation.json`.
-        intervals: coverage of the set-membership filters, likewise.
-        rankings: of every sample time and group.
-        costs: of each method.
+    Posterior Cramer-Rao bounds, and intervals of set-membership filters, are as in `evaluation.json`.
     """
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     longest, first = times[0], groups_of(scores)[0]

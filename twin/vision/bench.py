@@ -1,6 +1,7 @@
 """Bench in front of the cameras: endoscope, calibration board, a passing rod, exposure of pictures."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,7 +25,7 @@ Grey = NDArray[np.float32]
 Pair = tuple[Picture, Picture]
 """Left and right picture."""
 
-_BACKDROP = 190.0  # grey level behind everything
+_BACKDROP = 190.0  # grey level of the background
 _ROD = (0.06, 4.0)  # radius and length, in lengths of the section
 _LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 MOST_INSTANTS = 12
@@ -145,12 +146,11 @@ def row_weights(rig: StereoRig, when: Array) -> Array:
 
 def expose(scene: Callable[[float], Grey], when: Sequence[float] | Array, weights: Array) -> Grey:
     """Return the mean of a scene (height, width) over instants, row by row."""
-    picture: Grey | None = None
-    for instant, rows in zip(when, weights, strict=True):
-        part = scene(float(instant)) * rows[:, None].astype(np.float32)
-        picture = part if picture is None else picture + part
-    assert picture is not None
-    return picture
+    parts = (
+        scene(float(instant)) * rows[:, None].astype(np.float32)
+        for instant, rows in zip(when, weights, strict=True)
+    )
+    return functools.reduce(np.add, parts)
 
 
 def develop(picture: Grey, rig: StereoRig, rng: np.random.Generator) -> NDArray[np.uint8]:

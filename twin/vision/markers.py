@@ -1,7 +1,7 @@
 """Bending angle from markers: found in both pictures, placed in space, and turned against one another."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +15,6 @@ Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL = 0.4
 """Largest reprojection of a marker that is used, root mean square [pixels]."""
-
-
-class Meter(Protocol):
-    """Meter of the bending angle in pairs of pictures, from the calibration of the cameras."""
-
-    def zero(self, pairs: list[Pair]) -> int:
-        """Set the zero from pictures of the straight endoscope; returns the number of measured pairs."""
-
-    def forget(self) -> None:
-        """Forget the last picture: another episode begins."""
-
-    def angle(self, pair: Pair) -> float:
-        """Return the bending angle in the plane of wires a and b [rad]; NaN where it is unknown."""
 
 
 class Pose(NamedTuple):

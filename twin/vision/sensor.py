@@ -1,6 +1,5 @@
 """Stereo sensor: the bending angle of an episode as two calibrated cameras measure it, and their messages."""
 
-import dataclasses
 import functools
 import io
 import threading
@@ -19,7 +18,7 @@ from twin.recording.camera import STEREO_SIDES, calibration_message, picture_mes
 from twin.rendering.actor import shape_of
 from twin.vision.bench import Bench, Motion, Pair, Pass, draw_passes
 from twin.vision.calibration import StereoCalibration, calibrate
-from twin.vision.markers import MarkerMeter, Meter
+from twin.vision.markers import MarkerMeter
 from twin.vision.optics import cv2
 from twin.vision.rig import StereoRig
 from twin.vision.silhouette import SilhouetteMeter
@@ -32,6 +31,20 @@ QUALITY = 92
 _ZERO_PICTURES = 20
 """Pairs of pictures of the straight endoscope, before an episode."""
 _MOST_CALIBRATIONS = 16
+_SEEN_OF_BOARD = [
+    "width",
+    "height",
+    "distance",
+    "angle_deg",
+    "half_height",
+    "blur_px",
+    "brightness",
+    "pixel_noise",
+    "distortion",
+    "calibration_views",
+    "seed",
+]
+"""Parameters of a rig that pictures of the still calibration board depend on."""
 _PASSES, _PIXELS = 0, 1  # children of an episode's seed: passes, and the noise of each picture
 
 
@@ -54,7 +67,12 @@ class StereoSensor:
         self._bench = Bench(preset, rig)
         self.calibration = _calibrated(self._bench)
         self._bench.set_up()
-        self._meter = self._made_meter()
+        self._meter: MarkerMeter | SilhouetteMeter
+        if rig.method == "markers":
+            side = marker_side(preset, rig)
+            self._meter = MarkerMeter(self.calibration, side, preset.bending_planes)
+        else:
+            self._meter = SilhouetteMeter(self.calibration, preset, rig)
         rng = np.random.default_rng([rig.seed, 2])
         links = link_frames(np.zeros((1, preset.vertebrae)), np.empty(0), preset.section_length)
         pairs = [
@@ -65,12 +83,6 @@ class StereoSensor:
                 "the straight endoscope is not measured in half of its pictures: less blur, noise or "
                 "distortion, more light, or larger markers"
             )
-
-    def _made_meter(self) -> Meter:
-        if self.rig.method == "markers":
-            side, planes = marker_side(self._preset, self.rig), self._preset.bending_planes
-            return MarkerMeter(self.calibration, side, planes)
-        return SilhouetteMeter(self.calibration, self._preset, self.rig)
 
     def measure(
         self,
@@ -160,27 +172,12 @@ class _Ready(threading.local):
 _READY = _Ready()
 
 
-_CALIBRATIONS: dict[tuple[StereoRig, float], StereoCalibration] = {}
-
-
-def _of_the_board(rig: StereoRig) -> StereoRig:
-    """Return a rig whose parameters without influence on pictures of the still board are the usual ones."""
-    usual = StereoRig()
-    return dataclasses.replace(
-        rig,
-        method=usual.method,
-        frames_per_second=usual.frames_per_second,
-        marker_size=usual.marker_size,
-        exposure_s=usual.exposure_s,
-        rolling_shutter_s=usual.rolling_shutter_s,
-        occlusions_per_minute=usual.occlusions_per_minute,
-        pictures_per_second=usual.pictures_per_second,
-    )
+_CALIBRATIONS: dict[tuple[float, ...], StereoCalibration] = {}
 
 
 def _calibrated(bench: Bench) -> StereoCalibration:
     """Return the calibration of a bench's cameras, which all endoscopes of one length share."""
-    key = _of_the_board(bench.rig), bench.preset.section_length
+    key = (bench.preset.section_length, *(getattr(bench.rig, name) for name in _SEEN_OF_BOARD))
     if key not in _CALIBRATIONS:
         if len(_CALIBRATIONS) >= _MOST_CALIBRATIONS:
             _CALIBRATIONS.clear()
