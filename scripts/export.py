@@ -1,4 +1,4 @@
-"""`endotwin export`: episodes as a LeRobot dataset in Parquet, as CSV tables, or as MCAP files anew."""
+"""`endotwin export`: episodes as a LeRobot dataset in Parquet, as CSV tables, or as rewritten MCAP files."""
 
 import dataclasses
 import sys
@@ -15,7 +15,7 @@ from scripts.progress import Progress
 
 @dataclasses.dataclass(frozen=True)
 class Export:
-    """Write episodes anew: as a LeRobot dataset (v3.0, Parquet), as CSV tables, or as MCAP files.
+    """Write episodes as a LeRobot dataset (v3.0, Parquet), as CSV tables, or as MCAP files.
 
     The folder appears when all is written. Each file is named after its record; where records of several
     folders have the same name, all are named after their folders too: run_a/episode_0000.mcap becomes
@@ -34,9 +34,9 @@ class Export:
     """Thin simulated records to this and put measured logs on an even grid of it [s]; if not given, records
     keep their own samples. MCAP files that are thinned or recovered lose their pictures and estimates."""
     recover: bool = False
-    """Take what is whole of damaged files, and say how much is missing; without it, they are refused."""
+    """Take what is whole of damaged files, and state how much is missing; without it, they are refused."""
     seed: int = 0
-    """Nothing is drawn by chance; here for uniformity."""
+    """Ignored."""
     json: bool = False
     """Print the summary as one JSON object."""
 

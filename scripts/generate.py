@@ -80,7 +80,7 @@ class Generate:
     camera: float | None = None
     """Pictures per second of /camera/image, 320 x 240; none, if not given."""
     format: Literal["mcap", "csv"] = "mcap"
-    """csv writes a table beside each MCAP file."""
+    """csv writes a table next to each MCAP file."""
     workers: int = 0
     """Processes; 0 for one per core. The bytes do not depend on it."""
     dask: str | None = None
@@ -135,7 +135,7 @@ def _write(args: Generate, out: Path) -> Summary:
 
 
 def _changes(args: Generate) -> dict[str, Any]:
-    """Return the flags that are given, as a recipe's file says them."""
+    """Return the flags that are given, as the keys of a recipe's file."""
     from twin.preset.preset import parse_changes
     from twin.signals.excitation import SIGNALS
 
@@ -166,7 +166,7 @@ def _changes(args: Generate) -> dict[str, Any]:
 
 
 def _sensor(args: Generate) -> dict[str, Any] | None:
-    """Return the flags of the sensor that are given, as a recipe's file says them."""
+    """Return the flags of the sensor that are given, as the keys of a recipe's file."""
     if args.sensor == "angle" and args.stereo:
         raise ValueError("--sensor angle and --stereo: choose one")
     if args.sensor == "stereo" or args.stereo:
@@ -181,22 +181,16 @@ def _sensor(args: Generate) -> dict[str, Any] | None:
 
 
 def _command(args: Generate) -> dict[str, Any]:
-    """Return the flags of a recorded command that are given, as a recipe's file says them."""
-    columns = {
-        "command_column": args.command_column,
-        "command_unit": args.command_unit,
-        "lateral_command_column": args.lateral_command_column,
-        "time_column": args.time_column,
-        "time_unit": args.time_unit,
-        "seconds_per_cycle": args.seconds_per_cycle,
-    }
+    """Return the flags of a recorded command that are given, as the keys of a recipe's file."""
+    names = ("command_column", "command_unit", "lateral_command_column", "time_column", "time_unit")
+    columns = {name: getattr(args, name) for name in (*names, "seconds_per_cycle")}
     given = {name: value for name, value in columns.items() if value is not None}
     if args.command_csv is not None:
         # Paths on the command line are relative to where it is typed, not to the recipe.
         return {"file": os.path.abspath(args.command_csv), **given}
     if given and args.recipe is None:
         flag = f"--{next(iter(given)).replace('_', '-')}"
-        raise ValueError(f"{flag} tells how --command-csv is read: name its file")
+        raise ValueError(f"{flag} is about --command-csv: name its file")
     return given
 
 

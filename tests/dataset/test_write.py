@@ -1,4 +1,4 @@
-"""Datasets: the same bytes whoever makes them, episodes that follow their recipe, errors before any work."""
+"""Datasets: the same bytes by any workers, episodes that follow their recipe, errors before any work."""
 
 import hashlib
 import json

@@ -34,7 +34,7 @@ def test_the_head_of_a_card_is_what_hubs_read(whole_dataset, exported):
     assert parquet["configs"] == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
 
 
-@pytest.mark.parametrize("place", ["dataset", "export"])
+@pytest.mark.parametrize("place", ["dataset", pytest.param("export", marks=pytest.mark.slow)])
 def test_every_snippet_of_a_card_runs_in_its_folder(whole_dataset, exported, place):
     folder = {"dataset": whole_dataset, "export": exported}[place]
     snippets = PYTHON.findall((folder / "README.md").read_text())

@@ -12,7 +12,7 @@ from PIL import Image
 from recorded import make_episode
 
 from twin.export.columns import statistics, video_key
-from twin.recording.camera import CAMERA_TOPIC, decoded, picture_message, read_pictures, stereo_topics
+from twin.recording.camera import CAMERA_TOPIC, decoded, picture_message, stereo_topics
 from twin.recording.messages import to_nanoseconds
 from twin.recording.writer import EpisodeWriter
 
@@ -51,16 +51,6 @@ def folder(tmp_path):
 def frames_of(path) -> np.ndarray:
     with av.open(str(path)) as film:
         return np.array([frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)])
-
-
-def test_pictures_are_read_back_with_their_times(folder):
-    pictures = read_pictures(folder / "episode_0000.mcap")["camera"]
-    episode = make_episode(SAMPLES, seed=0)
-    np.testing.assert_allclose(pictures.time, episode.time[2::EVERY])
-    assert pictures.size == SIDES
-    shades = [int(shown[0, 0, 0]) for shown in pictures.at(episode.time)]
-    expected = [SHADES[max(k - 2, 0) // EVERY] for k in range(SAMPLES)]  # the first one before its time
-    np.testing.assert_allclose(shades, expected, atol=3)
 
 
 def test_every_frame_of_the_table_has_its_picture_in_the_film(folder, tmp_path, capsys):

@@ -20,6 +20,7 @@ def test_every_sample_is_there_and_small():
     assert sum(path.stat().st_size for path in files.values()) < 500_000
 
 
+@pytest.mark.slow
 def test_samples_are_those_that_their_module_makes(tmp_path):
     make_samples(tmp_path)
     for name, path in sample_files().items():

@@ -143,7 +143,7 @@ def test_a_log_of_other_columns_drives_both_planes(run, tmp_path):
         ("nothing.yaml --out x", "no recipe nothing.yaml"),
         ("recipe.yaml", "--out: name the folder"),
         ("--preset ureteroscope --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
-        ("--command-column x --out x", "--command-column tells how --command-csv is read: name its file"),
+        ("--command-column x --out x", "--command-column is about --command-csv: name its file"),
         ("recipe.yaml --time-unit ms --out x", "command_csv.file is missing"),
         ("recipe.yaml --workers -1 --out x", "--workers -1: must not be negative"),
         ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),

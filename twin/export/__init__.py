@@ -1,1 +1,1 @@
-"""Episodes for other programs: a dataset that LeRobot reads, CSV tables, or MCAP files written anew."""
+"""Episodes for other programs: a dataset that LeRobot reads, CSV tables, or rewritten MCAP files."""

@@ -76,7 +76,7 @@ class SimulatedFile(_File):
     sheath_bend_deg: Interval | None = Field(
         description="angle that the sheath is bent by, at the start and at the end [deg]; null: the preset's"
     )
-    table_sha256: Sha256 | None = Field(description="SHA-256 of the CSV table beside the file; null: none")
+    table_sha256: Sha256 | None = Field(description="SHA-256 of the CSV table next to the file; null: none")
 
 
 class MeasuredFile(_File):
