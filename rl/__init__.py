@@ -1,1 +1,7 @@
-"""Everything learned: environments, PPO, training of networks, export; nothing is imported at once."""
+"""Everything that learns: environments, PPO, recurrent networks and learned gains, and the export of them."""
+
+import os
+import tempfile
+
+# An optimiser of torch makes this folder for compiled code, of which there is none here: no new folder.
+os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", tempfile.gettempdir())

@@ -5,27 +5,76 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
 
-from rl.policy import AGENTS
-from rl.shared_environment import SharedEnvironment
+from rl.policies import POLICY_STEPS, PolicyStep, RamStep
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
-from twin.estimation.learned.policy import Agent
-from twin.estimation.learned.ram import RAM
+from twin.estimation.learned.step import affine_steps
 from twin.hysteresis import ColemanHodgdon
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+StepResult = tuple[Array32, Array32, NDArray[np.bool_], list[dict[str, Any]]]
 _OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
 
 
-def _observation_space(agent: Agent) -> gymnasium.spaces.Box:
-    return gymnasium.spaces.Box(-_OBSERVATION_LIMIT, _OBSERVATION_LIMIT, (len(agent.sensed),), np.float32)
+class SharedEnvironment(VecEnv):
+    """Many episodes side by side for stable-baselines3, with one source of random numbers `rng`."""
 
+    rng: np.random.Generator
+    episode_return: Array
 
-def _action_space(agent: Agent) -> gymnasium.spaces.Box:
-    return gymnasium.spaces.Box(-1.0, 1.0, (len(agent.applied),), np.float32)
+    def __init__(self, count: int, observations: gymnasium.spaces.Box, actions: gymnasium.spaces.Box):
+        self.render_mode = None  # read by the next line
+        super().__init__(count, observations, actions)
+
+    def step_async(self, actions: Array32) -> None:
+        """Take (count, action_size) actions."""
+        self.actions = np.asarray(actions, dtype=float)
+
+    def _infos(
+        self, ended: NDArray[np.bool_], seen: Array32, length: NDArray[np.int64]
+    ) -> list[dict[str, Any]]:
+        """Return the infos of a step: the (count,) episodes that end are truncated.
+
+        `seen` are the (count, observation_size) last observations, `length` the (count,) samples so far.
+        """
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for place in np.flatnonzero(ended):
+            infos[place] = {
+                "TimeLimit.truncated": True,
+                "terminal_observation": seen[place],
+                "episode": {"r": float(self.episode_return[place]), "l": int(length[place]), "t": 0.0},
+            }
+        return infos
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Restart the random numbers of all environments."""
+        self.rng = np.random.default_rng(seed)
+        return [seed] * self.num_envs
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute, which all environments share."""
+        return [getattr(self, attr_name)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute, which all environments share."""
+        setattr(self, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method once and return its result for every environment."""
+        return [getattr(self, method_name)(*args, **kwargs)] * self.num_envs
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No environment is wrapped."""
+        return [False] * self.num_envs
 
 
 class BatchEnvironment(SharedEnvironment):
@@ -43,40 +92,73 @@ class BatchEnvironment(SharedEnvironment):
         first: (count,) sample at which it began.
         sample: (count,) next sample of each.
         measurement: (count, N) measured angles of the episodes [deg].
+        state: of the estimators, (count,) tensors by name.
     """
 
     def __init__(
-        self, task: TrainingTask, agent: Agent, count: int, seed: int | None = None, reward_scale: float = 1.0
+        self,
+        task: TrainingTask,
+        active_model: ActiveModel,
+        count: int,
+        seed: int | None = None,
+        reward_scale: float = 1.0,
+        agent: str = RamStep.agent,
     ):
-        super().__init__(count, _observation_space(agent), _action_space(agent))
-        self.task = task
-        self.agent = agent
+        self.filter_step: PolicyStep = POLICY_STEPS[agent](active_model)
+        limit, sizes = _OBSERVATION_LIMIT, (self.filter_step.observations, self.filter_step.actions)
+        super().__init__(
+            count,
+            gymnasium.spaces.Box(-limit, limit, sizes[:1], np.float32),
+            gymnasium.spaces.Box(-1.0, 1.0, sizes[1:], np.float32),
+        )
+        self.task, self.reward_scale = task, reward_scale
+        self._steps = (
+            affine_steps(active_model.model, task.pull_mm) if "keep" in self.filter_step.inputs else ()
+        )
+        constants = {
+            "variance": np.broadcast_to(np.asarray(active_model.measurement_variance, dtype=float), count),
+            "sample_time": np.full(count, active_model.sample_time),
+        }
+        self._constants = {name: torch.tensor(values) for name, values in constants.items()}
         self.seed(seed)
-        self.reward_scale = reward_scale
 
-    def reset(self) -> NDArray[np.float32]:
-        """Begin a new episode in every environment; returns (count, sensed)."""
+    @property
+    def bend_deg(self) -> Array:
+        """(count,) estimates [deg]."""
+        bend: Array = self.state["previous_deg"].numpy()
+        return bend
+
+    def reset(self) -> Array32:
+        """Begin a new episode in every environment; returns (count, observation_size)."""
         count, steps = self.num_envs, self.task.pull_mm.shape[1] - 1
         self.first = np.arange(count) * steps // count
         self.record, self.measurement, initial = self.task.draw(count, self.rng, self.first)
-        self.agent.reset(self.task.pull_mm[self.record, self.first], initial)
+        self.state = {name: torch.zeros(count, dtype=torch.float64) for name in self.filter_step.state}
+        self._start(np.ones(count, dtype=bool), initial)
         self.sample = self.first + 1
         self.episode_return = np.zeros(count)
         return self._observe()
 
     def _begin_again(self, ended: NDArray[np.bool_]) -> None:
         """Begin a complete episode where one has ended."""
-        initial = np.zeros(self.num_envs)
-        self.record[ended], self.measurement[ended], initial[ended] = self.task.draw(ended.sum(), self.rng)
-        self.agent.reset(self.task.pull_mm[self.record, 0], initial, ended)
+        self.record[ended], self.measurement[ended], initial = self.task.draw(int(ended.sum()), self.rng)
+        self._start(ended, initial)
         self.first[ended], self.sample[ended], self.episode_return[ended] = 0, 1, 0.0
 
-    def step_wait(
-        self,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def _start(self, which: NDArray[np.bool_], bend_deg: Array) -> None:
+        """Start some of the estimators at their initial estimates."""
+        begun = torch.from_numpy(which)
+        for name, values in self.state.items():
+            values[begun] = self.filter_step.start.get(name, 0.0)
+        self.state["previous_deg"][begun] = torch.from_numpy(bend_deg)
+
+    @torch.no_grad()
+    def step_wait(self) -> StepResult:
         """Apply them; returns observations, rewards, ends and infos, new episodes begun where one ended."""
-        estimate = self.agent.act(self.actions)
-        reward = -((estimate - self.task.bend_deg[self.record, self.sample]) ** 2)
+        action = torch.from_numpy(self.actions).clamp(-1, 1)
+        after = self.filter_step.act(self._observed, action)
+        self.state = dict(zip(self.filter_step.state, after, strict=True))
+        reward = -((self.bend_deg - self.task.bend_deg[self.record, self.sample]) ** 2)
         self.episode_return += reward
         self.sample += 1
         ended = self.sample == self.task.pull_mm.shape[1]
@@ -85,16 +167,26 @@ class BatchEnvironment(SharedEnvironment):
             self._begin_again(ended)
         return self._observe(), (self.reward_scale * reward).astype(np.float32), ended, infos
 
-    def _observe(self) -> NDArray[np.float32]:
-        k, pull = self.sample, self.task.pull_mm
-        observation = self.agent.observe(
-            pull[self.record, k], pull[self.record, k - 1], self.measurement[np.arange(self.num_envs), k]
-        )
-        self._last_observation = observation.astype(np.float32)
-        return self._last_observation
+    @torch.no_grad()
+    def _observe(self) -> Array32:
+        place = self.record, self.sample
+        pull = self.task.pull_mm
+        measured = self.measurement[np.arange(self.num_envs), self.sample]
+        inputs = {
+            "increment_mm": pull[place] - pull[self.record, self.sample - 1],
+            "measurement_deg": measured,
+            "reference_deg": measured,
+        }
+        if self._steps:
+            inputs["keep"], inputs["drive_deg"] = (values[place] for values in self._steps)
+        tensors = {name: torch.from_numpy(values) for name, values in inputs.items()} | self._constants
+        self._observed = self.filter_step.observe(tensors, self.state)
+        observation: Array32 = self._observed.observation.numpy().astype(np.float32)
+        self._last_observation = observation
+        return observation
 
 
-class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
     """One episode at a time, for Gymnasium's tools; the same task and agent as the batched environment.
 
     `gymnasium.make("rl.registration:EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)`;
@@ -107,16 +199,16 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
         self,
         records: Sequence[tuple[Array, Array]] | None = None,
         model: ColemanHodgdon | None = None,
-        agent: str | None = RAM.agent,
+        agent: str = RamStep.agent,
         sample_time: float = 0.1,
         render_mode: str | None = None,
     ):
-        if agent not in AGENTS:
-            raise InputError(f"unknown agent {agent!r}; valid: {', '.join(map(str, AGENTS))}")
+        if agent not in POLICY_STEPS:
+            raise InputError(f"unknown agent {agent!r}; valid: {', '.join(POLICY_STEPS)}")
         model = model or PAPER_MODEL
         pull, bend = stack_records(records or [model_record(model, sample_time)])
         self.batch = BatchEnvironment(
-            TrainingTask(pull, bend), AGENTS[agent](ActiveModel(model, sample_time)), count=1
+            TrainingTask(pull, bend), ActiveModel(model, sample_time), count=1, agent=agent
         )
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
@@ -124,20 +216,18 @@ class EstimationEnvironment(gymnasium.Env[NDArray[np.float32], NDArray[np.float3
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Array32, dict[str, Any]]:
         """Draw a record, its noise and the error of the initial estimate."""
         super().reset(seed=seed)
         if seed is not None:
             self.batch.seed(seed)
         return self.batch.reset()[0], {}
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array32) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
         """Apply one action; `truncated` at the end of the record."""
         observation, reward, done, infos = self.batch.step(np.asarray(action)[None])
         ended = bool(done[0])
-        seen: NDArray[np.float32] = infos[0]["terminal_observation"] if ended else np.asarray(observation)[0]
+        seen: Array32 = infos[0]["terminal_observation"] if ended else np.asarray(observation)[0]
         return seen, float(reward[0]), False, ended, {}
 
 

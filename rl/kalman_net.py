@@ -1,10 +1,22 @@
-"""Training of the active model with a learned gain, by back-propagation through the filter.
+"""The active model with a learned gain, after KalmanNet (Revach et al. 2022, arXiv 2107.10043).
 
-The reference implementation of KalmanNet (Revach et al. 2022) is known for losses that are no numbers;
-bounded gains, clipped gradients and a history that ends with its window guard against them.
+The state is that of the active model, X = [theta, f]: the bending angle [deg] and the error of the model
+[deg / s]. The prediction is its too,
+
+    theta_k|k-1 = step(theta_{k-1}) + f T,
+
+and the correction K (y_k - theta_k|k-1) has its gain from a small recurrent network in place of P, Q and R.
+It sees the paper's four features, F1 the difference of successive measurements, F2 the innovation, F3 the
+difference of successive estimates and F4 the latest correction, in units of the given sqrt(R). From F1 and F3
+the model's prediction is subtracted: a pull that moves the angle is then nothing new, and errors that grow
+together with sqrt(R) are filtered alike. Of f, F3 and F4 are one.
+
+The gains are bounded: K_theta in [0, 1], a convex step towards the measurement, and K_f in [0, 2] per second.
+Without a measurement the filter predicts, and the network stays as it is. It learns by back-propagation
+through the filter, cut at the end of every window; bounded gains, clipped gradients and the cut guard against
+losses that are no numbers.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,191 +25,161 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.export import export_module
-from rl.options import TrainingOptions, share_of
-from rl.supervised import descend, tensor32, train_once
+from rl.export import export_step
+from rl.options import TrainingOptions
+from rl.policies import log_scale
+from rl.supervised import SequenceTraining, descend, tensor32, train_once
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
-from twin.estimation.learned.kalman_net import (
-    FEATURES,
-    KALMAN_NET,
-    TRAINING,
-    Corrected,
-    advance,
-    begin,
-    check_affine,
-)
-from twin.estimation.learned.scale import deviation
-from twin.estimation.learned.surprise import affine_steps
+from twin.estimation.learned.methods import KALMAN_NET
+from twin.estimation.learned.step import LEAST_VARIANCE, affine_steps, check_affine
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
+Tensor = torch.Tensor
+FEATURES = 5  # that the gain sees
 ERROR_GAIN_LIMIT = 2.0  # largest gain of f [1 / s]
 FIRST_GAIN = (0.3, 0.1)  # of theta and, in parts of its limit, of f: where training begins
+EPISODE = 300  # samples until all filters start again, from another wrong initial estimate
+SETTINGS = SequenceTraining(iterations=1500, window=50, hidden=16, learning_rate=3e-3)
 
 
-@dataclasses.dataclass(frozen=True)
-class KalmanNetTraining:
-    """Settings of the training: back-propagation through time, cut at the end of every window.
+class KalmanNetStep(torch.nn.Module):
+    """One sample: prediction, gain from one GRU layer and a linear output, and correction.
 
     Attributes:
-        iterations: gradient steps, one per window.
-        sequences: filters that run side by side, each on its own noise.
-        window: samples that an error is traced back over.
-        episode: samples until all filters start anew, from another wrong initial estimate.
-        hidden: units of the GRU.
-        learning_rate: of Adam at the start; it falls to zero along a cosine.
-        noise: measurement noise during training.
-        noise_level: its level: R = 0.1 in the paper.
-        initial_error_deg: the initial estimate is off by up to this [deg].
-        seed: of the weights and the noise.
+        inputs: names of what it takes.
+        state: shape for one filter of each array of its state.
     """
 
-    iterations: int = 1500
-    sequences: int = 64
-    window: int = 50
-    episode: int = 300
-    hidden: int = 16
-    learning_rate: float = 3e-3
-    noise: str = "gaussian"
-    noise_level: float = 0.1
-    initial_error_deg: float = 20.0
-    seed: int = 0
-
-
-class GainNetwork(torch.nn.Module):
-    """One GRU layer and a linear output, between zero and the limits of the gains."""
+    inputs = ("keep", "drive_deg", "measurement_deg", "variance", "sample_time")
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.hidden = hidden
+        numbers = ("previous_deg", "error", "lag_deg", "of_bend", "of_error")
+        self.state: dict[str, tuple[int, ...]] = {name: () for name in numbers} | {"hidden": (hidden,)}
         self.cell = torch.nn.GRUCell(FEATURES, hidden)
         self.output = torch.nn.Linear(hidden, 2)
         self.limits = torch.nn.Buffer(torch.tensor([1.0, ERROR_GAIN_LIMIT]))
         with torch.no_grad():
             self.output.bias.copy_(torch.logit(torch.tensor(FIRST_GAIN)))
 
-    def forward(self, seen: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the (B, 2) gains of theta and of f [1 / s], and what is remembered (1, B, hidden).
+    def start(self, bend_deg: Tensor) -> tuple[Tensor, ...]:
+        """Return the state of filters at their (B,) initial estimates [deg]."""
+        zero = torch.zeros_like(bend_deg)
+        return bend_deg, zero, zero, zero, zero, bend_deg.new_zeros(len(bend_deg), *self.state["hidden"])
 
-        Args:
-            seen: (B, FEATURES) in units of sqrt(R); taken on a symmetric logarithmic scale, since a wrong
-                initial estimate is sixty such units and the noise one.
-            memory: (1, B, hidden).
+    def forward(
+        self,
+        keep: Tensor,
+        drive_deg: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        previous_deg: Tensor,
+        error: Tensor,
+        lag_deg: Tensor,
+        of_bend: Tensor,
+        of_error: Tensor,
+        hidden: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Return the state one sample later, the estimate first.
+
+        All are (B,), but `hidden` (B, units). `lag_deg` is the last measurement less the estimate, `of_bend`
+        and `of_error` are the latest correction [deg], [deg / s].
         """
-        features = seen.to(torch.float32)
-        hidden = self.cell(torch.sign(features) * torch.log1p(torch.abs(features)), memory[0])
-        return self.limits * torch.sigmoid(self.output(hidden)), hidden[None]
+        prediction = keep * previous_deg + drive_deg + error * sample_time
+        missing = torch.isnan(measurement_deg)
+        measurement = torch.where(missing, prediction, measurement_deg)
+        innovation = measurement - prediction
+        difference = measurement - keep * (previous_deg + lag_deg) - drive_deg  # F1
+        moved = (error - of_error) * sample_time + of_bend  # F3
+        seen = [difference, innovation, moved, of_bend, of_error * sample_time]
+        # On a logarithmic scale: a wrong initial estimate is sixty units of sqrt(R), and the noise one.
+        after = self.cell(log_scale(torch.stack(seen, dim=1) / torch.sqrt(variance)[:, None]), hidden)
+        gain = self.limits * torch.sigmoid(self.output(after))
+        correction = gain * innovation[:, None]
+        bend = prediction + correction[:, 0]
+        after = torch.where(missing[:, None], hidden, after)
+        return bend, error + correction[:, 1], measurement - bend, correction[:, 0], correction[:, 1], after
 
 
 def train_kalman_net(
     records: Records,
     active_model: ActiveModel,
-    training: KalmanNetTraining,
+    training: SequenceTraining,
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Train into a folder (`kalman_net.onnx`, `config.yaml`, `progress.csv`); a finished run stays.
-
-    Args:
-        records: of the training set.
-        active_model: gives the model, the sample time and the R that the network is told in training.
-        training: size and length.
-        folder: where the run is kept.
-        on_progress: told iterations done, iterations in all and the latest minus mean square error [deg^2].
-
-    Returns:
-        The trained file.
+    """Train into a folder and return the file; the active model gives model, sample time and R.
 
     Raises:
         ValueError: the model is not affine, or the folder holds a run of another configuration.
     """
     check_affine(active_model.model)
-    path = folder / TRAINING.file
+    assert KALMAN_NET.training is not None
+    agent, path = KALMAN_NET.training.agent, folder / KALMAN_NET.training.file
 
     def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
-        network = GainNetwork(training.hidden)
+        step = KalmanNetStep(training.hidden)
         task = TrainingTask(
             *stack_records(records), training.noise, training.noise_level, training.initial_error_deg
         )
-        episode = min(training.episode, task.pull_mm.shape[1] - 1)
-        cut = dataclasses.replace(training, episode=episode, window=min(training.window, episode))
-        windows = _windows(network, task, active_model, cut)
-        unit = float(deviation(active_model.measurement_variance)) ** 2
+        losses = window_losses(step, task, active_model, training)
+        samples = training.sequences * min(training.window, task.pull_mm.shape[1] - 1)
+        unit = float(np.maximum(active_model.measurement_variance, LEAST_VARIANCE))
         curve = descend(
-            network,
-            lambda: next(windows),
+            step,
+            lambda: next(losses),
             training.iterations,
             training.learning_rate,
-            cut.sequences * cut.window,
+            samples,
             unit,
             on_progress,
         )
-        return curve, lambda described: export_module(
-            network,
-            {"seen": torch.zeros(2, FEATURES), "memory": torch.zeros(1, 2, network.hidden)},
-            ["said", "remembered"],
-            {"seen": [0], "memory": [1]},
-            {"agent": TRAINING.agent, "hidden": network.hidden, **described},
-            path,
+        inputs: dict[str, tuple[int, ...]] = dict.fromkeys(step.inputs, ())
+        return curve, lambda described: export_step(
+            step, inputs, step.state, {"agent": agent, **described}, path
         )
 
     return train_once(path, records, active_model, training, train)
 
 
-def _windows(
-    network: GainNetwork, task: TrainingTask, active_model: ActiveModel, training: KalmanNetTraining
-) -> Iterator[torch.Tensor]:
+def window_losses(
+    step: KalmanNetStep, task: TrainingTask, active_model: ActiveModel, training: SequenceTraining
+) -> Iterator[Tensor]:
     """Yield the mean square error, in units of R, of one window after another, with its gradient."""
     rng = random_stream(training.seed, SeedUse.NETWORK)
     keep_all, drive_all = affine_steps(active_model.model, task.pull_mm)
-    episode, window = training.episode, training.window
-    scale = tensor32(deviation(active_model.measurement_variance))
-
-    def gain_of(features: torch.Tensor, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        gain, remembered = network(features, hidden[None])
-        return gain, remembered[0]
+    episode = min(EPISODE, task.pull_mm.shape[1] - 1)
+    window = min(training.window, episode)
+    R = tensor32(np.full(training.sequences, np.maximum(active_model.measurement_variance, LEAST_VARIANCE)))
+    T = torch.full_like(R, active_model.sample_time)
 
     while True:
-        # All filters start anew, anywhere in the records, from initial estimates that are wrong.
+        # All filters start again, anywhere in the records, from initial estimates that are wrong.
         record, measured, initial = task.draw(training.sequences, rng)
         truth = task.bend_deg[record]
         start = rng.integers(truth.shape[1] - episode, size=len(record))
         rows, index = np.arange(len(record)), start + np.arange(1, episode + 1)[:, None]
         series = (keep_all[record], drive_all[record], measured, truth)
         samples = torch.stack([tensor32(values[rows, index]) for values in series], dim=1)  # (N, 4, B)
-        first = tensor32(truth[rows, start] + initial - truth[:, 0])
-        state = begin(torch, first, torch.zeros(len(first), network.hidden))
+        state = step.start(tensor32(truth[rows, start] + initial - truth[:, 0]))
 
         for begins in range(0, episode - window + 1, window):
-            # The state is handed on to the next window, its history is not.
-            state = Corrected(*(value.detach() for value in state))
+            # The state is passed on to the next window, its history is not.
+            state = tuple(value.detach() for value in state)
             estimate = []
             for keep, drive, measurement, _ in samples[begins : begins + window]:
-                state = advance(
-                    torch, gain_of, state, keep, drive, measurement, scale, active_model.sample_time
-                )
-                estimate.append(state.bend_deg)
+                state = step(keep, drive, measurement, R, T, *state)
+                estimate.append(state[0])
             error = torch.stack(estimate) - samples[begins : begins + window, 3]
-            yield ((error / scale) ** 2).mean()
+            yield (error**2 / R).mean()
 
 
-def _train(
-    records: Records,
-    active_model: ActiveModel,
-    options: TrainingOptions,
-    folder: Path,
-    on_progress: OnProgress | None = None,
-) -> Path:
-    settings = KalmanNetTraining(
-        iterations=share_of(KalmanNetTraining.iterations, options),
-        noise=options.noise,
-        noise_level=options.noise_level,
-        initial_error_deg=options.initial_error_deg,
-        seed=options.seed,
-    )
-    return train_kalman_net(records, active_model, settings, folder, on_progress)
+def _train(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
+    return train_kalman_net(records, active_model, SETTINGS.scaled(options), *rest)
 
 
 register_trainer(Trainer(KALMAN_NET, _train))

@@ -1,4 +1,4 @@
-"""Files of a training run: its configuration, all that the result depends on, and its learning curve."""
+"""Files of a training run: configuration, learning curve and checkpoint."""
 
 import csv
 import dataclasses
@@ -8,24 +8,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from rl.trainers import Records
+from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import KEY as DEPLOYMENT
 from twin.estimation.deployment import prepare_deployment
 from twin.files.atomic import write_whole
+from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.run_folder import CURVE_FILE
 from twin.hysteresis import ColemanHodgdon
 
+LARGEST = 256 * MEBIBYTE
+"""Size of a checkpoint at most [bytes]."""
+_MARK = "endotwin checkpoint"
+
 
 def run_configuration(records: Records, active_model: ActiveModel, settings: Any) -> dict[str, Any]:
-    """Return the contents of `config.yaml`.
-
-    Args:
-        records: of the training set.
-        active_model: the filter or model that is learned beside.
-        settings: a dataclass of numbers and words.
-    """
+    """Return the contents of `config.yaml`: all that the result depends on; settings are a dataclass."""
     return {
         "training": dataclasses.asdict(settings),
         "active_model": active_model.to_dict(),
@@ -37,16 +38,21 @@ def run_configuration(records: Records, active_model: ActiveModel, settings: Any
     }
 
 
+def with_deployment(
+    configuration: dict[str, Any], records: Records, active_model: ActiveModel, seed: int
+) -> dict[str, Any]:
+    """Return the description in a trained file: its configuration, and what it is deployed with."""
+    model = active_model.model
+    if not isinstance(model, ColemanHodgdon):
+        return configuration
+    deployment = prepare_deployment(records, model, active_model.sample_time, seed)
+    return {**configuration, DEPLOYMENT: deployment.to_dict()}
+
+
 def write_curve(
     folder: Path, curve: Iterable[Sequence[float]], columns: Sequence[str] = ("samples", "mean_reward")
 ) -> None:
-    """Write `progress.csv`; what is not known is left empty.
-
-    Args:
-        folder: of the run.
-        curve: rows, the first two of which are samples and the mean reward [deg^2] then.
-        columns: their names.
-    """
+    """Write `progress.csv`; the first columns are samples and the mean reward [deg^2], NaN is left empty."""
     text = io.StringIO()
     rows = ([int(row[0]), *("" if np.isnan(value) else f"{value:.6g}" for value in row[1:])] for row in curve)
     csv.writer(text).writerows([columns, *rows])
@@ -58,12 +64,29 @@ def action_columns(count: int) -> list[str]:
     return [f"action_{number + 1}{part}" for number in range(count) for part in ("", "_deviation")]
 
 
-def with_deployment(
-    configuration: dict[str, Any], records: Records, active_model: ActiveModel, seed: int
-) -> dict[str, Any]:
-    """Return what a trained file says of itself: its configuration, and what it is deployed with."""
-    model = active_model.model
-    if not isinstance(model, ColemanHodgdon):
-        return configuration
-    deployment = prepare_deployment(records, model, active_model.sample_time, seed)
-    return {**configuration, DEPLOYMENT: deployment.to_dict()}
+def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
+    """Write tensors, numbers, texts, and lists and dictionaries of them, for the run of a key."""
+    buffer = io.BytesIO()
+    torch.save({_MARK: key, "state": state}, buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
+    """Return the state of a checkpoint; None if there is none, or one of another run. Nothing is unpickled.
+
+    Raises:
+        ValueError: the file is no checkpoint, or it is damaged; it stays as it is.
+    """
+    if not path.exists():
+        return None
+    try:
+        saved = torch.load(io.BytesIO(read_limited(path, LARGEST)), weights_only=True)
+        found, state = saved[_MARK], saved["state"]
+    except Exception as error:  # zipfile's, pickle's and torch's own classes
+        raise unusable(path) from error
+    return dict(state) if found == key else None
+
+
+def unusable(path: Path) -> InputError:
+    """Return the error for a file that is no checkpoint, or whose contents do not fit the training."""
+    return InputError(f"{path} is no checkpoint of this training, or damaged: remove it to start again")

@@ -1,7 +1,6 @@
-"""Supervised training of recurrent filters: a run in one folder, descent by Adam (Kingma and Ba 2015).
+"""Supervised training of filters on the training records, with their truth as the answer.
 
-The filters are trained with the truth of the training records as the answer. What they learn from and what
-they minimise is theirs.
+A run in one folder, descent by Adam (Kingma and Ba 2015).
 """
 
 import dataclasses
@@ -13,17 +12,14 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions, share_of
 from rl.run import run_configuration, with_deployment, write_curve
-from rl.trainers import Records
+from rl.trainers import OnProgress, Records
 from twin.errors import DivergedError
 from twin.estimation.active_model import ActiveModel
 from twin.files.run_folder import counted_cost, open_run
 
 Array = NDArray[np.float64]
-OnProgress = Callable[[int, int, float], None]
-"""Told iterations done, iterations in all and the latest minus mean square error [deg^2]."""
 GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
 
 
@@ -39,6 +35,7 @@ class SequenceTraining:
         learning_rate: of Adam at the start; it falls to zero along a cosine.
         noise: measurement noise during training.
         noise_level: its level: R = 0.1 in the paper.
+        initial_error_deg: the initial estimate is off by up to this, where it is used [deg].
         seed: of the weights and the noise.
     """
 
@@ -49,17 +46,19 @@ class SequenceTraining:
     learning_rate: float = 5e-3
     noise: str = "gaussian"
     noise_level: float = 0.1
+    initial_error_deg: float = 20.0
     seed: int = 0
 
-
-def sequence_settings(options: TrainingOptions) -> SequenceTraining:
-    """Return the settings of a recurrent network for the options of a training."""
-    return SequenceTraining(
-        iterations=share_of(SequenceTraining.iterations, options),
-        noise=options.noise,
-        noise_level=options.noise_level,
-        seed=options.seed,
-    )
+    def scaled(self, options: TrainingOptions) -> "SequenceTraining":
+        """Return these settings for the noise, the seed and the length of a training."""
+        return dataclasses.replace(
+            self,
+            iterations=share_of(self.iterations, options),
+            noise=options.noise,
+            noise_level=options.noise_level,
+            initial_error_deg=options.initial_error_deg,
+            seed=options.seed,
+        )
 
 
 def train_once(
@@ -74,19 +73,16 @@ def train_once(
     Args:
         path: the file, which is there when the run is finished.
         records: of the training set.
-        active_model: the filter or model that is learned beside.
-        training: a dataclass of settings; its `seed` is that of the weights, `train` makes its own numbers.
-        train: returns the mean reward [deg^2] after so many samples, and what writes the file with what it
-            says of itself.
-
-    Returns:
-        The file.
+        active_model: the filter or model that is learned with.
+        training: a dataclass of settings; its `seed` is that of the weights.
+        train: returns the mean reward [deg^2] after so many samples, and a function that writes the file with
+            its description.
 
     Raises:
         ValueError: the folder holds a run of another configuration.
     """
     configuration = run_configuration(records, active_model, training)
-    with open_run(path.parent, configuration, (path.name,)), no_folder_of_compiled_code():
+    with open_run(path.parent, configuration, (path.name,)):
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
             torch.manual_seed(training.seed)
@@ -114,15 +110,15 @@ def descend(
         loss: draws data and returns the mean square error.
         iterations: steps.
         learning_rate: at the start.
-        samples: behind one loss.
+        samples: in one loss.
         loss_unit_deg2: what a loss of one is [deg^2].
-        on_progress: told how far it is.
+        on_progress: called with iterations done, iterations in all and minus the latest loss [deg^2].
 
     Returns:
         Minus mean square error [deg^2] after so many samples, step by step.
 
     Raises:
-        FloatingPointError: the loss is no number.
+        FloatingPointError: the training has diverged.
     """
     optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, iterations)

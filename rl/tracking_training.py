@@ -91,7 +91,6 @@ def train_tracking(
     from stable_baselines3.common.logger import Logger
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    from rl.compiled_code import no_folder_of_compiled_code
     from rl.tracking import TrackingEnvironment
 
     settings = training or TrackingTraining()
@@ -110,26 +109,25 @@ def train_tracking(
         )
 
     makers = [make(number) for number in range(settings.environments)]
-    with no_folder_of_compiled_code():
-        ppo = PPO(
-            "MlpPolicy",
-            VecMonitor(DummyVecEnv(makers)),
-            n_steps=settings.horizon,
-            batch_size=settings.minibatch,
-            gamma=settings.discount,
-            policy_kwargs={"log_std_init": settings.log_std},
-            stats_window_size=_REPORTED,
-            seed=settings.seed,
-            device="cpu",
-        )
-        ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder elsewhere
+    ppo = PPO(
+        "MlpPolicy",
+        VecMonitor(DummyVecEnv(makers)),
+        n_steps=settings.horizon,
+        batch_size=settings.minibatch,
+        gamma=settings.discount,
+        policy_kwargs={"log_std_init": settings.log_std},
+        stats_window_size=_REPORTED,
+        seed=settings.seed,
+        device="cpu",
+    )
+    ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder elsewhere
 
-        def tell(local: dict[str, Any], _: dict[str, Any]) -> bool:
-            if on_progress is not None and ppo.num_timesteps < settings.samples:
-                on_progress(ppo.num_timesteps, settings.samples, _mean_reward_deg2(ppo))
-            return True
+    def tell(local: dict[str, Any], _: dict[str, Any]) -> bool:
+        if on_progress is not None and ppo.num_timesteps < settings.samples:
+            on_progress(ppo.num_timesteps, settings.samples, _mean_reward_deg2(ppo))
+        return True
 
-        ppo.learn(settings.samples, callback=tell)
+    ppo.learn(settings.samples, callback=tell)
     reward = _mean_reward_deg2(ppo)
     path.parent.mkdir(parents=True, exist_ok=True)
     told = {"preset": preset, "mean_reward_deg2": None if math.isnan(reward) else reward}

@@ -14,20 +14,26 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
-from rl.checkpoint import load_checkpoint, save_checkpoint, unusable
-from rl.compiled_code import no_folder_of_compiled_code
 from rl.environment import BatchEnvironment
+from rl.export import export_step
 from rl.options import TrainingOptions, check_memory
-from rl.policy import AGENTS, export_policy
-from rl.run import action_columns, run_configuration, with_deployment, write_curve
+from rl.policies import POLICY_STEPS
+from rl.run import (
+    action_columns,
+    load_checkpoint,
+    run_configuration,
+    save_checkpoint,
+    unusable,
+    with_deployment,
+    write_curve,
+)
 from rl.trainers import OnProgress, Trainer, register_trainer
 from twin import __version__
 from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
-from twin.estimation.learned.direct import DIRECT
-from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.learned.ram import RAM
+from twin.estimation.learned.methods import DIRECT, POLICY_FILE, RAM
+from twin.estimation.learned.step import START
 from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run, write_configuration
 from twin.files.state_file import state_key
 
@@ -62,13 +68,10 @@ def train_policy(
 
     Args:
         records: `(pull_mm (N,), bend_deg (N,))` at the sample time of the active model.
-        active_model: the filter inside RAM; its R is told at training.
+        active_model: the filter inside RAM, with the R that it is given in training.
         training: agent, length and parameters of PPO.
         folder: where the run is kept.
-        on_progress: told samples done, samples in all and the latest mean reward per sample [deg^2].
-
-    Returns:
-        Path of the policy.
+        on_progress: called with samples done, samples in all and the latest mean reward per sample [deg^2].
 
     Raises:
         ValueError: the folder holds a run of another configuration, or the checkpoint is foreign, damaged or
@@ -81,15 +84,16 @@ def train_policy(
     configuration = run_configuration(records, active_model, training)
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
     files = (POLICY_FILE, CHECKPOINT_FILE)
-    with open_run(folder, configuration, files, GROWS) as shorter, no_folder_of_compiled_code():
+    with open_run(folder, configuration, files, GROWS) as shorter:
         if shorter or not policy_path.is_file():
             task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
             environment = BatchEnvironment(
                 task,
-                AGENTS[training.agent](active_model),
+                active_model,
                 training.environments,
                 training.seed,
                 training.reward_scale,
+                training.agent,
             )
             ppo = new_ppo(environment, training)
             key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
@@ -101,7 +105,7 @@ def train_policy(
             run.save()  # what goes on from here is a longer training
             run.write()
             description = with_deployment(configuration, records, active_model, training.seed)
-            export_policy(ppo, training.agent, description, policy_path)
+            export_policy(ppo, training.agent, active_model, description, policy_path)
             if shorter:  # the last: until then it is the shorter run, which may go on again
                 write_configuration(folder, configuration)
             if on_progress:
@@ -180,6 +184,16 @@ def new_ppo(environment: VecEnv, training: TrainingOptions, widths: Sequence[int
     return ppo
 
 
+def export_policy(
+    ppo: PPO, agent: str, active_model: ActiveModel, description: dict[str, Any], path: Path
+) -> None:
+    """Write one sample of an agent as ONNX: its filter, and the mean action of a trained policy."""
+    policy = torch.nn.Sequential(ppo.policy.mlp_extractor.policy_net, ppo.policy.action_net)
+    step = POLICY_STEPS[agent](active_model, policy)
+    contents = {"agent": agent, START: step.start, **description}
+    export_step(step, dict.fromkeys(step.inputs, ()), dict.fromkeys(step.state, ()), contents, path)
+
+
 def check_finite(ppo: PPO) -> None:
     """Refuse weights that are not numbers.
 
@@ -245,7 +259,7 @@ class _Run(BaseCallback):
 
     def write(self) -> None:
         """Write the curve."""
-        actions = action_columns(len(self.environment.agent.applied))
+        actions = action_columns(self.environment.filter_step.actions)
         write_curve(self.folder, self.curve, ["samples", "mean_reward", *UPDATE, *actions])
 
     @property

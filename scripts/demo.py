@@ -53,7 +53,7 @@ class Demo:
 
 def demo(args: Demo) -> Summary:
     """Run every stage and write `report.html`."""
-    from twin.estimation.learned.policy import POLICY_FILE
+    from twin.estimation.learned.methods import POLICY_FILE
     from twin.estimation.registry import method_specs
 
     for name in ("episodes", "records", "seconds", "seeds"):

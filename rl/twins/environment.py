@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.shared_environment import SharedEnvironment
+from rl.environment import SharedEnvironment
 from rl.supervised import tensor32
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.filter_step import ALL

@@ -1,25 +1,27 @@
 """The graphs that are deployed: a trained step with its state as named arrays, in double precision."""
 
-import copy
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from rl.export import export_module
+from rl.export import export_step
 from rl.twins.filter_state import FilterState
 from rl.twins.filter_step import FilterStep
 from rl.twins.memory_step import MemoryState, MemoryStep
 from rl.twins.products import along
 from rl.twins.recurrent_step import RecurrentState, RecurrentStep
 from rl.twins.step import TwinsStep
-from twin.estimation.learned import networks_on_twins, ram_memory, ram_twins
-from twin.estimation.learned.model_step import PREDICTED_BY
-from twin.estimation.learned.step_network import ALL_PARTS, OF_SAMPLE, OUTPUTS
+from twin.estimation.learned.step import ALL_PARTS, PARTS
 
-_REFERENCE_STEPS = 8  # that the trained step itself computes, and the file tells
-_BATCH = 3  # of the example that the export traces; any number may come
+_BY_MODEL: dict[str, tuple[int, ...]] = {"keep": (), "drive_deg": (), "increment_mm": ()}
+_OF_SAMPLE: dict[str, tuple[int, ...]] = {
+    "measurement_deg": (),
+    "variance": (),
+    "sample_time": (),
+    PARTS: (len(ALL_PARTS),),
+}
 
 Tensor = torch.Tensor
 
@@ -124,55 +126,28 @@ class RecurrentStepGraph(torch.nn.Module):
 
 
 def export_twins(step: TwinsStep, members: int, description: Mapping[str, Any], path: Path) -> None:
-    """Write a trained step of RAM (twins) on M members as ONNX, whole or not at all."""
-    predicted_by = {"members_deg": torch.zeros(_BATCH, members), "way_mm": torch.ones(_BATCH)}
-    _export(TwinsGraph(step), step, predicted_by, list(ram_twins.STATE), description, path)
+    """Write a trained step of RAM (twins) on M members as ONNX, complete or not at all."""
+    inputs = {"members_deg": (members,), "way_mm": ()} | _OF_SAMPLE
+    _export(TwinsGraph(step), step, inputs, description, path)
 
 
 def export_memory(step: MemoryStep, description: Mapping[str, Any], path: Path) -> None:
-    """Write a trained step of RAM (memory) as ONNX, whole or not at all."""
-    predicted_by = {name: torch.ones(_BATCH) for name in PREDICTED_BY}
-    _export(MemoryGraph(step), step, predicted_by, list(ram_memory.STATE), description, path)
+    """Write a trained step of RAM (memory) as ONNX, complete or not at all."""
+    _export(MemoryGraph(step), step, _BY_MODEL | _OF_SAMPLE, description, path)
 
 
 def export_recurrent_step(step: RecurrentStep, description: Mapping[str, Any], path: Path) -> None:
-    """Write a trained network or gain as ONNX, whole or not at all."""
-    predicted_by = {name: torch.ones(_BATCH) for name in PREDICTED_BY}
-    _export(RecurrentStepGraph(step), step, predicted_by, list(networks_on_twins.STATE), description, path)
+    """Write a trained network or gain as ONNX, complete or not at all."""
+    _export(RecurrentStepGraph(step), step, _BY_MODEL | _OF_SAMPLE, description, path)
 
 
 def _export(
     graph: torch.nn.Module,
     step: FilterStep,
-    predicted_by: Mapping[str, Tensor],
-    state: list[str],
+    inputs: Mapping[str, tuple[int, ...]],
     description: Mapping[str, Any],
     path: Path,
 ) -> None:
-    # A filter adds up the roundings of its covariance: single precision would part the graph from the step.
-    graph = copy.deepcopy(graph).double()
-    # Tensors of their own: the export takes one that is given twice for one input.
-    inputs = {**predicted_by} | {name: torch.ones(_BATCH) for name in OF_SAMPLE}
-    inputs["parts"] = torch.tensor(ALL_PARTS)
-    inputs |= {name: of.clone() for name, of in zip(state, step.start(torch.ones(_BATCH)), strict=True)}
-    inputs = {name: of.double() for name, of in inputs.items()}
-    outputs = [*OUTPUTS, *(f"{name}_after" for name in state)]
-    free = {name: [0] for name in inputs if name != "parts"}
-    export_module(graph, inputs, outputs, free, description, path, _reference(inputs, state))
-
-
-def _reference(inputs: Mapping[str, Tensor], state: list[str]) -> dict[str, Tensor]:
-    """Return inputs of a few steps."""
-    rng = torch.Generator().manual_seed(0)  # of its own: what is drawn for a training stays as it is
-
-    def drawn(*shape: int) -> Tensor:
-        return torch.randn(_REFERENCE_STEPS, *shape, generator=rng, dtype=torch.float64)
-
-    given = {name: drawn(*of.shape) for name, of in inputs.items() if name not in state and name != "parts"}
-    for name in given.keys() & {"way_mm", "keep"}:
-        given[name] = torch.sigmoid(given[name])
-    given["measurement_deg"][1, 0] = torch.nan
-    given["variance"] = torch.exp(given["variance"])
-    given["sample_time"] = torch.full_like(given["sample_time"], 0.1)
-    parts = torch.tensor(ALL_PARTS, dtype=torch.float64).repeat(_REFERENCE_STEPS, 1)
-    return {name: parts if name == "parts" else given[name] for name in inputs if name not in state}
+    first = step.start(torch.ones(2))._asdict()
+    state = {name: tuple(of.shape[1:]) for name, of in first.items()}
+    export_step(graph, inputs, state, description, path, ("bend_deg", "half_width_deg"))

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import torch
 
-from rl.compiled_code import no_folder_of_compiled_code
 from rl.options import TrainingOptions
 from rl.run import action_columns, write_curve
 from rl.trainers import OnProgress, Simulated, TrainOnTwins
@@ -107,7 +106,7 @@ def train_on_twins(
         "ranges": ranges.to_dict(),
     }
     path = folder / learner.training.file
-    with open_run(folder, configuration, (path.name, CHECKPOINT_FILE)), no_folder_of_compiled_code():
+    with open_run(folder, configuration, (path.name, CHECKPOINT_FILE)):
         if not path.is_file():
             torch.set_num_threads(1)
             torch.manual_seed(settings.seed)

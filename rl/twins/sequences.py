@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rl.supervised import tensor32
 from rl.twins.noises import draw_noises
 from rl.twins.records import SAMPLE_TIME, TwinRecords
-from twin.estimation.learned.surprise import affine_step
+from twin.estimation.learned.step import affine_step
 from twin.hysteresis import ColemanHodgdon
 
 Places = NDArray[np.intp]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
 from rl.linear_system import SAMPLES as LINEAR_SAMPLES
 from rl.linear_system import LinearSource, decibels, kalman_filter, learn_gains, learned_estimates
-from rl.networks_on_twins import RIVALS
+from rl.on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.training import new_ppo, train_policy
 from rl.twins.graph import export_twins
@@ -32,8 +32,7 @@ from twin.estimation.deployment import prepare_deployment
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned import ram_twins
-from twin.estimation.learned.networks_on_twins import KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS
-from twin.estimation.learned.ram import ReinforcementActiveModel
+from twin.estimation.learned.methods import KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
@@ -63,11 +62,14 @@ class IdleEnvironment(BatchEnvironment):
 def ppo() -> dict[str, Result]:
     """Measure PPO in the environment of the paper's RAM, against one that does nothing."""
     options = TrainingOptions(seed=1)
-    agent = ReinforcementActiveModel(ActiveModel(PAPER_MODEL, T))
+    active_model = ActiveModel(PAPER_MODEL, T)
     pull, bend = stack_records([model_record(PAPER_MODEL, T)])
     torch.set_num_threads(1)
     ours, idle = (
-        new_ppo(kind(TrainingTask(pull, bend), agent, options.environments, 1, options.reward_scale), options)
+        new_ppo(
+            kind(TrainingTask(pull, bend), active_model, options.environments, 1, options.reward_scale),
+            options,
+        )
         for kind in (BatchEnvironment, IdleEnvironment)
     )
     whole = WHOLE_TRAINING / SAMPLES

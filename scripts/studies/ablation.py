@@ -26,7 +26,7 @@ from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator
-from twin.estimation.learned import ram_memory, ram_twins
+from twin.estimation.learned import ram_twins, step
 from twin.estimation.registry import find_training
 from twin.evaluation.compare import Comparison, compare
 from twin.evaluation.method import Filtering, Method
@@ -77,13 +77,13 @@ class Variant:
 
 VARIANTS = (
     Variant(WHOLE, "nothing: the whole"),
-    Variant("no-twins", "no twins online: RAM (memory)", agent=ram_memory.AGENT),
+    Variant("no-twins", "no twins online: RAM (memory)", agent="ram-memory"),
     Variant("few-members", "a quarter of the members", settings={"members": 10, "moving": 4, "rank": 7}),
     Variant("still-members", "no member's sheath moves", settings={"moving": 0}),
     Variant("no-error", "no model-error state", settings={"with_error": False}),
     Variant("no-recogniser", "no recogniser: the noise is normal", settings={"with_recogniser": False}),
     Variant("recogniser-alone", "no policy (recogniser alone)", parts=ram_twins.RECOGNISER_ALONE),
-    Variant("filter-alone", "neither of them (filter alone)", parts=ram_twins.FILTER_ALONE),
+    Variant("filter-alone", "neither of them (filter alone)", parts=step.FILTER_ALONE),
     Variant("linear-policy", "a linear policy", settings={"policy_layers": 0}),
     Variant("no-penalty", "no penalty for leaving the linear update", settings={"linear_penalty": 0.0}),
     Variant("ppo", "policy by PPO, from scratch", settings={"gain": ("ppo",)}),

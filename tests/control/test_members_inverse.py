@@ -10,7 +10,7 @@ from twin.control.controller import CommandLimits, Sensed
 from twin.control.controllers.feedback import LINEAR, PI_SETTINGS
 from twin.control.controllers.inverses import MEMBERS_INVERSE, MembersInverse
 from twin.control.trial import Plant
-from twin.estimation.learned.member_weights import MemberWeights
+from twin.estimation.learned.ram_twins import MemberWeights
 from twin.live.reading import Alarm, Source
 
 RATE = 2.0

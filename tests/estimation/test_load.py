@@ -142,7 +142,7 @@ def test_what_is_no_trained_file_is_refused_in_one_line(tmp_path, trained):
     for change, said in (
         ({"agent": "dqn"}, "unknown agent 'dqn'; valid"),
         ({"agent": 3}, "is not a trained file"),
-        ({"active_model": {}, "members": {}, "model": {}}, r"is not a policy|is no network"),
+        ({"active_model": {}, "members": {}, "model": {}}, r"is not a policy|is no trained file"),
     ):
         onnx.helper.set_model_props(graph, {"endotwin": json.dumps(description | change)})
         onnx.save(graph, path)

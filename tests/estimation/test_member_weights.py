@@ -1,5 +1,7 @@
 """Weights of the members of RAM (twins), against what its graph foretells when the members move."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,16 +9,14 @@ from hypothesis import strategies as st
 from small_twins import small_step
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.member_weights import MemberWeights
 from twin.estimation.learned.ram_twins import (
-    FILTER_ALONE,
     RECOGNISER_ALONE,
     STATE,
+    MemberWeights,
     RamTwins,
-    TwinsState,
     load,
 )
-from twin.estimation.learned.step_network import ALL_PARTS
+from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE, StepState
 
 T = 0.1
 MEMBERS = 6
@@ -33,7 +33,7 @@ def found(ram) -> MemberWeights:
 
 
 @pytest.fixture(scope="module")
-def states(ram) -> list[TwinsState]:
+def states(ram) -> list[StepState]:
     """Filters that have seen a minute of an endoscope that is no member, ever more of it."""
     rng = np.random.default_rng(0)
     pull = 2.5 * np.sin(np.arange(600) * T)
@@ -48,14 +48,13 @@ def states(ram) -> list[TwinsState]:
     return kept
 
 
-def foretold(ram: RamTwins, state: TwinsState, members_deg: np.ndarray, parts) -> np.ndarray:
+def foretold(ram: RamTwins, state: StepState, members_deg: np.ndarray, parts) -> np.ndarray:
     """Prediction of the graph for these members, (B, M), where nothing is measured and the tendon rests."""
     batch = len(members_deg)
     memory = tuple(np.repeat(of, batch, axis=0) for of in state.memory)
-    nothing = np.full(batch, np.nan)
-    return ram.network.step(memory, nothing, 0.1, T, parts, members_deg=members_deg, way_mm=np.zeros(batch))[
-        0
-    ]
+    inputs = dataclasses.replace(ram, measurement_variance=0.1, parts=parts).constants(batch)
+    inputs |= {"measurement_deg": np.full(batch, np.nan), "way_mm": np.zeros(batch)}
+    return ram.network.step(memory, members_deg=members_deg, **inputs)[0]
 
 
 def test_the_directions_are_those_of_the_trained_step_about_their_mean(found):

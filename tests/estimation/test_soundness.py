@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.estimation.active_model import ActiveModel
 from twin.estimation.gaussian import Belief
-from twin.estimation.learned.ram import ReinforcementActiveModel
 from twin.estimation.set_membership import Ellipsoid
 from twin.estimation.soundness import is_sound
 
@@ -19,14 +17,10 @@ def belief(matrix) -> Belief:
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e13, -1e300])
 @pytest.mark.parametrize("size", [1, 5, 100])
-def test_one_wrong_number_is_found_anywhere(model, wrong, size):
+def test_one_wrong_number_is_found_anywhere(wrong, size):
     array = np.zeros((2, size))
     array[-1, -1] = wrong
-    agent = ReinforcementActiveModel(ActiveModel(model, 0.1))
-    agent.reset(np.ones(1), np.ones(1))
-    assert is_sound(agent)
-    agent.residual = array
-    for state in (array, ("x", (1, array)), {"a": [array]}, agent, float(wrong)):
+    for state in (array, ("x", (1, array)), {"a": [array]}, float(wrong)):
         assert not is_sound(state)
 
 

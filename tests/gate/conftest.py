@@ -1,13 +1,14 @@
 """Policies that the gate must refuse, made in seconds, and brief searches."""
 
 import pytest
+import torch
 from briefly import tune_filters
 from gated import T, export_small, logs_on, material_of
 from small_twins import twins
 from stable_baselines3 import PPO
 
 from rl.environment import BatchEnvironment
-from rl.policy import AGENTS, export_policy
+from rl.training import export_policy
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.hysteresis import ColemanHodgdon
@@ -44,8 +45,9 @@ def loud_twins(tmp_path_factory):
 def paper_policy(records, tmp_path_factory):
     """RAM of the paper, untrained."""
     active_model = ActiveModel(ColemanHodgdon(1.33, 22.3, 3.4), T)
-    environment = BatchEnvironment(TrainingTask(*stack_records(records)), AGENTS["ram"](active_model), 2, 0)
+    environment = BatchEnvironment(TrainingTask(*stack_records(records)), active_model, 2, 0)
     ppo = PPO("MlpPolicy", environment, seed=5, device="cpu")
+    torch.nn.init.constant_(ppo.policy.action_net.bias, 0.01)  # exporters drop biases that are zero
     path = tmp_path_factory.mktemp("paper") / "policy.onnx"
-    export_policy(ppo, "ram", {"active_model": active_model.to_dict()}, path)
+    export_policy(ppo, "ram", active_model, {"active_model": active_model.to_dict()}, path)
     return path

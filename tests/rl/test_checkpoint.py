@@ -8,8 +8,8 @@ import pytest
 import torch
 from pickles import planted_pickle, planted_zip
 
-from rl.checkpoint import load_checkpoint, save_checkpoint
 from rl.options import TrainingOptions
+from rl.run import load_checkpoint, save_checkpoint
 from rl.training import UPDATE, train_policy
 from twin.estimation.active_model import ActiveModel
 

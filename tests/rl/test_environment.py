@@ -7,15 +7,10 @@ from stable_baselines3.common.env_checker import check_env as check_stable_basel
 from rl.environment import (
     BatchEnvironment,
     EstimationEnvironment,
-    TrainingTask,
-    stack_records,
 )
-from rl.policy import AGENTS
 from rl.registration import ENVIRONMENT_ID, register_environments
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.direct import DirectEstimator
-from twin.estimation.learned.ram import ReinforcementActiveModel
-from twin.estimation.learned.scale import from_log_scale
+from twin.estimation.knowledge import TrainingTask, stack_records
 
 
 @pytest.fixture
@@ -24,7 +19,7 @@ def task(records):
 
 
 def batch(task, model, count, seed=0):
-    return BatchEnvironment(task, ReinforcementActiveModel(ActiveModel(model, 0.1)), count, seed)
+    return BatchEnvironment(task, ActiveModel(model, 0.1), count, seed)
 
 
 @pytest.mark.parametrize("agent", ["ram", "direct"])
@@ -59,7 +54,8 @@ def test_reward_is_minus_the_squared_error_of_the_estimate(task, model):
     environment = batch(task, model, 6)
     environment.reset()
     truth = task.bend_deg[environment.record, environment.sample]
-    estimate = environment.agent.belief.mean[0] + 0.5 * environment.agent.residual
+    observed = environment._observed
+    estimate = (observed.bend_deg + 0.5 * observed.phi).numpy()
     _, reward, _, _ = environment.step(np.tile([0.0, -1.0], (6, 1)))
     np.testing.assert_allclose(reward, -((estimate - truth) ** 2), rtol=1e-6)
 
@@ -97,7 +93,7 @@ def test_an_episode_is_truncated_at_the_end_of_its_record_and_the_next_begins(ta
 def test_every_stretch_of_samples_holds_starts_in_their_true_proportion(task, model, agent):
     """An update of PPO takes so many steps of each environment; every episode after the first is complete."""
     count, steps = 16, 25
-    environment = BatchEnvironment(task, AGENTS[agent](ActiveModel(model, 0.1)), count, seed=0)
+    environment = BatchEnvironment(task, ActiveModel(model, 0.1), count, seed=0, agent=agent)
     complete = task.pull_mm.shape[1] - 1
     environment.reset()
     assert len(set(environment.first)) == count
@@ -105,7 +101,7 @@ def test_every_stretch_of_samples_holds_starts_in_their_true_proportion(task, mo
     for _ in range(4 * complete // steps):
         finished.append(0)
         for _ in range(steps):
-            _, _, done, infos = environment.step(np.zeros((count, len(environment.agent.applied))))
+            _, _, done, infos = environment.step(np.zeros((count, environment.filter_step.actions)))
             finished[-1] += done.sum()
             for place in np.flatnonzero(done):
                 lengths[place].append(infos[place]["episode"]["l"])
@@ -130,8 +126,7 @@ def test_observation_holds_measured_residuals_and_never_the_truth(records, model
     shifted = batch(TrainingTask(task.pull_mm, task.bend_deg + 3.0), model, 5)
     shifted.reset()
     shifted.record, shifted.measurement = environment.record, environment.measurement
-    shifted.agent.belief = environment.agent.belief
-    shifted.agent.residual = environment.agent.residual
+    shifted.state, shifted._observed = environment.state, environment._observed
     for _ in range(10):
         one = environment.step(np.zeros((5, 2)))
         two = shifted.step(np.zeros((5, 2)))
@@ -148,15 +143,12 @@ def test_initial_errors_and_noise_are_those_of_the_task(records):
     assert (measurement - task.bend_deg[record]).var() == pytest.approx(0.1, rel=0.02)
 
 
-def test_direct_environment_shows_the_residual_against_the_last_estimate(task):
-    environment = BatchEnvironment(task, DirectEstimator(), 2, seed=3)
-    observation = environment.reset()
-    residual = from_log_scale(observation[:, 0].astype(float))
-    np.testing.assert_allclose(
-        residual,
-        environment.measurement[[0, 1], environment.sample] - environment.agent.bend_deg,
-        rtol=1e-4,
-    )
+def test_direct_environment_shows_the_residual_against_the_last_estimate(task, model):
+    environment = BatchEnvironment(task, ActiveModel(model, 0.1), 2, seed=3, agent="direct")
+    observation = environment.reset()[:, 0].astype(float)
+    residual = np.sign(observation) * np.expm1(np.abs(observation))
+    measured = environment.measurement[[0, 1], environment.sample]
+    np.testing.assert_allclose(residual, measured - environment.bend_deg, rtol=1e-4)
 
 
 def test_records_are_cut_to_the_shortest():

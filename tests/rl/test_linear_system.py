@@ -15,7 +15,7 @@ from rl.linear_system import (
     learn_gains,
     learned_estimates,
 )
-from rl.networks_on_twins import RIVALS
+from rl.on_twins import RIVALS
 
 
 def bodies_of(two_widths, count=400):

@@ -9,7 +9,7 @@ from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
 
 from rl.comparison.full import FullSuite
-from rl.networks_on_twins import RIVALS
+from rl.on_twins import RIVALS
 from rl.twins.beside_model import train_beside_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step

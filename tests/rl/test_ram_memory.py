@@ -7,14 +7,15 @@ import pytest
 from exported import said_by_both
 from small_twins import MODEL, TINY, TINY_MEMORY, small_memory_step, twins
 
-from rl.ram_memory import train_ram_memory
-from rl.ram_twins import train_ram_twins
+from rl.on_twins import train_ram_memory, train_ram_twins
 from rl.twins.beside_model import nominal_model
 from rl.twins.graph import export_memory
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_memory import load
+from twin.estimation.learned.methods import RAM_MEMORY
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.hysteresis import ColemanHodgdon, model_to_dict
+
+load = RAM_MEMORY.training.load
 
 
 @pytest.fixture(scope="module")

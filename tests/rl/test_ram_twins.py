@@ -24,10 +24,10 @@ from small_twins import (
     twins,
 )
 
-import rl.ram_twins
+import rl.on_twins
 import rl.twins.run
 import scripts.train
-from rl.ram_twins import train_ram_twins
+from rl.on_twins import train_ram_twins
 from rl.twins.graph import TwinsGraph, export_twins
 from rl.twins.learning import learn_interval, validation
 from rl.twins.members import choose_members
@@ -35,8 +35,8 @@ from rl.twins.noises import FAMILIES, LINEAR, count_laws, draw_noises
 from rl.twins.records import SAMPLE_TIME
 from rl.twins.sequences import principal_directions, split_records
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import FILTER_ALONE, STATE, load
-from twin.estimation.learned.step_network import ALL_PARTS
+from twin.estimation.learned.ram_twins import STATE, load
+from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.reduced import simulate
 from twin.reduced.members import members_to_dict
@@ -280,7 +280,7 @@ def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
             raise Stopped
 
     def choose(members):
-        monkeypatch.setattr(rl.ram_twins, "choose_members", lambda *given, **named: members)
+        monkeypatch.setattr(rl.on_twins, "choose_members", lambda *given, **named: members)
 
     choose(still_members())
     with pytest.raises(Stopped):

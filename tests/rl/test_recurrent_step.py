@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_twins import generator, small_memory_source
 
-from rl.networks_on_twins import RIVALS
+from rl.on_twins import RIVALS
 from rl.twins.cells import GatedUnit
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences

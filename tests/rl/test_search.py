@@ -9,14 +9,13 @@ import pytest
 from small_twins import MODEL, twins
 
 from rl import search
-from rl.networks_on_twins import RIVALS
+from rl.on_twins import RAM_MEMORY_SETTINGS, RIVALS, untrained_memory
 from rl.options import TrainingOptions
-from rl.ram_memory import SETTINGS, WIDTHS, untrained
 from rl.search import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
 from rl.twins.graph import export_memory, export_recurrent_step
 from rl.twins.settings import NetworkTraining
-from twin.estimation.learned import ram_memory
+from twin.estimation.learned.methods import RAM_MEMORY
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.files.run_folder import read_progress
 from twin.hysteresis import model_to_dict
@@ -42,14 +41,15 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
     assert len(grid_of("ram-twins")) == 6
     grid = grid_of("ram-memory")
     assert len(grid) == 6
-    assert {"learning_rate": SETTINGS.learning_rate, "width": SETTINGS.width} in grid
+    assert {"learning_rate": RAM_MEMORY_SETTINGS.learning_rate, "width": RAM_MEMORY_SETTINGS.width} in grid
 
 
 def test_the_largest_memory_of_ram_that_a_search_tries_can_be_deployed(tmp_path):
-    step = untrained(NetworkTraining(width=max(WIDTHS))).eval()
-    path = tmp_path / ram_memory.TRAINING.file
-    export_memory(step, {"agent": ram_memory.TRAINING.agent, "model": model_to_dict(MODEL)}, path)
-    assert ram_memory.load(path).states_interval
+    training = RAM_MEMORY.training
+    step = untrained_memory(NetworkTraining(width=max(of["width"] for of in grid_of(training.agent)))).eval()
+    path = tmp_path / training.file
+    export_memory(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
+    assert training.load(path).states_interval
 
 
 @pytest.mark.parametrize("name", RIVALS)

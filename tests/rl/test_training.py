@@ -3,19 +3,14 @@ import re
 import tempfile
 from pathlib import Path
 
-import numpy as np
-import onnxruntime
 import pytest
 import torch
-from stable_baselines3 import PPO
 
 from rl import training
-from rl.environment import BatchEnvironment
 from rl.options import TrainingOptions, check_memory
-from rl.policy import AGENTS, export_policy, load_policy
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.load import load_estimator
 from twin.files.run_folder import COST_FILE, read_cost
 
 SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
@@ -51,29 +46,11 @@ def test_run_folder_holds_policy_configuration_and_curve(run_folder):
     assert samples == sorted(set(samples))
 
 
-@pytest.mark.parametrize("name", AGENTS)
-def test_exported_policy_equals_its_network_between_the_scales_of_its_agent(
-    name, records, active_model, tmp_path
-):
-    agent = AGENTS[name](active_model)
-    ppo = PPO("MlpPolicy", BatchEnvironment(TrainingTask(*stack_records(records)), agent, 2, 0), seed=5)
-    with torch.no_grad():  # as it begins, its actions are all but zero
-        ppo.policy.action_net.weight.mul_(100)
-    exported = tmp_path / "policy.onnx"
-    export_policy(ppo, name, {"active_model": {}}, exported)
-    sensed = np.linspace(-30, 30, 50 * len(agent.sensed), dtype=np.float32).reshape(50, -1)
-    said, _ = ppo.predict(agent.scaled(sensed).astype(np.float32), deterministic=True)
-    expected = agent.amounts(said.astype(float))
-    session = onnxruntime.InferenceSession(str(exported))
-    for count in (1, 7, 50):  # any batch
-        (applied,) = session.run(None, {"sensed": sensed[:count]})
-        np.testing.assert_allclose(applied, expected[:count], rtol=1e-5, atol=1e-6)
-
-
-def test_policy_carries_the_filter_that_it_was_trained_beside(run_folder, active_model):
-    policy = load_policy(run_folder / "policy.onnx")
-    assert policy.agent_name == "ram"
-    assert policy.active_model == active_model
+def test_policy_carries_the_filter_that_it_was_trained_with(run_folder, active_model):
+    estimator = load_estimator(run_folder / "policy.onnx")
+    assert estimator.network.file.agent == "ram"
+    assert (estimator.model, estimator.sample_time) == (active_model.model, 0.1)
+    assert not estimator.states_interval
 
 
 def test_training_improves_the_policy(records, active_model, tmp_path):
@@ -160,12 +137,3 @@ def test_training_that_cannot_run_is_refused(change, message):
 def test_more_measurements_than_memory_holds_are_refused():
     with pytest.raises(ValueError, match="environments = 1024: must be at most 200 for records of 1000000"):
         check_memory(TrainingOptions(environments=1024), 1_000_000)
-
-
-def test_file_that_is_no_policy_is_refused(tmp_path):
-    path = tmp_path / "policy.onnx"
-    with pytest.raises(FileNotFoundError, match="endotwin train"):
-        load_policy(path)
-    path.write_bytes(b"not a network")
-    with pytest.raises(ValueError, match="not a trained file written by"):
-        load_policy(path)

@@ -7,8 +7,8 @@ import pytest
 import torch
 from small_twins import TINY, shorter, small_source, small_step, twins
 
+from rl.on_twins import train_ram_twins
 from rl.options import TrainingOptions
-from rl.ram_twins import train_ram_twins
 from rl.trainers import Material, Simulated, find_trainer
 from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
 from rl.twins.environment import TwinsEnvironment
@@ -122,7 +122,7 @@ def test_a_policy_that_became_worse_is_not_what_is_kept(tmp_path, monkeypatch):
     kept = []
     monkeypatch.setattr("rl.twins.ppo.learn_by_ppo", spoil)
     monkeypatch.setattr(
-        "rl.ram_twins.export_twins", lambda step, *_: kept.append(step.policy[-1].bias[0].item())
+        "rl.on_twins.export_twins", lambda step, *_: kept.append(step.policy[-1].bias[0].item())
     )
     train_ram_twins(*twins(), shorter(gain=("analytic", "ppo")), tmp_path)
     assert kept[0] > -1

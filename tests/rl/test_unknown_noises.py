@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from small_twins import twins
 
+from rl.on_twins import train_ram_twins
 from rl.options import EPISODES, TrainingOptions
-from rl.ram_twins import train_ram_twins
 from rl.twins.members import draw_members
 from rl.twins.records import SAMPLE_TIME, simulate_records
 from rl.twins.sequences import STRIDES

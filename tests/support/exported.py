@@ -1,43 +1,19 @@
 """A recurrent network or a filter's step of torch, and the graph that is exported of it."""
 
 import copy
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import torch
 from small_twins import generator, small_memory_source
-from torch_network import TorchNetwork
 
-from rl.recurrent_graph import export_recurrent
 from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.graph import MemoryGraph, TwinsGraph
 from rl.twins.sequences import Sequences
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.model_step import ModelStep
-from twin.estimation.learned.recurrent import OnnxNetwork
-from twin.estimation.learned.step_network import OF_SAMPLE
-from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
-
-
-def assert_exported_alike(network: torch.nn.Module, states: int) -> None:
-    """Both say and remember the same, for records of several lengths and sizes, one after the other."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "network.onnx"
-        export_recurrent(network, states, "toy", {}, path)
-        exported = OnnxNetwork(read_trained_file(path))
-        trained = TorchNetwork(network, network.hidden)
-        rng = np.random.default_rng(0)
-        for samples, batch in ((1, 1), (7, 3), (40, 2)):
-            memory = np.zeros((states, batch, network.hidden), np.float32)
-            for _ in range(2):
-                seen = rng.standard_normal((samples, batch, 2))
-                said, remembered = exported(seen, memory)
-                expected, memory = trained(seen, memory)
-                np.testing.assert_allclose(said, expected, atol=1e-5)
-                np.testing.assert_allclose(remembered, memory, atol=1e-5)
+from twin.estimation.learned.step import LearnedStep
+from twin.estimation.learned.trained_file import TrainedFile
 
 
 def filtered_by_both(
@@ -81,13 +57,14 @@ def filtered_by_both(
         values = tuple(of.to(precision) for of in values)
         with torch.no_grad():
             bend, half_width, *of_torch = graph(*values, *of_torch)
-        told = dict(zip((*predicted_by, *OF_SAMPLE), (of.numpy() for of in values), strict=True))
+        of_sample = ("measurement_deg", "variance", "sample_time", "parts")
+        told = dict(zip((*predicted_by, *of_sample), (of.numpy() for of in values), strict=True))
         found = file.run(**told, **dict(zip(state, of_onnx, strict=True)))
         of_onnx = found[2:]
         yield np.array(found[:2]), torch.stack([bend, half_width]).numpy()
 
 
-def said_by_both(step: FilterStep, estimator: ModelStep) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def said_by_both(step: FilterStep, estimator: LearnedStep) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield what an estimator and its step say of whole records, (2, B, N) estimate and half of the interval.
 
     One record and several, the first of which lacks measurements.

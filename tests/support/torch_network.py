@@ -1,28 +1,43 @@
-"""A module of torch as a running estimator calls it, without a file."""
+"""A step of torch as a running estimator calls it, without a file."""
+
+import copy
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from rl.supervised import tensor32
-
-Array = NDArray[np.float64]
+from rl.policies import PolicyStep
+from twin.estimation.learned.step import LearnedStep, StepNetwork
 
 
-class TorchNetwork:
-    """A module of torch on arrays of NumPy, as a running estimator calls it.
+class TorchFile:
+    """A step of torch in the place of a trained file: named arrays in, arrays out, in double precision."""
 
-    Attributes:
-        module: takes and returns tensors, as the exported graph does.
-        hidden: units of its recurrent layer.
-    """
+    precision = np.float64
 
-    def __init__(self, module: torch.nn.Module, hidden: int) -> None:
-        self.module = module
-        self.hidden = hidden
+    def __init__(self, step):
+        self.step = copy.deepcopy(step).double()
+        self.names = (*step.inputs, *step.state)
 
-    @torch.inference_mode()
-    def __call__(self, seen: Array, memory: NDArray[np.float32]) -> tuple[Array, NDArray[np.float32]]:
-        """Return what the network says, and what it remembers."""
-        said, remembered = self.module(tensor32(seen), tensor32(memory))
-        return said.numpy().astype(float), remembered.numpy()
+    def run(self, **values):
+        given = [torch.tensor(np.asarray(values[name], float)) for name in self.names]
+        with torch.no_grad():
+            return [of.numpy() for of in self.step(*given)]
+
+
+def as_estimator(step, model=None, sample_time=0.1, **fields):
+    """Return an estimator that runs an instance of torch."""
+    state = step.state if isinstance(step.state, dict) else dict.fromkeys(step.state, ())
+    first = step.start if isinstance(step, PolicyStep) else {}
+    network = StepNetwork(TorchFile(step), step.inputs, state, False, first)
+    return LearnedStep(network, model if "keep" in step.inputs else None, sample_time, **fields)
+
+
+class Constant(torch.nn.Module):
+    """A policy of one action, whatever it sees."""
+
+    def __init__(self, *action):
+        super().__init__()
+        self.action = torch.nn.Buffer(torch.tensor(action))
+
+    def forward(self, seen):
+        return torch.zeros_like(seen[:, :1]) + self.action

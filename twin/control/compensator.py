@@ -29,8 +29,8 @@ from twin.control.controller import NO_PREVIEW, CommandLimits, Line, Setting, fi
 from twin.control.controllers.feedback import PI_SETTINGS, LinearFeedback
 from twin.errors import InputError
 from twin.estimation.deployment import deployment_of
-from twin.estimation.learned.member_weights import MemberWeights
-from twin.estimation.learned.ram_twins import RamTwins, TwinsState
+from twin.estimation.learned.ram_twins import MemberWeights, RamTwins
+from twin.estimation.learned.step import StepState
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.live.assured import AssuredEstimator
 from twin.live.reading import Alarm, Health, Source
@@ -90,7 +90,7 @@ class Compensator:
         self.falls_back, self.holds = reading.source is not Source.ADVANCED, bool(reading.alarms & _SILENT)
         if self.holds:
             return pull_mm
-        if not self.falls_back and isinstance(state, TwinsState):
+        if not self.falls_back and isinstance(state, StepState):
             ahead = self._ahead_mm(state, pull_mm, reference_deg, reference_preview_deg)
             return self._inverse_mm(state, pull_mm, reference_deg, next_deg) if math.isnan(ahead) else ahead
         self.falls_back, self._direction = True, 0.0
@@ -100,7 +100,7 @@ class Compensator:
         return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
 
     def _ahead_mm(
-        self, state: TwinsState, pull_mm: float, reference_deg: float, reference_preview_deg: Array
+        self, state: StepState, pull_mm: float, reference_deg: float, reference_preview_deg: Array
     ) -> float:
         """Return the pull of a way that is begun ahead of its reference [mm]; NaN where none is."""
         weights = self._weights.of(state)
@@ -116,7 +116,7 @@ class Compensator:
             self._direction = ahead - pull_mm
         return ahead
 
-    def _inverse_mm(self, state: TwinsState, pull_mm: float, reference_deg: float, next_deg: float) -> float:
+    def _inverse_mm(self, state: StepState, pull_mm: float, reference_deg: float, next_deg: float) -> float:
         """Return the pull that moves the weighted members by what is asked of them [mm]."""
         bend, low, high = self._runtime.reading[:3]
         moved = next_deg - reference_deg + self._share * (reference_deg - bend)

@@ -12,9 +12,9 @@ import numpy as np
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
-from twin.estimation.learned.policy import PolicyEstimator
-from twin.estimation.learned.ram import ReinforcementActiveModel
-from twin.estimation.learned.ram_twins import FILTER_ALONE, RamTwins
+from twin.estimation.learned.methods import RAM
+from twin.estimation.learned.ram_twins import RamTwins
+from twin.estimation.learned.step import FILTER_ALONE, LearnedStep
 from twin.evaluation.method import with_innovations
 from twin.evaluation.paper import noise_label
 from twin.gate.check import ACCURACY, CALIBRATION, Check, declare, not_shown
@@ -247,7 +247,7 @@ def without_learning(estimator: Estimator[Any]) -> Estimator[Any] | None:
     """Return the filter that is left of an estimator without what it has learned; None, where none is."""
     if isinstance(estimator, RamTwins):
         return dataclasses.replace(estimator, parts=FILTER_ALONE)
-    if isinstance(estimator, PolicyEstimator) and estimator.make_agent is ReinforcementActiveModel:
-        of_policy: ActiveModel = estimator.active_model
-        return of_policy
+    if isinstance(estimator, LearnedStep) and estimator.network.file.agent == RAM.agent:
+        assert estimator.model is not None
+        return ActiveModel(estimator.model, estimator.sample_time)
     return None

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from twin.episode import Episode
 from twin.errors import InputError
-from twin.estimation.learned.policy import POLICY_FILE
+from twin.estimation.learned.methods import POLICY_FILE
 from twin.estimation.registry import method_specs, proposed_method, trainings
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.score import read_evaluation

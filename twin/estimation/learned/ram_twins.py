@@ -9,21 +9,20 @@ The initial estimate is not used: where an endoscope stands is known better from
 import dataclasses
 import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.policy import POLICY_FILE
-from twin.estimation.learned.step_network import (
+from twin.estimation.learned.methods import POLICY_FILE
+from twin.estimation.learned.step import (
     ALL_PARTS,
-    SAMPLE_TIME,
+    FILTER_ALONE,
     UNKNOWN_DEG,
-    Memory,
-    StepNetwork,
+    LearnedStep,
+    StepState,
     step_network,
 )
 from twin.estimation.learned.trained_file import read_trained_file
@@ -31,7 +30,7 @@ from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
 if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
-    from twin.reduced.members import Following, Members, MemberSet
+    from twin.reduced.members import Members, MemberSet
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
@@ -46,97 +45,65 @@ STATE = {
     "evidence": 1,
 }
 """Axes of each array of the state of one filter."""
-RECOGNISER_ALONE, FILTER_ALONE = (0.0, 1.0), (0.0, 0.0)
-
-
-class TwinsState(NamedTuple):
-    """State of B filters.
-
-    Attributes:
-        following: the members.
-        memory: arrays of the graph, in the order of `STATE`.
-        bend_deg: (B,) estimate [deg].
-        half_width_deg: (B,) half of its 95 % interval [deg].
-    """
-
-    following: "Following"
-    memory: Memory
-    bend_deg: Array
-    half_width_deg: Array
+RECOGNISER_ALONE = (0.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
-class RamTwins(Estimator[TwinsState]):
-    """A trained step, the twins that it predicts by, and what it is told.
+class RamTwins(LearnedStep):
+    """A trained step and the twins that it predicts by; T is a multiple of their control period.
 
     Attributes:
-        network: graph of the trained file.
-        twins: that it predicts by.
-        sample_time: T, a multiple of the members' control period [s].
-        measurement_variance: R, one for all or (B,) [deg^2].
-        parts: whether the policy acts and the recogniser is heard, each 1 or 0.
+        twins: that follow the command.
     """
 
-    network: StepNetwork
-    twins: "MemberSet"
-    sample_time: float = SAMPLE_TIME
-    measurement_variance: ArrayLike = 0.1
-    parts: tuple[float, float] = ALL_PARTS
-
-    def with_sensor(self, sensor: Sensor) -> Self:
-        """Return the estimator that takes the sensor's variance as R."""
-        return dataclasses.replace(self, measurement_variance=sensor.variance)
+    twins: "MemberSet" = dataclasses.field(kw_only=True)
 
     def at(self, sample_time: float) -> Self:
-        """Return the estimator for another T [s].
-
-        Raises:
-            ValueError: it is no multiple of the members' control period.
-        """
+        """Return the estimator for another T [s]; `ValueError`: no multiple of the control period."""
         from twin.preset.preset import check_sample_time
 
         check_sample_time(self.twins.presets[0], sample_time)
         return dataclasses.replace(self, sample_time=sample_time)
 
-    def start(self, pull_mm: Array, bend_deg: Array) -> TwinsState:
-        """Return the state at the first sample; the initial estimate is given back there and not used."""
+    def start(self, pull_mm: Array, bend_deg: Array) -> StepState:
+        """Return the state at the first sample; the initial estimate is returned there and not used."""
         batch = len(pull_mm)
-        unknown = np.full(batch, UNKNOWN_DEG)
-        return TwinsState(self.members.start(pull_mm), self.network.start(batch), bend_deg.copy(), unknown)
+        memory = self.network.start(batch)
+        return StepState(memory, self.members.start(pull_mm), bend_deg.copy(), np.full(batch, UNKNOWN_DEG))
 
-    def resume(self, trusted: TwinsState, pull_mm: Array, bend_deg: Array) -> TwinsState:
-        """Return the state of a stream that begins anew: d takes what it is off by, all else stays."""
+    def resume(self, trusted: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
+        """Return the state of a stream that starts again: d takes what it is off by, all else stays."""
         following = self.members.step(trusted.following, pull_mm)
         moved = (following.of_filters() - trusted.following.of_filters()).mean(axis=1)
         off = bend_deg - (trusted.bend_deg + moved)
-        memory = dict(zip(STATE, (of.copy() for of in trusted.memory), strict=True))
+        memory = dict(zip(self.network.state, (of.copy() for of in trusted.memory), strict=True))
         begun = memory["covariance"].any(axis=(1, 2))  # a state of zeros has seen nothing: it stays so
         off = off * begun
         memory["mean"][:, -2] += off  # c, d and b
         memory["covariance"][:, -2, -2] += off**2
         memory["rows"][:, :, -1] += off[:, None]  # c and d
         memory["rows_covariance"][:, -1, -1] += off**2
-        return TwinsState(following, tuple(memory.values()), bend_deg.copy(), trusted.half_width_deg)
+        return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
 
     def step(
-        self, state: TwinsState, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
-    ) -> TwinsState:
-        """Step the members along the command, and the graph with what they say."""
+        self,
+        state: StepState,
+        pull_mm: Array,
+        previous_pull_mm: Array,
+        measurement_deg: Array,
+        reference_deg: Array | None = None,
+    ) -> StepState:
+        """Step the members along the command, and the graph with what they predict."""
         following = self.members.step(state.following, pull_mm)
         bend, half_width, memory = self.network.step(
             state.memory,
-            measurement_deg,
-            self.measurement_variance,
-            self.sample_time,
-            self.parts,
+            **self.constants(len(pull_mm)),
+            measurement_deg=measurement_deg,
             members_deg=following.of_filters(),
             way_mm=np.abs(pull_mm - previous_pull_mm),
         )
-        return TwinsState(following, memory, bend, half_width)
-
-    def bend_deg(self, state: TwinsState) -> Array:
-        """Return the (B,) estimate [deg]."""
-        return state.bend_deg
+        assert half_width is not None
+        return StepState(memory, following, bend, half_width)
 
     @property
     def has_physics(self) -> bool:
@@ -145,12 +112,8 @@ class RamTwins(Estimator[TwinsState]):
 
     @property
     def states_interval(self) -> bool:
-        """True if it runs whole: without one of its parts, nobody has trained an interval."""
+        """True if all of it acts: without one of its parts, the interval is untrained."""
         return self.parts == ALL_PARTS
-
-    def half_width_deg(self, state: TwinsState) -> Array:
-        """Return half of the (B,) 95 % intervals about the estimates [deg]."""
-        return state.half_width_deg
 
     @functools.cached_property
     def members(self) -> "Members":
@@ -158,6 +121,61 @@ class RamTwins(Estimator[TwinsState]):
         from twin.reduced.members import Members
 
         return Members(self.twins, self.sample_time)
+
+
+_ROWS, _EVIDENCE = (list(STATE).index(name) for name in ("rows", "evidence"))
+_COVARIANCES = [list(STATE).index(name) for name in ("covariance", "rows_covariance")]
+
+
+class MemberWeights:
+    """Weights of M members in the predicted angle, by the state of a filter.
+
+    The graph predicts mean + (theta - mean) . D c + d of the members' angles theta, where c is the mean of
+    the coefficients that its state has for each noise model, weighted by their likelihood. D and the prior of
+    the noise models are constants inside of the graph. Without a measurement the graph returns its
+    prediction, which is linear in theta, c and d: so they are read from its answers.
+
+    Attributes:
+        directions: (M, r) D, with the mean over the members taken off.
+        log_prior: (J,) log probability of each noise model before anything is measured.
+    """
+
+    def __init__(self, estimator: RamTwins) -> None:
+        """Read them from the graph of an estimator of one stream, for its R."""
+        laws, size = estimator.network.state["rows"]
+        members, directions = len(estimator.twins.presets), size - 1  # the last number is d
+        coefficients = np.tile(np.eye(directions, size), (members, 1))
+        one = np.repeat(np.eye(members), directions, axis=0)
+        answers = _predicted(estimator, np.repeat(coefficients[:, None], laws, axis=1), one)
+        self.directions: Array = answers.reshape(members, directions) - 1 / members
+        of_error = np.zeros((laws, laws, size))
+        of_error[range(laws), range(laws), -1] = 1.0
+        self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((laws, members))))
+
+    def of(self, state: StepState) -> Array:
+        """Return the (M,) weights of the one filter of a state; their sum is 1."""
+        rows, evidence = (np.asarray(state.memory[place][0], float) for place in (_ROWS, _EVIDENCE))
+        log_posterior = self.log_prior + evidence
+        likely = np.exp(log_posterior - log_posterior.max())
+        coefficients = likely @ rows[:, :-1] / likely.sum()
+        weights: Array = 1 / len(self.directions) + self.directions @ coefficients
+        return weights
+
+
+def _predicted(estimator: RamTwins, rows: Array, members_deg: Array) -> Array:
+    """Return (B,) angles that the graph predicts by rows (B, J, n) without a measurement [deg]."""
+    batch = len(rows)
+    memory = [of.copy() for of in estimator.network.start(batch)]
+    # Any covariance that is not zero: a state of zeros would be taken for one that has not begun.
+    for place in _COVARIANCES:
+        memory[place][:] = np.eye(memory[place].shape[-1])
+    memory[_ROWS][:] = rows
+    inputs = estimator.constants(batch) | {
+        "measurement_deg": np.full(batch, np.nan),
+        "way_mm": np.zeros(batch),
+    }
+    bend, _, _ = estimator.network.step(tuple(memory), members_deg=members_deg, **inputs)
+    return bend
 
 
 def load(path: Path) -> RamTwins:
@@ -172,14 +190,15 @@ def load(path: Path) -> RamTwins:
     file = read_trained_file(path, AGENT)
     try:
         twins = members_from_dict(file.description.get("members"))
-        predicted_by = {"members_deg": (len(twins.presets),), "way_mm": ()}
-        network = step_network(file, predicted_by, STATE)
+        network = step_network(file, {"members_deg": (len(twins.presets),), "way_mm": ()})
         shapes = network.state
+        if set(shapes) != set(STATE):
+            raise InputError(f"its state is {shown(list(shapes))}, not {', '.join(STATE)}")
         of_bank = (*shapes["evidence"], *shapes["rows_covariance"][:1])
         squares = all(shapes[name][:1] * 2 == shapes[name] for name in ("covariance", "rows_covariance"))
         if not squares or shapes["covariance"][:1] != shapes["mean"] or shapes["rows"] != of_bank:
             raise InputError(f"the shapes of its state are {shown(tuple(network.state.values()))}")
-        return RamTwins(network, twins)
+        return RamTwins(network, None, twins=twins)
     except ValueError as error:
         raise InputError(f"{path} is not a policy of the agent {AGENT!r}: {error}") from error
 

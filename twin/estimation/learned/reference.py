@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 
 REFERENCE = "reference"
 """Key of them in the description of a trained file."""
-AFTER = "_after"
-"""End of the name of an output that is an input of the next step."""
+ESTIMATE, PREVIOUS = "bend_deg", "previous_deg"
+"""Output that is the estimate, and its name as a state of the next step."""
+
+
+def after(name: str) -> str:
+    """Return the name of the output that is this state of the next step."""
+    return ESTIMATE if name == PREVIOUS else f"{name}_after"
 
 
 def reference_to_dict(inputs: dict[str, Any], outputs: dict[str, Any]) -> dict[str, Any]:
@@ -69,7 +74,7 @@ def replay(file: TrainedFile) -> dict[str, float]:
             for name, steps in wanted.items():
                 difference = np.abs(found[name] - steps[step]) / np.maximum(np.abs(steps[step]), 1.0)
                 worst[name] = max(worst[name], float(np.nan_to_num(difference, nan=np.inf).max()))
-            memory = {name: found[f"{name}{AFTER}"] for name in states}
+            memory = {name: found[after(name)] for name in states}
     except InputError:
         raise
     except Exception as error:  # a name or a shape that the graph has not, in classes of onnxruntime

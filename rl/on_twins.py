@@ -1,0 +1,163 @@
+"""Training on simulated twins: RAM (twins), RAM (memory) and their rivals, into one run folder each."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rl.trainers import RATES, OnProgress, Trainer, register_trainer
+from rl.twins.beside_model import train_beside_model
+from rl.twins.cells import Convolution, GatedUnit, LongShortTerm, MemoryCell, StateSpace
+from rl.twins.graph import export_memory, export_recurrent_step, export_twins
+from rl.twins.laws_lesson import learn_laws
+from rl.twins.learning import learn_what_is_familiar
+from rl.twins.members import choose_members
+from rl.twins.memory_step import HIDDEN, MemoryStep
+from rl.twins.noises import count_laws
+from rl.twins.records import TwinRecords
+from rl.twins.recurrent_step import Correction, LearnedGain, LearnedGainAndBias, RecurrentStep, RecursiveGain
+from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins
+from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
+from rl.twins.settings import NetworkTraining, TwinsTraining
+from rl.twins.step import TwinsStep
+from twin.estimation.learned import methods, ram_twins
+from twin.estimation.registry import MethodSpec
+from twin.preset.preset import Preset
+from twin.preset.randomization import Ranges
+from twin.reduced.members import MemberSet
+
+
+@dataclasses.dataclass(frozen=True)
+class Rival:
+    """Rival of RAM (twins).
+
+    Attributes:
+        spec: its method.
+        step: what it does with a sample.
+        cell: its memory.
+        widths: of its memory, that a search tries.
+        rate: learning rate that the search chose, see docs/ram_twins.md.
+        width: that it chose.
+    """
+
+    spec: MethodSpec
+    step: Callable[[Callable[[int, int], MemoryCell], int], RecurrentStep]
+    cell: Callable[[int, int], MemoryCell]
+    widths: tuple[int, ...]
+    rate: float
+    width: int
+
+    @property
+    def settings(self) -> NetworkTraining:
+        """Settings of its training."""
+        return NetworkTraining(learning_rate=self.rate, width=self.width)
+
+    def untrained(self, settings: NetworkTraining | None = None) -> RecurrentStep:
+        """Return its step before a training with these settings, or with its own."""
+        return self.step(self.cell, (settings or self.settings).width)
+
+
+RIVALS = {
+    rival.spec.name: rival
+    for rival in (
+        Rival(methods.LSTM_TWINS, Correction, LongShortTerm, (40, 60), 3e-3, 40),
+        Rival(methods.GRU_TWINS, Correction, GatedUnit, (48, 72), 1e-2, 48),
+        Rival(methods.CONVOLUTION_TWINS, Correction, Convolution, (16, 24), 3e-3, 24),
+        Rival(methods.STATE_SPACE_TWINS, Correction, StateSpace, (64, 96), 3e-3, 64),
+        Rival(methods.KALMAN_NET_TWINS, LearnedGain, GatedUnit, (48, 72), 1e-2, 48),
+        Rival(methods.BIASED_KALMAN_NET_TWINS, LearnedGainAndBias, GatedUnit, (48, 72), 1e-2, 48),
+        Rival(methods.RECURSIVE_KALMAN_NET_TWINS, RecursiveGain, GatedUnit, (48, 72), 3e-3, 48),
+    )
+}
+"""By name of the method."""
+RAM_MEMORY_SETTINGS = NetworkTraining(width=72)
+"""Settings of RAM (memory); width and learning rate are what the search chose, see docs/ram_twins.md."""
+
+
+def untrained_memory(settings: NetworkTraining) -> MemoryStep:
+    """Return the step of RAM (memory) before a training with these settings."""
+    return MemoryStep(settings.width)
+
+
+assert methods.RAM_MEMORY.training is not None
+train_ram_memory = functools.partial(
+    train_beside_model, methods.RAM_MEMORY.training, untrained_memory, export_memory
+)
+"""Train RAM (memory) into a folder, as `train_beside_model` does."""
+
+
+def train_ram_twins(
+    preset: Preset,
+    ranges: Ranges,
+    settings: TwinsTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Train RAM (twins) into a folder, as `train_on_twins` does; the file contains the members too."""
+
+    def choose(on_share: OnShare) -> MemberSet:
+        return choose_members(
+            preset,
+            ranges,
+            settings.members,
+            settings.seed,
+            moving=settings.moving,
+            stroke_mm=settings.stroke_mm,
+            on_progress=on_share,
+        )
+
+    def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
+        step = TwinsStep(
+            principal_directions(records.members_deg, settings.rank),
+            count_laws(settings.known_noises),
+            settings.policy_width,
+            policy_layers=settings.policy_layers,
+            with_error=settings.with_error,
+        )
+        step.goes_along = False  # until the policy has learned
+        return step, by_members
+
+    def learn_noise(step: TwinsStep, on_share: OnShare) -> None:
+        learn_laws(step.bank.laws, settings, lambda update, _: on_share(update, settings.laws_updates))
+
+    def guard(step: TwinsStep, source: SequenceSource) -> None:
+        learn_what_is_familiar(step, source, settings)
+
+    def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
+        export_twins(step, settings.members, description, path)
+
+    def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
+        from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3
+
+        learn_by_ppo(step, source, settings, on_share, on_weights)
+
+    learner = Learner(
+        ram_twins.TRAINING, begin, export, choose, prepare=learn_noise, explore=explore, guard=guard
+    )
+    return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
+
+
+def _register(
+    spec: MethodSpec, train: Callable[..., Path], settings: Any, searched: dict[str, tuple[float, ...]]
+) -> None:
+    register_trainer(
+        Trainer(
+            spec,
+            on_twins=scaled_to_options(train, settings),
+            unit="thousandths",
+            searched={"learning_rate": RATES} | searched,
+        )
+    )
+
+
+for _rival in RIVALS.values():
+    assert _rival.spec.training is not None
+    _register(
+        _rival.spec,
+        functools.partial(train_beside_model, _rival.spec.training, _rival.untrained, export_recurrent_step),
+        _rival.settings,
+        {"width": _rival.widths},
+    )
+_register(methods.RAM_MEMORY, train_ram_memory, RAM_MEMORY_SETTINGS, {"width": (HIDDEN, 72)})
+_register(ram_twins.RAM_TWINS, train_ram_twins, TwinsTraining(), {"policy_width": (64, 96)})

@@ -1,0 +1,272 @@
+"""Recurrent networks that filter: an LSTM without a model, and a GRU that knows the noise and the model.
+
+Both predict the noise of a measurement, so that the estimate is y minus that. No absolute value enters:
+trained on stroke [2, 4] mm, a network that sees them has never met [-1, 1] mm.
+
+- LSTM (Hochreiter and Schmidhuber 1997): sees the increments of the pull and of the measurement. It has no
+  model that could move the estimate, which stands while a measurement is missing; the next increments span
+  the gap.
+- GRU (Cho et al. 2014): sees s_k = (y_k - step(y_{k-1})) / sqrt(R), the part of the measurement that the
+  model does not predict from the previous *measurement*, and the increment of the pull. It predicts the noise
+  in units of sqrt(R). While a measurement is missing, the model moves the estimate and the last measurement.
+
+Neither uses the initial estimate: it is shown until the first measurement.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from rl.export import export_step
+from rl.options import TrainingOptions
+from rl.supervised import SequenceTraining, descend, tensor32, train_once
+from rl.trainers import OnProgress, Records, Trainer, register_trainer
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.learned.methods import GRU, LSTM
+from twin.estimation.learned.step import LEAST_VARIANCE, affine_steps, check_affine
+from twin.estimation.registry import MethodSpec
+from twin.signals.streams import SeedUse, random_stream
+
+Array = NDArray[np.float64]
+Tensor = torch.Tensor
+WARM_UP = 10  # samples at the start of a sequence of the LSTM that are not scored: it has seen nothing yet
+
+
+class SequenceNetwork(torch.nn.Module):
+    """One recurrent layer and a linear output, with the normalisation of inputs and output.
+
+    Attributes:
+        input_scale: (2,) spread of what it sees.
+        output_scale: of the noise that it predicts.
+    """
+
+    def __init__(self, layer: type[torch.nn.LSTM] | type[torch.nn.GRU], hidden: int):
+        super().__init__()
+        self.layer = layer(2, hidden)
+        self.output = torch.nn.Linear(hidden, 1)
+        self.input_scale = torch.nn.Buffer(torch.ones(2))
+        self.output_scale = torch.nn.Buffer(torch.ones(1))
+
+    def forward(self, seen: Tensor) -> Tensor:
+        """Return the (N, B) noise of (N, B, 2) sequences from their start."""
+        return self.readout(self.layer(seen / self.input_scale)[0])
+
+    def readout(self, outputs: Tensor) -> Tensor:
+        """Return the noise from (..., hidden) outputs of the layer."""
+        noise: Tensor = self.output(outputs)[..., 0] * self.output_scale
+        return noise
+
+
+class RecurrentStep(torch.nn.Module):
+    """One sample of a trained network, as it is deployed; `hidden` is the memory of its cell.
+
+    Attributes:
+        inputs: names of what it takes.
+        values: names of the numbers of its state before `hidden`.
+    """
+
+    inputs: ClassVar[tuple[str, ...]]
+    values: ClassVar[tuple[str, ...]]
+
+    def __init__(self, network: SequenceNetwork):
+        super().__init__()
+        self.network = network
+        kind = torch.nn.LSTMCell if isinstance(network.layer, torch.nn.LSTM) else torch.nn.GRUCell
+        hidden = network.layer.hidden_size
+        self.cell = kind(2, hidden)
+        weights = network.layer.state_dict()
+        self.cell.load_state_dict({name.removesuffix("_l0"): of for name, of in weights.items()})
+        self.size = 2 * hidden if kind is torch.nn.LSTMCell else hidden
+
+    def noise(self, seen: Sequence[Tensor], hidden: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the (B,) noise, and the memory after it."""
+        values = torch.stack(list(seen), dim=1) / self.network.input_scale
+        if isinstance(self.cell, torch.nn.LSTMCell):
+            says, cell = self.cell(values, hidden.chunk(2, dim=1))
+            return self.network.readout(says), torch.cat([says, cell], dim=1)
+        says = self.cell(values, hidden)
+        return self.network.readout(says), says
+
+    @property
+    def state(self) -> dict[str, tuple[int, ...]]:
+        """Shape for one filter of each array of its state."""
+        return {name: () for name in self.values} | {"hidden": (self.size,)}
+
+    def export(self, description: dict[str, Any], path: Path) -> None:
+        """Write the deployed graph."""
+        export_step(self, dict.fromkeys(self.inputs, ()), self.state, description, path)
+
+
+class LstmStep(RecurrentStep):
+    """One sample of the LSTM; the state is the estimate, the way since the last measurement, and that one."""
+
+    inputs = ("increment_mm", "measurement_deg")
+    values = ("previous_deg", "way_mm", "measured", "begun")
+
+    def forward(
+        self,
+        increment_mm: Tensor,
+        measurement_deg: Tensor,
+        previous_deg: Tensor,
+        way_mm: Tensor,
+        measured: Tensor,
+        begun: Tensor,
+        hidden: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Return the estimate, and the state one sample later."""
+        missing = torch.isnan(measurement_deg)
+        seen = (~missing).to(begun.dtype)
+        y = torch.where(missing, measured, measurement_deg)
+        way = begun * (way_mm + increment_mm)
+        noise, after = self.noise([way, begun * (y - measured)], hidden)
+        bend = torch.where(missing, previous_deg, y - noise)
+        after = hidden + seen[:, None] * (after - hidden)
+        return bend, (1 - seen) * way, y, torch.maximum(begun, seen), after
+
+
+class GruStep(RecurrentStep):
+    """One sample of the GRU; the state is the estimate and the last measurement, moved along over gaps."""
+
+    inputs = ("keep", "drive_deg", "increment_mm", "measurement_deg", "variance")
+    values = ("previous_deg", "measured", "begun")
+
+    def forward(
+        self,
+        keep: Tensor,
+        drive_deg: Tensor,
+        increment_mm: Tensor,
+        measurement_deg: Tensor,
+        variance: Tensor,
+        previous_deg: Tensor,
+        measured: Tensor,
+        begun: Tensor,
+        hidden: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """Return the estimate, and the state one sample later."""
+        missing = torch.isnan(measurement_deg)
+        seen = (~missing).to(begun.dtype)
+        unit = torch.sqrt(variance)
+        predicted = begun * (keep * measured + drive_deg)
+        y = torch.where(missing, predicted, measurement_deg)
+        noise, after = self.noise([begun * (y - predicted) / unit, increment_mm], hidden)
+        bend = torch.where(missing, keep * previous_deg + drive_deg, y - unit * noise)
+        after = hidden + seen[:, None] * (after - hidden)
+        return bend, y, torch.maximum(begun, seen), after
+
+
+def train_lstm(
+    records: Records,
+    active_model: ActiveModel,
+    training: SequenceTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Train the LSTM into a folder and return its file; the active model gives the sample time alone."""
+
+    def prepare(task: TrainingTask, rng: np.random.Generator) -> tuple[SequenceNetwork, Callable[[], Tensor]]:
+        network = SequenceNetwork(torch.nn.LSTM, training.hidden)
+        _, measurement, _ = task.draw(256, rng)
+        network.input_scale[0] = float(np.diff(task.pull_mm, axis=1).std())
+        network.input_scale[1] = float(np.diff(measurement, axis=1).std())
+        network.output_scale[0] = max(task.noise_level, LEAST_VARIANCE) ** 0.5
+        window = min(training.window, task.pull_mm.shape[1])
+        if window <= WARM_UP:
+            raise InputError(f"records of {window} samples: the network is trained on more than {WARM_UP}")
+
+        def loss() -> Tensor:
+            record, measurement, _ = task.draw(training.sequences, rng)
+            start = rng.integers(task.pull_mm.shape[1] - window + 1, size=training.sequences)
+            rows, index = np.arange(training.sequences)[:, None], start[:, None] + np.arange(window)
+            measured, pull = measurement[rows, index], task.pull_mm[record[:, None], index]
+            noise = tensor32((measured - task.bend_deg[record[:, None], index]).T)
+            both = np.stack([pull.T, measured.T], axis=-1)
+            predicted = network(tensor32(np.diff(both, axis=0, prepend=both[:1])))
+            square: Tensor = (predicted - noise)[WARM_UP:] ** 2
+            return square.mean()
+
+        return network, loss
+
+    return _train(LSTM, LstmStep, prepare, 1.0, records, active_model, training, folder, on_progress)
+
+
+def train_gru(
+    records: Records,
+    active_model: ActiveModel,
+    training: SequenceTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Train the GRU into a folder and return its file; the active model gives model, sample time and R."""
+    check_affine(active_model.model)
+    unit = float(np.sqrt(np.maximum(active_model.measurement_variance, LEAST_VARIANCE)))
+
+    def prepare(task: TrainingTask, rng: np.random.Generator) -> tuple[SequenceNetwork, Callable[[], Tensor]]:
+        network = SequenceNetwork(torch.nn.GRU, training.hidden)
+        increments = np.diff(task.pull_mm, axis=1, prepend=task.pull_mm[:, :1])
+        network.input_scale[1] = float(increments[:, 1:].std())
+        keep, drive = affine_steps(active_model.model, task.pull_mm)
+        window = min(training.window, task.pull_mm.shape[1] - 1)
+
+        def loss() -> Tensor:
+            record, measurement, _ = task.draw(training.sequences, rng)
+            surprise = np.zeros_like(measurement)
+            surprise[:, 1:] = (
+                measurement[:, 1:] - (keep[record] * np.roll(measurement, 1, axis=1) + drive[record])[:, 1:]
+            )
+            start = rng.integers(1, measurement.shape[1] - window + 1, size=training.sequences)
+            rows, index = np.arange(training.sequences), start + np.arange(window)[:, None]
+            surprise[rows, start] = 0  # as at the first sample of a record
+            noise = tensor32((measurement - task.bend_deg[record])[rows, index] / unit)
+            seen = np.stack([surprise[rows, index] / unit, increments[record][rows, index]], axis=-1)
+            square: Tensor = (network(tensor32(seen)) - noise) ** 2
+            return square.mean()
+
+        return network, loss
+
+    return _train(GRU, GruStep, prepare, unit**2, records, active_model, training, folder, on_progress)
+
+
+def _train(
+    spec: MethodSpec,
+    step: type[RecurrentStep],
+    prepare: Callable[[TrainingTask, np.random.Generator], tuple[SequenceNetwork, Callable[[], Tensor]]],
+    unit_deg2: float,
+    records: Records,
+    active_model: ActiveModel,
+    training: SequenceTraining,
+    folder: Path,
+    on_progress: OnProgress | None,
+) -> Path:
+    """Train a network on the losses that `prepare` returns for a task, and write its step."""
+    assert spec.training is not None
+    agent, path = spec.training.agent, folder / spec.training.file
+
+    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
+        rng = random_stream(training.seed, SeedUse.NETWORK)
+        task = TrainingTask(*stack_records(records), training.noise, training.noise_level)
+        network, loss = prepare(task, rng)
+        samples = training.sequences * min(training.window, task.pull_mm.shape[1])
+        curve = descend(
+            network, loss, training.iterations, training.learning_rate, samples, unit_deg2, on_progress
+        )
+        return curve, lambda described: step(network).export({"agent": agent, **described}, path)
+
+    return train_once(path, records, active_model, training, train)
+
+
+def _lstm(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
+    return train_lstm(records, active_model, SequenceTraining().scaled(options), *rest)
+
+
+def _gru(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
+    return train_gru(records, active_model, SequenceTraining().scaled(options), *rest)
+
+
+register_trainer(Trainer(LSTM, _lstm))
+register_trainer(Trainer(GRU, _gru))
