@@ -153,7 +153,7 @@ def _train(
     told = {"members": members_to_dict(members)} if members.presets else {}
     key = state_key(__version__, torch.__version__, configuration, told)
     columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
-    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step, columns=len(columns))
+    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
     losses: list[float] = []  # since the last validation
 
     def validate(samples: int) -> None:

@@ -12,8 +12,6 @@ import torch
 from numpy.typing import NDArray
 
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
-from rl.linear_system import SAMPLES as LINEAR_SAMPLES
-from rl.linear_system import LinearSource, decibels, kalman_filter, learn_gains, learned_estimates
 from rl.on_twins import RIVALS
 from rl.options import TrainingOptions
 from rl.training import new_ppo, train_policy
@@ -24,6 +22,14 @@ from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from scripts.benchmarks import live
 from scripts.benchmarks.harness import SAMPLE_TIME, Result, in_turn, sinusoid
+from scripts.benchmarks.linear_system import SAMPLES as LINEAR_SAMPLES
+from scripts.benchmarks.linear_system import (
+    LinearSource,
+    decibels,
+    kalman_filter,
+    learn_gains,
+    learned_estimates,
+)
 from scripts.benchmarks.live import control_step, stream
 from scripts.benchmarks.measurements import Measurement, Size
 from twin.estimation.active_model import ActiveModel

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from rl.linear_system import (
+from rl.on_twins import RIVALS
+from scripts.benchmarks.linear_system import (
     NARROW,
     SAMPLES,
     SHARE_WIDE,
@@ -15,7 +16,6 @@ from rl.linear_system import (
     learn_gains,
     learned_estimates,
 )
-from rl.on_twins import RIVALS
 
 
 def bodies_of(two_widths, count=400):
