@@ -100,10 +100,6 @@ def export_module(
         path: the file.
         reference: (steps, batch, ...) inputs whose outputs, as the module itself computes them, are kept in
             the file: `endotwin gate` replays them. Inputs that are not among them are states.
-
-    Raises:
-        ValueError: torch cannot export the module, or what it exports is not valid.
-        OSError: the disk is full or fails.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # between torch and its exporter

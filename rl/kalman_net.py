@@ -112,11 +112,7 @@ def train_kalman_net(
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Train into a folder and return the file; the active model gives model, sample time and R.
-
-    Raises:
-        ValueError: the model is not affine, or the folder holds a run of another configuration.
-    """
+    """Train into a folder and return the file; the active model gives model, sample time and R."""
     check_affine(active_model.model)
     assert KALMAN_NET.training is not None
     agent, path = KALMAN_NET.training.agent, folder / KALMAN_NET.training.file

@@ -48,11 +48,7 @@ class TrainingOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run.
-
-        Raises:
-            ValueError: a number is out of range, or the horizon does not divide evenly.
-        """
+        """Refuse a training that cannot run."""
         if not self.agent:
             object.__setattr__(self, "agent", proposed_method().agent)
         find_training(self.agent)
@@ -92,15 +88,7 @@ _MOST_MEASUREMENTS = 200_000_000  # that are drawn at once, eight bytes each
 
 
 def check_memory(options: TrainingOptions, samples: int) -> None:
-    """Refuse more measurements at once than fit into memory.
-
-    Args:
-        options: of the training.
-        samples: of one record.
-
-    Raises:
-        ValueError: they do not fit.
-    """
+    """Refuse more measurements at once than fit into memory."""
     if options.environments * samples > _MOST_MEASUREMENTS:
         most = _MOST_MEASUREMENTS // samples
         raise InputError(

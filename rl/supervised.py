@@ -77,9 +77,6 @@ def train_once(
         training: a dataclass of settings; its `seed` is that of the weights.
         train: returns the mean reward [deg^2] after so many samples, and a function that writes the file with
             its description.
-
-    Raises:
-        ValueError: the folder holds a run of another configuration.
     """
     configuration = run_configuration(records, active_model, training)
     with open_run(path.parent, configuration, (path.name,)):
@@ -116,9 +113,6 @@ def descend(
 
     Returns:
         Minus mean square error [deg^2] after so many samples, step by step.
-
-    Raises:
-        FloatingPointError: the training has diverged.
     """
     optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, iterations)

@@ -1,17 +1,32 @@
-"""Trainings of one method side by side: with several seeds, or with several settings."""
+"""Trainings of one method side by side: with several seeds, or a search of its settings.
 
+A learned method is compared fairly only with others whose settings were chosen with as much care. The grid
+of a search is small, of the same size for all, and stated (`Trainer.searched`); each of its settings learns a
+quarter as long as the real training, with one seed, on twins that are held out. No test record takes part.
+"""
+
+import csv
 import dataclasses
+import io
+import itertools
 import math
 from collections.abc import MutableMapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from tabulate import tabulate
+
 from rl.options import LIMITS, TrainingOptions
-from rl.trainers import Material, OnProgress, find_trainer
+from rl.trainers import Material, OnProgress, all_trainers, find_trainer
 from twin.errors import InputError
 from twin.evaluation.score import MOST_TRAININGS
+from twin.files.atomic import write_whole
+from twin.files.run_folder import CURVE_FILE, read_progress
 
+FOLDER, FILE = "search", "search.csv"
+"""Folder of the trials of a search in its run folder, and their list."""
 _WHOLE = 1000  # what one training counts in progress
 _SECONDS = 0.5  # between two looks at it
 
@@ -47,11 +62,7 @@ Shares = MutableMapping[int, Share]
 
 
 def seeds_from(first: int, count: int) -> range:
-    """Return so many seeds from the first on.
-
-    Raises:
-        ValueError: there are none, too many, or they end beyond the largest seed.
-    """
+    """Return so many seeds from the first on."""
     most = LIMITS["seed"][1]
     if not 1 <= count <= MOST_TRAININGS:
         raise InputError(f"seeds = {count}: must be at least 1 and at most {MOST_TRAININGS}")
@@ -74,20 +85,10 @@ def train_seeds(
     on_progress: OnProgress | None = None,
     shares: Shares | None = None,
 ) -> list[Path]:
-    """Train with each seed into a folder of its own; what is finished or begun there is taken up.
+    """Train with each seed into a folder of its own; returns the trained files in the order of the seeds.
 
-    Args:
-        material: what is learned from.
-        options: of all trainings but for the seed.
-        seeds: one for each training.
-        folder: of the run folders.
-        executor: where they are trained.
-        on_progress: told thousandths of a training done, their number in all, and the mean reward per sample
-            over those that are under way [deg^2].
-        shares: where workers tell how far they are; a `shared_table`. Without it, finished ones count.
-
-    Returns:
-        The trained files, in the order of the seeds.
+    What is finished or begun there is taken up. Workers put their progress into `shares`, a `shared_table`;
+    `on_progress` takes thousandths of a training, their number in all and the mean reward [deg^2].
     """
     runs = [
         TrainingRun(material, dataclasses.replace(options, seed=seed), folder_of(folder, seed))
@@ -135,8 +136,92 @@ def _train(run: TrainingRun, place: int, shares: Shares | None) -> Path:
 def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProgress | None) -> None:
     if on_progress is None:
         return
-    told = dict(shares or {})
-    parts = [share.done for place, share in told.items() if place not in done]
-    rewards = [share.reward for share in told.values() if not math.isnan(share.reward)]
+    shown = dict(shares or {})
+    parts = [share.done for place, share in shown.items() if place not in done]
+    rewards = [share.reward for share in shown.values() if not math.isnan(share.reward)]
     mean = sum(rewards) / len(rewards) if rewards else math.nan
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)
+
+
+SHORTER = 4
+"""Times that a trial is shorter than the training that it is for."""
+Settings = dict[str, float]
+
+
+class SettingsTrial(NamedTuple):
+    """Settings that were tried.
+
+    Attributes:
+        settings: by name.
+        error_deg2: least typical square error on twins that were held out [deg^2].
+    """
+
+    settings: Settings
+    error_deg2: float
+
+
+def grid_of(agent: str) -> list[Settings]:
+    """Return the settings that a search tries."""
+    searched = find_trainer(agent).searched
+    if not searched:
+        others = [name for name, trainer in all_trainers().items() if trainer.searched]
+        raise InputError(f"agent {agent!r} has no settings to search; valid: {', '.join(sorted(others))}")
+    return [dict(zip(searched, values, strict=True)) for values in itertools.product(*searched.values())]
+
+
+def search_settings(
+    material: Material,
+    options: TrainingOptions,
+    folder: Path,
+    executor: Executor,
+    on_progress: OnProgress | None = None,
+    shares: Shares | None = None,
+) -> list[SettingsTrial]:
+    """Try each of the settings and list them in `search.csv`; returns the trials, the best first.
+
+    Finished trials are not repeated; arguments as of `train_seeds`.
+    """
+    grid = grid_of(options.agent)
+    shorter = dataclasses.replace(options, episodes=max(options.episodes // SHORTER, 1))
+    runs = [
+        TrainingRun(with_settings(material, settings), shorter, folder / _name(settings)) for settings in grid
+    ]
+    train_side_by_side(runs, executor, on_progress, shares)
+    trials = [
+        SettingsTrial(settings, _least_error(run.folder)) for settings, run in zip(grid, runs, strict=True)
+    ]
+    trials.sort(key=lambda trial: trial.error_deg2)
+    write_whole(folder / FILE, _table(trials))
+    return trials
+
+
+def with_settings(material: Material, settings: Settings) -> Material:
+    """Return what is learned from, with settings of the training in place of the method's own."""
+    if material.simulated is None:
+        raise InputError("settings are searched for trainings on twins alone")
+    return dataclasses.replace(
+        material, simulated=dataclasses.replace(material.simulated, settings=dict(settings))
+    )
+
+
+def trials_table(trials: Sequence[SettingsTrial]) -> str:
+    """Return the trials as a table for a person, the best first."""
+    names = [*trials[0].settings, "error on held-out twins [deg]"]
+    rows = [[*trial.settings.values(), f"{trial.error_deg2**0.5:.3f}"] for trial in trials]
+    return tabulate(rows, names)
+
+
+def _name(settings: Settings) -> str:
+    return "_".join(f"{name}_{value:g}" for name, value in settings.items())
+
+
+def _least_error(folder: Path) -> float:
+    return float(-np.max(read_progress(folder / CURVE_FILE)["return"]))
+
+
+def _table(trials: Sequence[SettingsTrial]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*trials[0].settings, "held_out_error_deg2"])
+    writer.writerows([*trial.settings.values(), f"{trial.error_deg2:.6g}"] for trial in trials)
+    return text.getvalue()

@@ -103,9 +103,6 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             seconds: length of an episode behind its hold at the start [s].
             physics: `mujoco`, or `reduced`, which is faster.
             render_mode: `rgb_array`, or None where nothing is drawn.
-
-        Raises:
-            ValueError: one of them cannot be.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"unknown render_mode {render_mode!r:.40}; valid: None, rgb_array")
@@ -149,12 +146,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Go on by one sample; `truncated` at the end of the reference.
-
-        Raises:
-            ResetNeeded: no episode has begun, or it is over.
-            FloatingPointError: the simulation diverged.
-        """
+        """Go on by one sample; `truncated` at the end of the reference."""
         if self._sample + 1 >= len(self._reference):
             raise gymnasium.error.ResetNeeded("no episode, or one that is over: reset the environment first")
         before_mm, now = self.plant.pull_mm, float(self._reference[self._sample])
@@ -170,11 +162,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), reward, False, ended, self._info()
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the endoscope from the side, (height, width, 3); None without a render mode.
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
+        """Return a picture of the endoscope from the side, (height, width, 3); None without a render mode."""
         if self.render_mode is None:
             return None
         if self._portrait is None:

@@ -53,11 +53,7 @@ class TrackingTraining:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what PPO cannot train on; the environments check the rest.
-
-        Raises:
-            ValueError: a number is out of range.
-        """
+        """Refuse what PPO cannot train on; the environments check the rest."""
         check_between("samples", self.samples, 1, 10**9)
         check_between("environments", self.environments, len(self.strokes_mm) or 1, 1000)
         check_between("horizon", self.horizon, 2, 10**6)
@@ -70,22 +66,7 @@ def train_tracking(
     training: TrackingTraining | None = None,
     on_progress: OnProgress | None = None,
 ) -> float:
-    """Train a policy and write it, whole or not at all.
-
-    Args:
-        path: the ONNX file.
-        preset: name of the nominal endoscope, or a YAML file with ranges.
-        training: settings.
-        on_progress: told samples done, samples in all and the mean reward per sample of the latest episodes
-            [deg^2]: their mean square error with the cost of travel, under exploration.
-
-    Returns:
-        That mean reward at the end [deg^2].
-
-    Raises:
-        ValueError: a setting cannot be.
-        OSError: the disk is full or fails.
-    """
+    """Train a policy and write it, complete or not at all; returns the mean reward [deg^2]."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.logger import Logger
@@ -130,8 +111,8 @@ def train_tracking(
     ppo.learn(settings.samples, callback=tell)
     reward = _mean_reward_deg2(ppo)
     path.parent.mkdir(parents=True, exist_ok=True)
-    told = {"preset": preset, "mean_reward_deg2": None if math.isnan(reward) else reward}
-    export_actor(ppo, dataclasses.asdict(settings) | told, path)
+    more = {"preset": preset, "mean_reward_deg2": None if math.isnan(reward) else reward}
+    export_actor(ppo, dataclasses.asdict(settings) | more, path)
     if on_progress is not None:
         on_progress(settings.samples, settings.samples, reward)
     return reward

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 """`(pull_mm (N,), bend_deg (N,))` of the training set."""
 OnProgress = Callable[[int, int, float], None]
-"""Told how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
+"""Called with how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
 Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | None], Path]
 TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None], Path]
 
@@ -64,7 +64,7 @@ class Material:
 
     Attributes:
         records: of the training set.
-        active_model: filter or model that is learned beside.
+        active_model: filter or model that is learned with.
         simulated: twins that may be simulated.
     """
 
@@ -109,17 +109,13 @@ class Trainer:
         folder: Path,
         on_progress: OnProgress | None = None,
     ) -> Path:
-        """Train from what there is into a folder, and return the trained file.
-
-        Raises:
-            ValueError: what it is trained on is missing.
-        """
+        """Train from what there is into a folder, and return the trained file."""
         if self.on_twins is not None:
             if material.simulated is None:
                 raise InputError(f"{self.method.name} is trained on twins of a preset: none is given")
             return self.on_twins(material.simulated, options, folder, on_progress)
         if self.train is None or material.active_model is None:
-            raise InputError(f"{self.method.name} is trained on records beside a model: none are given")
+            raise InputError(f"{self.method.name} is trained on records and a model: none are given")
         return self.train(material.records, material.active_model, options, folder, on_progress)
 
 
@@ -128,11 +124,7 @@ _SEARCHED: list[str] = []
 
 
 def register_trainer(trainer: Trainer) -> Trainer:
-    """Add the trainer of a method to the table and return it.
-
-    Raises:
-        ValueError: the method is not trainable, or has a trainer already.
-    """
+    """Add the trainer of a method to the table and return it."""
     training = trainer.method.training
     if training is None or training.agent in _TRAINERS:
         raise InputError(f"{trainer.method.name!r} is not trainable, or has a trainer already")
@@ -141,11 +133,7 @@ def register_trainer(trainer: Trainer) -> Trainer:
 
 
 def find_trainer(agent: str) -> Trainer:
-    """Return the trainer of an agent.
-
-    Raises:
-        ValueError: no method is trained under this name.
-    """
+    """Return the trainer of an agent."""
     find_training(agent)
     known = _TRAINERS if agent in _TRAINERS else all_trainers()
     if agent not in known:

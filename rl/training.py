@@ -72,11 +72,6 @@ def train_policy(
         training: agent, length and parameters of PPO.
         folder: where the run is kept.
         on_progress: called with samples done, samples in all and the latest mean reward per sample [deg^2].
-
-    Raises:
-        ValueError: the folder holds a run of another configuration, or the checkpoint is foreign, damaged or
-            of a run that cannot go on.
-        FloatingPointError: the training has diverged.
     """
     torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
     pull, bend = stack_records(records)
@@ -121,11 +116,7 @@ def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
-    """Refuse to go on from nothing where there was a shorter run, or from beyond the end.
-
-    Raises:
-        ValueError: the checkpoint is of another version, or of a run that has gone further.
-    """
+    """Refuse to go on from nothing where there was a shorter run, or from beyond the end."""
     if shorter and not ppo.num_timesteps:
         raise InputError(
             f"{run.folder} holds a shorter run, whose {CHECKPOINT_FILE} is not of this version: "
@@ -138,11 +129,7 @@ def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
 
 
 def _learn(ppo: PPO, run: "_Run") -> None:
-    """Train to the end.
-
-    Raises:
-        FloatingPointError: the training has diverged.
-    """
+    """Train to the end."""
     if ppo.num_timesteps < run.total:
         # Its own random numbers after each stop, not those of the beginning again.
         set_random_seed(
@@ -153,11 +140,7 @@ def _learn(ppo: PPO, run: "_Run") -> None:
 
 
 def learn(ppo: PPO, samples: int, callback: BaseCallback, reset: bool = True) -> None:
-    """Train by PPO for so many samples.
-
-    Raises:
-        FloatingPointError: the training has diverged.
-    """
+    """Train by PPO for so many samples."""
     try:
         ppo.learn(samples, callback=callback, reset_num_timesteps=reset)
     except ValueError:
@@ -195,11 +178,7 @@ def export_policy(
 
 
 def check_finite(ppo: PPO) -> None:
-    """Refuse weights that are not numbers.
-
-    Raises:
-        FloatingPointError: the training has diverged.
-    """
+    """Refuse weights that are not numbers."""
     if not all(torch.isfinite(values).all() for values in ppo.policy.parameters()):
         raise DivergedError(
             f"the training has diverged after {ppo.num_timesteps} samples: lower `learning_rate`"
@@ -244,11 +223,7 @@ class _Run(BaseCallback):
         save_checkpoint(self.checkpoint, self.key, state)
 
     def restore(self) -> None:
-        """Bring policy, optimiser and curve to the checkpoint, if there is one of this training.
-
-        Raises:
-            ValueError: the file is no checkpoint, or damaged.
-        """
+        """Bring policy, optimiser and curve to the checkpoint, if there is one of this training."""
         state = load_checkpoint(self.checkpoint, self.key)
         if state is not None:
             try:

@@ -135,9 +135,16 @@ def _train_seeds(
     args: Train, count: int, material: "Material", options: TrainingOptions, source: str
 ) -> Summary:
     """Train with several seeds side by side."""
-    from rl.search import FOLDER as SEARCH_FOLDER
-    from rl.search import grid_of, search_settings, trials_table, with_settings
-    from rl.sweep import folder_of, seeds_from, train_seeds
+    from rl.sweep import FOLDER as SEARCH_FOLDER
+    from rl.sweep import (
+        folder_of,
+        grid_of,
+        search_settings,
+        seeds_from,
+        train_seeds,
+        trials_table,
+        with_settings,
+    )
     from twin.workers.processes import choose_workers, shared_table
 
     seeds = seeds_from(args.seed, count)

@@ -20,7 +20,7 @@ SINGLE = 1e-5
 
 
 @pytest.mark.parametrize("samples", LENGTHS)
-@pytest.mark.parametrize("method", ["ram-twins", "ram-memory"])
+@pytest.mark.parametrize("method", [pytest.param("ram-twins", marks=pytest.mark.slow), "ram-memory"])
 def test_filter_step(method, samples, tmp_path):
     """A step learns in single precision and is deployed in double: within the rounding of the former.
 

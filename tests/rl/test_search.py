@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from small_twins import MODEL, twins
 
-from rl import search
+from rl import sweep
 from rl.on_twins import RAM_MEMORY_SETTINGS, RIVALS, untrained_memory
 from rl.options import TrainingOptions
-from rl.search import FILE, grid_of, search_settings, with_settings
+from rl.sweep import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
 from rl.twins.graph import export_memory, export_recurrent_step
 from rl.twins.settings import NetworkTraining
@@ -64,7 +64,7 @@ def test_whatever_the_search_takes_can_be_deployed(name, tmp_path):
 
 
 def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tmp_path, monkeypatch):
-    monkeypatch.setattr(search, "grid_of", lambda _: [{"width": 4}, {"width": 7}])
+    monkeypatch.setattr(sweep, "grid_of", lambda _: [{"width": 4}, {"width": 7}])
     trials = trials_of(material, tmp_path)
     errors = {trial.settings["width"]: trial.error_deg2 for trial in trials}
     for width, error in errors.items():

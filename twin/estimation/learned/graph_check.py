@@ -11,29 +11,11 @@ from collections.abc import Iterator
 from twin.errors import InputError
 from twin.files.shown import cut
 
-_LAYERS = {"Gemm", "GRU", "LSTM", "MatMul"}
-_OF_ELEMENTS = {
-    "Abs",
-    "Add",
-    "Clip",
-    "Div",
-    "Exp",
-    "Log",
-    "Max",
-    "Min",
-    "Mul",
-    "Neg",
-    "Pow",
-    "Relu",
-    "Sign",
-    "Sqrt",
-    "Sub",
-}
-_SMOOTH = {"Asinh", "Sigmoid", "Softmax", "Tanh"}
-_CHOICES = {"IsNaN", "Not", "Where"}
-_SUMS = {"ReduceMax", "ReduceMean", "ReduceSum"}
+_LAYERS = {"Gemm", "MatMul", "Sigmoid", "Softmax", "Tanh"}
+_ARITHMETIC = {"Add", "Div", "Max", "Min", "Mul", "Neg", "Sub", "ReduceMax", "ReduceMean", "ReduceSum"}
+_FUNCTIONS = {"Abs", "Asinh", "Clip", "Exp", "Log", "Pow", "Relu", "Sign", "Sqrt", "IsNaN", "Not", "Where"}
 _OF_SHAPE = {"Cast", "Concat", "Constant", "Gather", "Identity", "Split", "Squeeze", "Transpose", "Unsqueeze"}
-OPERATORS = _LAYERS | _OF_ELEMENTS | _SMOOTH | _CHOICES | _SUMS | _OF_SHAPE
+OPERATORS = _LAYERS | _ARITHMETIC | _FUNCTIONS | _OF_SHAPE
 """Operators of the networks that training writes, and near ones that another torch may write for the same."""
 MOST_NODES = 600
 MOST_CONCATENATIONS = 4
@@ -49,11 +31,7 @@ _PARTS = {"model": _MODEL, "graph": _GRAPH, "attribute": _ATTRIBUTE, "tensor": _
 
 
 def check_graph(content: bytes) -> None:
-    """Refuse an ONNX file that holds what no training of ours writes.
-
-    Raises:
-        ValueError: it is no such file, or holds an operator or a part beyond those; the text names it.
-    """
+    """Refuse an ONNX file that holds what no training of ours writes."""
     outline = _Outline()
     for number, value in outline.parts("model", memoryview(content)):
         if number == 7:

@@ -179,12 +179,7 @@ def _predicted(estimator: RamTwins, rows: Array, members_deg: Array) -> Array:
 
 
 def load(path: Path) -> RamTwins:
-    """Read a trained step and its members.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file is damaged or holds something else.
-    """
+    """Read a trained step and its members."""
     from twin.reduced.members import members_from_dict
 
     file = read_trained_file(path, AGENT)

@@ -45,9 +45,6 @@ def replay(file: TrainedFile) -> dict[str, float]:
     """Run the graph on the reference steps; returns the largest difference of each output.
 
     A difference is one of the angle where that is below 1 deg, and relative to it above.
-
-    Raises:
-        ValueError: the reference cannot be read, or does not fit the graph.
     """
     # Here, so that a table of methods needs none of it.
     from twin.files.json_text import validated

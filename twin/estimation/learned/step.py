@@ -110,9 +110,6 @@ def step_network(file: TrainedFile, more: Mapping[str, tuple[int, ...]] | None =
     Args:
         file: the trained file.
         more: shape for one filter of each input of this kind of graph alone.
-
-    Raises:
-        ValueError: the graph has other inputs or outputs.
     """
     known = INPUTS | dict(more or {})
     there = {part.name: tuple(part.shape) for part in file.session.get_inputs()}
@@ -275,12 +272,7 @@ AnyStep = TypeVar("AnyStep", bound=LearnedStep)
 
 
 def load_step(path: Path, agent: str, kind: type[AnyStep]) -> AnyStep:
-    """Read a trained graph, with the model and the sample time that it was trained with.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file is damaged, or of another agent.
-    """
+    """Read a trained graph, with the model and the sample time that it was trained with."""
     file = read_trained_file(path, agent)
     try:
         network = step_network(file)

@@ -99,10 +99,6 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
         path: the ONNX file.
         agent: that it must be of; any, if not given.
         trainer: what writes such files, for the message.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no ONNX file, not one of ours, or of another agent.
     """
     path = Path(path)
     try:
@@ -119,7 +115,7 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # what is wrong with a file is told below, in one line
+    options.log_severity_level = 4  # what is wrong with a file is stated below, in one line
     try:
         check_graph(content)
         # From bytes: the file cannot name other files to load.
@@ -158,9 +154,6 @@ def check_network(
         outputs: shape of each of its outputs for these, by name.
         positive: inputs that cannot be zero, and are one.
         precisions: types, of which one is that of all inputs and outputs.
-
-    Raises:
-        ValueError: names, shapes or types are others, it cannot be run, or what it returns is not finite.
     """
     types = {part.type for part in file.session.get_inputs()}
     for what, wanted, there in (
