@@ -7,18 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from rl.trainers import RATES, OnProgress, Trainer, register_trainer
-from rl.twins.beside_model import train_beside_model
-from rl.twins.cells import Convolution, GatedUnit, LongShortTerm, MemoryCell, StateSpace
 from rl.twins.graph import export_memory, export_recurrent_step, export_twins
-from rl.twins.laws_lesson import learn_laws
-from rl.twins.learning import learn_what_is_familiar
+from rl.twins.learning import fit_ood_detector, learn_laws
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
-from rl.twins.noises import count_laws
-from rl.twins.records import TwinRecords
-from rl.twins.recurrent_step import Correction, LearnedGain, LearnedGainAndBias, RecurrentStep, RecursiveGain
-from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins
-from rl.twins.sequences import Prediction, SequenceSource, by_members, principal_directions
+from rl.twins.noises import count_noise_models
+from rl.twins.records import Prediction, SequenceSource, TwinRecords, by_members, principal_directions
+from rl.twins.recurrent_step import (
+    Convolution,
+    Correction,
+    GatedUnit,
+    LearnedGain,
+    LearnedGainAndBias,
+    LongShortTerm,
+    MemoryCell,
+    RecurrentStep,
+    RecursiveGain,
+    StateSpace,
+)
+from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins, train_with_model
 from rl.twins.settings import NetworkTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.estimation.learned import methods, ram_twins
@@ -82,9 +89,9 @@ def untrained_memory(settings: NetworkTraining) -> MemoryStep:
 
 assert methods.RAM_MEMORY.training is not None
 train_ram_memory = functools.partial(
-    train_beside_model, methods.RAM_MEMORY.training, untrained_memory, export_memory
+    train_with_model, methods.RAM_MEMORY.training, untrained_memory, export_memory
 )
-"""Train RAM (memory) into a folder, as `train_beside_model` does."""
+"""Train RAM (memory) into a folder, as `train_with_model` does."""
 
 
 def train_ram_twins(
@@ -110,7 +117,7 @@ def train_ram_twins(
     def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
             principal_directions(records.members_deg, settings.rank),
-            count_laws(settings.known_noises),
+            count_noise_models(settings.known_noises),
             settings.policy_width,
             policy_layers=settings.policy_layers,
             with_error=settings.with_error,
@@ -119,10 +126,14 @@ def train_ram_twins(
         return step, by_members
 
     def learn_noise(step: TwinsStep, on_share: OnShare) -> None:
-        learn_laws(step.bank.laws, settings, lambda update, _: on_share(update, settings.laws_updates))
+        learn_laws(
+            step.filter_bank.noise_models,
+            settings,
+            lambda update, _: on_share(update, settings.noise_model_updates),
+        )
 
     def guard(step: TwinsStep, source: SequenceSource) -> None:
-        learn_what_is_familiar(step, source, settings)
+        fit_ood_detector(step, source, settings)
 
     def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
         export_twins(step, settings.members, description, path)
@@ -155,7 +166,7 @@ for _rival in RIVALS.values():
     assert _rival.spec.training is not None
     _register(
         _rival.spec,
-        functools.partial(train_beside_model, _rival.spec.training, _rival.untrained, export_recurrent_step),
+        functools.partial(train_with_model, _rival.spec.training, _rival.untrained, export_recurrent_step),
         _rival.settings,
         {"width": _rival.widths},
     )

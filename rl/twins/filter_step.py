@@ -4,14 +4,40 @@ from typing import Any, ClassVar, NamedTuple
 
 import torch
 
-from rl.twins.networks import last_layer, network
 from twin.estimation.gaussian import DEVIATIONS_OF_95
+
+
+def network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
+    """Return a network of equal layers with hyperbolic tangents; without layers, it is linear."""
+    parts: list[torch.nn.Module] = []
+    for _ in range(layers):
+        parts += [torch.nn.Linear(inputs, hidden), torch.nn.Tanh()]
+        inputs = hidden
+    return torch.nn.Sequential(*parts, torch.nn.Linear(inputs, outputs))
+
+
+def last_layer(layers: torch.nn.Sequential) -> torch.nn.Linear:
+    """Return the last layer of a network."""
+    layer = layers[-1]
+    assert isinstance(layer, torch.nn.Linear)
+    return layer
+
+
+Tensor = torch.Tensor
+
+
+def along(values: Tensor, vector: Tensor) -> Tensor:
+    """Return the (...) products of values (..., n) with a vector (n,).
+
+    A sum of products, and no product of matrices: at one with a single column ONNX Runtime is eight times
+    slower.
+    """
+    return (values * vector).sum(dim=-1)
+
 
 LEAST_VARIANCE = 1e-8  # [deg^2]
 ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
-"""Parts of a step that act, 1 or 0: the policy, and what is said of the noise."""
-
-Tensor = torch.Tensor
+"""Parts of a step that are on, 1 or 0: the policy and the noise classifier."""
 
 
 class Output(NamedTuple):
@@ -42,7 +68,7 @@ class FilterStep(torch.nn.Module):
     Attributes:
         slow: names of parameters that learn in smaller steps than the others.
         by_likelihood: whether it learns by the likelihood of its errors under its own variance, instead of by
-            the balanced square errors (`rl/twins/balance.py`).
+            the balanced square errors (`rl/twins/learning.py`).
         actions: of the policy.
         seen: numbers that the interval, and a policy from outside, are made of.
     """
@@ -52,11 +78,7 @@ class FilterStep(torch.nn.Module):
     actions: ClassVar[int]
 
     def __init__(self, seen: int):
-        """Start with the interval of a normal law.
-
-        Args:
-            seen: numbers that the interval is made of.
-        """
+        """Start with the interval of a normal noise_model."""
         super().__init__()
         self.seen = seen
         self.interval = network(seen, 16, 1, layers=1)
@@ -76,3 +98,38 @@ class FilterStep(torch.nn.Module):
 def log_scale(values: Tensor) -> Tensor:
     """Return values on a symmetric logarithmic scale."""
     return torch.sign(values) * torch.log1p(values.abs())
+
+
+MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
+GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, times an action of the policy
+MEMBERS_PER_MM = 5e-4  # growth of the variance of the coefficients: what keeps them awake for hours
+FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
+NO_ERROR = 1e-6  # share of the variances of d where there is to be none; zero would mark a first sample
+
+
+class MemberMotion(torch.nn.Module):
+    """Decay and growth of the r coefficients c and of d, in this order: n = r + 1 numbers."""
+
+    def __init__(self, rank: int, *, with_error: bool = True):
+        super().__init__()
+        # Parts of the state are picked by constant vectors: the exported graph needs no slices then.
+        units = torch.eye(rank + 1)
+        self.unit = torch.nn.Buffer(units)
+        self.of_error = torch.nn.Buffer(units[rank])
+        self.of_members = torch.nn.Buffer(units[:rank].sum(dim=0))
+        self.share_of_error = torch.nn.Buffer(torch.tensor(1.0 if with_error else NO_ERROR))
+
+    def first_covariance(self, variance: Tensor) -> Tensor:
+        """Return (B, n, n) before anything is measured, for (B,) filters whatever their R."""
+        first: Tensor = self.of_members + FIRST_ERROR_DEG2 * self.share_of_error * self.of_error
+        # A product, as the exported graph has no operator that makes an array of the batch's size.
+        return (1 + 0 * variance)[:, None, None] * first[:, None] * self.unit
+
+    def keep(self, way_mm: Tensor) -> Tensor:
+        """Return (B, n) what is left of each number after a way (B,) [mm]."""
+        return 1 - (1 - torch.exp(-way_mm / MEMORY_MM))[:, None] * self.of_error
+
+    def growth(self, way_mm: Tensor, sample_time: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what the variances grow by: (B, n) of d, and (B, n) of c."""
+        of_error = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time) * self.share_of_error
+        return of_error[:, None] * self.of_error, MEMBERS_PER_MM * way_mm[:, None] * self.of_members

@@ -7,12 +7,10 @@ from typing import Any
 import torch
 
 from rl.export import export_step
-from rl.twins.filter_state import FilterState
-from rl.twins.filter_step import FilterStep
+from rl.twins.filter_step import FilterStep, along
 from rl.twins.memory_step import MemoryState, MemoryStep
-from rl.twins.products import along
 from rl.twins.recurrent_step import RecurrentState, RecurrentStep
-from rl.twins.step import TwinsStep
+from rl.twins.step import FilterState, TwinsStep
 from twin.estimation.learned.step import ALL_PARTS, PARTS
 
 _BY_MODEL: dict[str, tuple[int, ...]] = {"keep": (), "drive_deg": (), "increment_mm": ()}

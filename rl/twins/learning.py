@@ -1,32 +1,179 @@
-"""The lessons of a filter on simulated twins: set the gain, say how sure it is.
+"""The lessons of a filter on simulated twins: its gain, and the width of its interval.
 
-1. RAM (twins) learns the laws of the noise (`rl/twins/laws_lesson.py`).
+1. RAM (twins) learns the noise models of the noise (`rl/twins/learning.py`).
 2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
-   as they do in the published figure (`rl/twins/balance.py`).
-3. RAM (twins) learns what noise is like that of its training (`rl/twins/familiarity.py`).
+   as they do in the published figure (`rl/twins/learning.py`).
+3. RAM (twins) learns what noise is like that of its training (`rl/twins/ood_detector.py`).
 4. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from rl.run import load_checkpoint, save_checkpoint, unusable
 from rl.supervised import GRADIENT_LIMIT
-from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
-from rl.twins.checkpoint import Keeper
-from rl.twins.familiarity import Histograms
+from rl.twins.filter_bank import NoiseModelParameters, log_density
 from rl.twins.filter_step import ALL, FilterStep, Output
-from rl.twins.sequences import DrawsSequences, Sequences, SequenceSource
+from rl.twins.noises import draw_noises
+from rl.twins.ood_detector import Histograms
+from rl.twins.records import STRIDES, DrawsSequences, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.errors import DivergedError
 from twin.signals.streams import SeedUse, random_stream
 
+POWER = 0.7  # errors squared grow with R to about this power: one R counts as much as another
+RECORD_S = 60.0  # the last window stands for all that follows in a record of this length,
+MOST_LAST = 12  # but for no more windows than this
+SMALLEST_ERROR_DEG2 = 1e-3  # added to square errors: their logarithm stays finite
+_SLOWEST = 0.05  # weight of a new mean among those before
+
+
+class TypicalErrors:
+    """Running means of errors squared over R^0.7, by family, sample time and window.
+
+    Attributes:
+        means: (families, sample times, windows), zero where none has been met.
+        met: how often each has been met.
+    """
+
+    def __init__(self, settings: SimulatedTraining):
+        shape = (len(settings.noises), len(STRIDES), settings.windows)
+        self.window = settings.window
+        self.means: NDArray[np.float64] = np.zeros(shape)
+        self.met: NDArray[np.float64] = np.zeros(shape)
+
+    def loss(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> torch.Tensor:
+        """Return the balanced loss of one window, and meet it; arguments as in `meet`."""
+        self.meet(square_deg2.detach(), window, place)
+        return (self.factors(window, place) * square_deg2).mean()
+
+    def meet(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> None:
+        """Learn what is typical.
+
+        Args:
+            square_deg2: (B,) mean square error of each sequence in the window [deg^2].
+            window: its sequences.
+            place: of the window in the episode.
+        """
+        scaled = square_deg2 / window.variance**POWER
+        for family in torch.unique(window.family).tolist():
+            where = family, STRIDES.index(window.stride), place
+            square = float(scaled[window.family == family].mean())
+            self.met[where] += 1
+            self.means[where] += max(1 / self.met[where], _SLOWEST) * (square - self.means[where])
+
+    def factors(self, window: Sequences, place: int) -> torch.Tensor:
+        """Return (B,) what the square errors [deg^2] of sequences count by.
+
+        A family that has not been met at this sample time counts as those that have.
+        """
+        stride = STRIDES.index(window.stride)
+        weights = self._weights(float(window.sample_time[0]))
+        factors = torch.zeros_like(window.variance)
+        all_met = self.means[:, stride][self.met[:, stride] > 0]
+        usual = float(all_met.mean()) if len(all_met) else 1.0
+        for family in torch.unique(window.family).tolist():
+            means, met = self.means[family, stride], self.met[family, stride] > 0
+            total = weights @ np.where(met, means, means[met].mean() if met.any() else usual)
+            factors[window.family == family] = len(weights) * weights[place] / total
+        return factors / window.variance**POWER
+
+    def _weights(self, sample_time: float) -> NDArray[np.float64]:
+        """Return how many windows of a record each window of an episode stands for."""
+        weights = np.ones(self.means.shape[2])
+        rest = RECORD_S / (self.window * sample_time) - len(weights) + 1
+        weights[-1] = min(max(rest, 1.0), MOST_LAST)
+        return weights
+
+
+def departure(action: torch.Tensor, linear: torch.Tensor) -> torch.Tensor:
+    """Return (B,) how far a policy departs from the linear update where that is best.
+
+    Args:
+        action: (B, actions) of it, before they are bounded: on the gain, on R, and others that are free.
+        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
+    """
+    return linear * (torch.tanh(action[:, :2]) ** 2).sum(dim=1)
+
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass
+class Keeper:
+    """Keeper of the state of a lesson.
+
+    Attributes:
+        path: of the file.
+        key: of the run, from `state_key`.
+        every: updates between two checkpoints, such that sequences start again there.
+        step: that learns.
+        best: weights that were best on held-out twins so far, by name.
+        curve: rows of `progress.csv`, which start with samples so far and minus the typical square error then
+            [deg^2].
+        tables: arrays that the lesson keeps too, by name; they are filled in their place.
+    """
+
+    path: Path
+    key: str
+    every: int
+    step: FilterStep
+    best: dict[str, torch.Tensor] = dataclasses.field(default_factory=dict)
+    curve: list[tuple[float, ...]] = dataclasses.field(default_factory=list)
+    tables: dict[str, Array] = dataclasses.field(default_factory=dict)
+
+    def is_there(self) -> bool:
+        """Return whether there is a checkpoint of this run; raises `ValueError` for a file that is none."""
+        return load_checkpoint(self.path, self.key) is not None
+
+    def keep(self, update: int, optimiser: torch.optim.Optimizer, *, last: bool = False) -> None:
+        """Write a checkpoint after every so many updates, and after the last one."""
+        if update % self.every and not last:
+            return
+        state = {
+            "update": update,
+            "curve": self.curve,
+            "step": self.step.state_dict(),
+            "optimiser": optimiser.state_dict(),
+            "best": self.best,
+            "tables": {name: torch.from_numpy(values) for name, values in self.tables.items()},
+        }
+        save_checkpoint(self.path, self.key, state)
+
+    def restore(self, optimiser: torch.optim.Optimizer) -> int:
+        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none.
+
+        Raises:
+            ValueError: the file is no checkpoint, or damaged.
+        """
+        state = load_checkpoint(self.path, self.key)
+        if state is None:
+            return 0
+        try:
+            self.step.load_state_dict(state["step"])
+            optimiser.load_state_dict(state["optimiser"])
+            for name, values in self.tables.items():
+                values[...] = state["tables"][name].numpy()
+            self.best, self.curve[:] = state["best"], state["curve"]
+            return int(state["update"])
+        except Exception as error:  # what does not fit, in classes of torch
+            raise unusable(self.path) from error
+
+    def remove(self) -> None:
+        """Remove the checkpoint, if there is one."""
+        self.path.unlink(missing_ok=True)
+
+
 OnUpdate = Callable[[int, float], None]
-"""Told how many updates of a lesson are done, and its latest loss."""
+"""Called with the updates of a lesson that are done, and its latest loss."""
 COVERAGE = 0.95
 
 
@@ -35,13 +182,13 @@ def filter_sequences(
 ) -> Iterator[tuple[Output, Any]]:
     """Yield outputs and states sample by sample, from a state or from the start."""
     state = step.start(drawn.variance) if state is None else state
-    told = drawn.variance, drawn.sample_time, parts
+    given = drawn.variance, drawn.sample_time, parts
     for *inputs, measurement in zip(*drawn.inputs, drawn.measurement_deg, strict=True):
-        output, state = step(*inputs, measurement, *told, state)
+        output, state = step(*inputs, measurement, *given, state)
         yield output, state
 
 
-def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
+def fit_ood_detector(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
     rng = random_stream(settings.seed, SeedUse.LESSON_FAMILIARITY)
     step.goes_along = True
@@ -49,8 +196,8 @@ def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: Tw
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     with torch.no_grad():
         for place, drawn, (_, state) in _finished(step, source, settings, rng, 2 * half):
-            if place % 10 == 9:  # neighbours tell little more
-                weights = step.bank.believe(state.evidence, drawn.variance).weights
+            if place % 10 == 9:  # neighbours add little
+                weights = step.filter_bank.believe(state.evidence, drawn.variance).weights
                 whole = Histograms(weights, state.counts, torch.log(drawn.variance))
                 for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
                     part.append(Histograms(*(of[rows] for of in whole)))
@@ -59,7 +206,7 @@ def learn_what_is_familiar(step: TwinsStep, source: SequenceSource, settings: Tw
     def draw(count: int) -> torch.Tensor:
         return torch.as_tensor(rng.integers(len(seen.counts), size=count))
 
-    step.familiarity.learn(seen, held_out, draw)
+    step.ood_detector.learn(seen, held_out, draw)
     step.guarded = True
 
 
@@ -141,7 +288,7 @@ def learn_interval(
         for place, drawn, (output, _) in _finished(
             step, source, settings, rng, min(256, settings.interval_sequences)
         ):
-            if place % 5 == 0:  # neighbours tell little more
+            if place % 5 == 0:  # neighbours add little
                 off = (output.bend_deg - drawn.truth_deg[place]).abs() / output.deviation_deg
                 seen.append(output.seen)
                 errors.append(torch.log(off + 1e-3))
@@ -196,8 +343,8 @@ def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTrai
     loss, every = float(np.mean(losses)), torch.cat(actions)
     if not step.actions:
         return Validation(loss, [])
-    told = torch.stack([every.mean(dim=0), every.std(dim=0)], dim=1)
-    return Validation(loss, told.flatten().tolist())
+    moments = torch.stack([every.mean(dim=0), every.std(dim=0)], dim=1)
+    return Validation(loss, moments.flatten().tolist())
 
 
 def descend(
@@ -208,11 +355,7 @@ def descend(
     on_update: OnUpdate | None,
     keeper: Keeper | None = None,
 ) -> None:
-    """Take gradient steps by Adam; the learning rate falls to zero along a cosine.
-
-    Raises:
-        FloatingPointError: the loss is no number.
-    """
+    """Take gradient steps by Adam; the learning rate falls to zero along a cosine."""
     optimiser = torch.optim.Adam(groups, lr=rate, betas=(0.9, 0.99))
     parameters = [values for group in optimiser.param_groups for values in group["params"]]
     begin = keeper.restore(optimiser) if keeper else 0
@@ -230,3 +373,80 @@ def descend(
             on_update(update + 1, value.item())
         if keeper:
             keeper.keep(update + 1, optimiser, last=update + 1 == updates)
+
+
+Tensor = torch.Tensor
+
+BATCH, SAMPLES = 512, 24  # sequences of one update, and samples of each
+_LENGTH = 96  # of a sequence that they are taken from
+_DOUBT = (0.01, 0.55)  # variance of the belief that smears a sample, in units of R
+_OF_MEAN, _OF_INFORMATION = 3.0, 0.3  # weights of the losses relative to the likelihood
+
+
+def learn_laws(
+    noise_models: NoiseModelParameters, settings: TwinsTraining, on_update: OnUpdate | None = None
+) -> None:
+    """Learn the density of each noise model, how often it is met, and the information of its samples."""
+    rng = random_stream(settings.seed, SeedUse.LESSON_LAWS)
+    noise = draw_noises(settings.known_noises, settings.noise_model_sequences, _LENGTH, rng)
+    variance, noise_model = torch.as_tensor(noise.variance).float(), torch.as_tensor(noise.noise_model)
+    residual = torch.as_tensor(noise.noise_deg).float() / torch.sqrt(variance)[:, None]
+    mean = torch.as_tensor(noise.mean_deg).float() / torch.sqrt(variance)
+    least, most = map(math.log, _DOUBT)
+
+    def loss(update: int) -> Tensor:
+        rows = torch.as_tensor(rng.integers(len(noise_model), size=BATCH))
+        chosen = torch.as_tensor(rng.integers(_LENGTH, size=SAMPLES))
+        doubt = torch.exp(torch.as_tensor(rng.uniform(least, most, (BATCH, 1))).float())
+        smeared = torch.as_tensor(rng.standard_normal((BATCH, SAMPLES))).float() * torch.sqrt(doubt)
+        return laws_loss(
+            noise_models,
+            noise_model[rows],
+            variance[rows],
+            mean[rows],
+            residual[rows][:, chosen] + smeared,
+            doubt,
+        )
+
+    groups = [{"params": [*noise_models.parameters()]}]
+    descend(groups, loss, settings.noise_model_updates, settings.noise_model_rate, on_update)
+
+
+def laws_loss(
+    noise_models: NoiseModelParameters,
+    noise_model: Tensor,
+    variance: Tensor,
+    mean: Tensor,
+    residual: Tensor,
+    doubt: Tensor,
+) -> Tensor:
+    """Return the loss of noise models on samples of them.
+
+    Args:
+        noise_models: that learn.
+        noise_model: (B,) that each sequence is of.
+        variance: (B,) R of each [deg^2].
+        mean: (B,) of its noise in units of sqrt(R).
+        residual: (B, N) samples in units of sqrt(R), smeared.
+        doubt: (B, 1) variance that they are smeared by, in units of R.
+    """
+    every = noise_models(variance)
+    rows = torch.arange(len(noise_model))
+    place, log_weight, width = (
+        of[rows, noise_model][:, None] for of in (every.place, every.log_weight, every.width)
+    )
+    off, whole = residual[..., None] - place, width + doubt[..., None]
+    log_parts = log_density(log_weight, off, whole)
+    likelihood = torch.logsumexp(log_parts, dim=-1)
+    # The score of a noise model, as its samples have it: its mean square is their information (Fisher 1925).
+    score = (torch.softmax(log_parts, dim=-1) * off / whole).sum(dim=-1).detach()
+    scatter = every.effective[rows, noise_model][:, None] + doubt
+    information = 0.5 * (score**2 * scatter - torch.log(scatter))
+    off_mean = (every.mean[rows, noise_model] - mean) ** 2
+    loss: Tensor = (
+        -likelihood.mean()
+        - every.log_prior[rows, noise_model].mean()
+        + _OF_INFORMATION * information.mean()
+        + _OF_MEAN * off_mean.mean()
+    )
+    return loss

@@ -1,10 +1,10 @@
 """Members of RAM (twins): the twins that its prediction is made of.
 
 They are chosen so that their ensemble makes other endoscopes of the ranges likely. An ensemble of M twins
-predicts any angle as a normal law whose mean and covariance are those of the members along the commands
-(Evensen 2003); of all M that could be taken, those are looked for under whose law other endoscopes are
-likeliest. Drawn or spread evenly over the ranges of the parameters, members leave out a few endoscopes that
-move far less than any of them, and it was chance which training had what.
+predicts any angle as a normal distribution whose mean and covariance are those of the members along the
+commands (Evensen 2003); of all M that could be taken, those are looked for under whose noise model other
+endoscopes are likeliest. Drawn or spread evenly over the ranges of the parameters, members leave out a few
+endoscopes that move far less than any of them, and it was chance which training had what.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,22 +32,14 @@ UNEXPLAINED_DEG = 2.0
 COMMANDS = 10
 """Along which candidates are compared."""
 _SECONDS, _SAMPLE_TIME = 40.0, 0.1  # of each command
-_EVERY = 4  # samples; neighbours tell little more
+_EVERY = 4  # samples; neighbours add little
 _DIRECTIONS = 60  # in which candidates are compared, at most
 _SWAPS = 100  # that are tried for each member
 _PERIODS = (80.0, 240.0)  # of the sheaths of members, there and back [s]: about half a turn in a minute
 
 
 def draw_members(preset: Preset, ranges: Ranges, count: int, seed: int, moving: int = 0) -> MemberSet:
-    """Return twins that are spread evenly over the ranges.
-
-    Args:
-        preset: what does not vary.
-        ranges: what does.
-        count: number of twins.
-        seed: of the draws.
-        moving: how many of them are in a sheath that moves between two bends from the ranges.
-    """
+    """Return twins that are spread evenly over the ranges."""
     shares = _spread(count, len(ranges.limits), random_stream(seed, SeedUse.TWINS_MEMBERS))
     return _in_sheaths([ranges.at(preset, of) for of in shares], preset, ranges, seed, moving)
 
@@ -62,20 +54,7 @@ def choose_members(
     stroke_mm: tuple[float, float] = STROKE_MM,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> MemberSet:
-    """Return twins under whose ensemble others of the ranges are likely.
-
-    Args:
-        preset: what does not vary.
-        ranges: what does.
-        count: number of twins.
-        seed: of the draws.
-        moving: how many of them are in a sheath that moves between two bends from the ranges.
-        stroke_mm: that commands lie within.
-        on_progress: told how many of how many commands are done.
-
-    Raises:
-        FloatingPointError: too few endoscopes of the ranges find an equilibrium.
-    """
+    """Return twins under whose ensemble others of the ranges are likely."""
     drawn = draw_members(preset, ranges.wider(WIDER), CANDIDATES * count, seed).presets
     able, angles = _along_commands(drawn, stroke_mm, seed, on_progress)
     if len(able) < count:
@@ -120,7 +99,7 @@ def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> N
 def ensemble_unlikelihood(members: Array, others: Array) -> float:
     """Return minus twice the mean logarithm of the likelihood of others, less a constant.
 
-    The law is normal, with mean and covariance of the members, and `UNEXPLAINED_DEG` beside it.
+    The noise model is normal, with mean and covariance of the members, plus `UNEXPLAINED_DEG`.
 
     Args:
         members: (M, N) [deg].

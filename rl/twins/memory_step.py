@@ -5,22 +5,21 @@ affine in the angle, theta_k = keep theta_{k-1} + drive + f T, where f is the mo
 (eqs. 4-9). Keep and drive depend on the command alone and are computed outside.
 
 The policy is a gated recurrent unit (Cho et al. 2014). It sees every innovation and what belongs to it, and
-says four things: the total gain of eq. 10, the R by which P shrinks, the growth of P, and the mean b of the
-noise in units of sqrt(R). As in RAM (twins), the *sum* of both gains is bounded to [0, 1], a policy that says
-nothing changes nothing, and b is taken away at the output alone.
+has four outputs: the total gain of eq. 10, the R by which P shrinks, the growth of P, and the mean b of the
+noise in units of sqrt(R). As in RAM (twins), the *sum* of both gains is bounded to [0, 1], a policy that
+outputs nothing changes nothing, and b is taken away at the output alone.
 """
 
 from typing import NamedTuple
 
 import torch
 
-from rl.twins.bank import HISTORY
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
-from rl.twins.networks import last_layer, network
+from rl.twins.filter_bank import HISTORY
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, log_scale, network
 
 HIDDEN = 48
 SEEN = 10  # numbers that the policy sees
-SAID = 5  # on the gain, on R, on the growth of P, b, how sure b is
+OUTPUTS = 5  # on the gain, on R, on the growth of P, b, how sure b is
 REACH = (5.0, 4.0, 4.0)  # of the first three, in logarithms
 FIRST_DEG2 = (400.0, 1.0)  # variances before anything is measured: the first estimate is not trusted
 GROWTH_DEG2_PER_MM, GROWTH_PER_S = 0.1, 0.01  # of the variances of theta; the latter of theta and of f
@@ -60,7 +59,7 @@ class MemoryStep(FilterStep):
         self.first = torch.nn.Buffer(torch.tensor([FIRST_DEG2[0], 0.0, FIRST_DEG2[1]]))
         self.input = torch.nn.Linear(SEEN, 3 * hidden)
         self.memory = torch.nn.Linear(hidden, 3 * hidden)
-        self.output = network(hidden + SEEN, hidden, SAID, layers=1)
+        self.output = network(hidden + SEEN, hidden, OUTPUTS, layers=1)
         with torch.no_grad():
             last_layer(self.output).weight.mul_(0.1)
             last_layer(self.output).bias.zero_()
@@ -94,9 +93,9 @@ class MemoryStep(FilterStep):
             drive_deg: (B,) what it adds [deg].
             increment_mm: (B,) of the pull [mm].
             measurement_deg: (B,) NaN where there is none [deg].
-            variance: (B,) R, as told [deg^2].
+            variance: (B,) R, as given [deg^2].
             sample_time: (B,) T [s].
-            parts: (2,) 1 or 0: whether the policy acts, and whether what it says of b is heard.
+            parts: (2,) 1 or 0: whether the policy is on, and whether its output for b is used.
             state: after the sample before.
         """
         acts, hears = parts.split(1)
@@ -119,8 +118,8 @@ class MemoryStep(FilterStep):
         hidden = self._remember(features, state.hidden)
         hidden = state.hidden + seen[:, None] * (hidden - state.hidden)
         known = torch.cat([hidden, features], dim=1)
-        said = self.output(known)
-        action, of_bias, of_doubt = said.split([len(REACH), 1, 1], dim=1)
+        output = self.output(known)
+        action, of_bias, of_doubt = output.split([len(REACH), 1, 1], dim=1)
         action = action * acts
         on_gain, on_noise, on_growth = (of[:, 0] for of in (torch.tanh(action) * self.reach).split(1, dim=1))
         bias = LARGEST_BIAS * torch.tanh(of_bias[:, 0] / LARGEST_BIAS)

@@ -1,7 +1,7 @@
-"""Noise families of the training: each sequence has its own, with parameters drawn anew.
+"""Noise families of the training: each sequence has its own, with parameters of its own.
 
 A benchmark's noise has one level and fixed parameters (`twin.signals.noise`). Here nothing is fixed: a policy
-that is to recognise what it has not met must not learn five laws by heart.
+that is to recognise what it has not met must not learn five noise models by heart.
 """
 
 import math
@@ -26,10 +26,11 @@ class NoiseBatch(NamedTuple):
 
     Attributes:
         noise_deg: (B, N) [deg].
-        variance: (B,) R, which the filter is told [deg^2].
-        mean_deg: (B,) mean of the noise, which it is not told [deg].
+        variance: (B,) R, which the filter knows [deg^2].
+        mean_deg: (B,) mean of the noise, which it does not know [deg].
         family: (B,) place of its family among the given ones.
-        law: (B,) place of its law among those of the given families; see `count_laws`.
+        noise_model: (B,) place of its noise model among those of the given families; see
+            `count_noise_models`.
         linear: (B,) whether the linear update is the best there is for it, or near it.
     """
 
@@ -37,52 +38,34 @@ class NoiseBatch(NamedTuple):
     variance: Array
     mean_deg: Array
     family: NDArray[np.intp]
-    law: NDArray[np.intp]
+    noise_model: NDArray[np.intp]
     linear: NDArray[np.bool_]
 
 
 def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.random.Generator) -> NoiseBatch:
-    """Draw the noise of sequences, each from one of some families.
-
-    Args:
-        families: names from `FAMILIES`, each as likely as its weight there.
-        count: number of sequences.
-        samples: of each.
-        rng: source of random numbers.
-
-    Raises:
-        ValueError: there is no such family, or none is given.
-    """
+    """Draw the noise of sequences, each from one of some families."""
     check_families(families)
     known = [FAMILIES[name] for name in families]
     weights = np.array([family.weight for family in known])
-    first = np.cumsum([0, *(family.laws for family in known)])  # law of each family
+    first = np.cumsum([0, *(family.noise_models for family in known)])  # noise model of each family
     chosen = rng.choice(len(families), count, p=weights / weights.sum())
     noise = np.empty((count, samples))
-    variance, mean, law = np.empty(count), np.empty(count), np.empty(count, np.intp)
+    variance, mean, noise_model = np.empty(count), np.empty(count), np.empty(count, np.intp)
     for row, number in enumerate(chosen):
         noise[row], variance[row], mean[row], kind = known[number].draw(samples, rng)
-        law[row] = first[number] + kind
+        noise_model[row] = first[number] + kind
     linear = np.array([families[number] in LINEAR for number in chosen])
-    return NoiseBatch(noise, variance, mean, chosen, law, linear)
+    return NoiseBatch(noise, variance, mean, chosen, noise_model, linear)
 
 
-def count_laws(families: Sequence[str]) -> int:
-    """Return the number of laws that families have together.
-
-    Raises:
-        ValueError: there is no such family, or none is given.
-    """
+def count_noise_models(families: Sequence[str]) -> int:
+    """Return the number of noise models that families have together."""
     check_families(families)
-    return sum(FAMILIES[name].laws for name in families)
+    return sum(FAMILIES[name].noise_models for name in families)
 
 
 def check_families(families: Sequence[str]) -> None:
-    """Refuse families that there are not.
-
-    Raises:
-        ValueError: one is unknown, or given twice, or there is none.
-    """
+    """Refuse families that there are not."""
     wrong = [name for name in families if name not in FAMILIES or families.count(name) > 1]
     if wrong or not families:
         raise InputError(
@@ -91,7 +74,7 @@ def check_families(families: Sequence[str]) -> None:
 
 
 _Drawn = tuple[Array, float, float, int]
-"""Noise (N,) [deg], R [deg^2], mean [deg], and which law of its family it is."""
+"""Noise (N,) [deg], R [deg^2], mean [deg], and which noise model of its family it is."""
 
 
 class Family(NamedTuple):
@@ -99,12 +82,12 @@ class Family(NamedTuple):
 
     Attributes:
         weight: how often it is met, among the others.
-        laws: into how many laws it is divided, by the parameters that change its shape.
+        noise_models: into how many noise models it is divided, by the parameters that change its shape.
         draw: returns the noise of a sequence of so many samples.
     """
 
     weight: float
-    laws: int
+    noise_models: int
     draw: Callable[[int, np.random.Generator], _Drawn]
 
 
@@ -144,7 +127,7 @@ def _gamma(samples: int, rng: np.random.Generator) -> _Drawn:
 
 
 def _weibull(samples: int, rng: np.random.Generator) -> _Drawn:
-    """Another law with an edge: from nearly exponential to Rayleigh's, that of a magnitude, and beyond."""
+    """Another noise with an edge: from nearly exponential to Rayleigh's, that of a magnitude, and beyond."""
     variance, shape = _variance(rng, high=4.0), rng.uniform(*_WEIBULL_SHAPES)
     first, second = math.gamma(1 + 1 / shape), math.gamma(1 + 2 / shape)
     scale = math.sqrt(variance / (second - first**2))
@@ -181,7 +164,7 @@ def _outliers(samples: int, rng: np.random.Generator) -> _Drawn:
 
 
 def _contaminated(samples: int, rng: np.random.Generator) -> _Drawn:
-    """A sensor that sees badly now and then, and then to one side: two normal laws, neither with an edge."""
+    """A sensor with one-sided errors now and then: a mixture of two normal distributions."""
     share, away, width = rng.uniform(0.05, 0.35), rng.uniform(1.5, 4.5), rng.uniform(0.7, 2.0)
     side, variance = rng.choice([-1.0, 1.0]), _variance(rng, high=5.0)
     badly = rng.uniform(size=samples) < share

@@ -1,12 +1,18 @@
 """Training records of RAM (twins): commands, the members along them, and other twins that are the truth."""
 
+import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
+from rl.supervised import tensor32
+from rl.twins.noises import draw_noises
 from twin.errors import DivergedError
+from twin.estimation.learned.step import affine_step
+from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
@@ -53,22 +59,7 @@ def simulate_records(
     seed: int,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> TwinRecords:
-    """Simulate training records by the reduced twin.
-
-    Args:
-        preset: what does not vary.
-        ranges: what does; a fourth of the twins is drawn from wider ones.
-        members: twins that a prediction is made of.
-        commands: C, one kind of signal after the other.
-        twins: K along each command, a third of them with a sheath that is bent on meanwhile.
-        seconds: length of a record.
-        stroke_mm: that commands lie within, on strokes of any width and place.
-        seed: of commands and twins.
-        on_progress: told how many of how many commands are done.
-
-    Raises:
-        FloatingPointError: a simulation did not converge.
-    """
+    """Simulate training records by the reduced twin."""
     kinds, wide = list(SIGNALS), ranges.wider(_WIDER)
     pulls, bends, count = [], [], len(members.presets)
     for number in range(commands):
@@ -117,3 +108,142 @@ def _stroke(limits_mm: tuple[float, float], rng: np.random.Generator) -> tuple[f
     width = (high - low) * float(np.exp(rng.uniform(np.log(_NARROWEST), 0)))
     middle = (low + high) / 2 + rng.uniform(-1, 1) * (high - low - width) / 2
     return (middle - width / 2) * 1e-3, (middle + width / 2) * 1e-3
+
+
+Places = NDArray[np.intp]
+
+STRIDES = (5, 2, 1)  # T of 0.1, 0.04 and 0.02 s
+SHARE_OF_FIRST = 0.7
+"""Share of the sequences that have the first of several sample times; the others have the rest alike."""
+FROM_THE_START = 0.5  # share of sequences that begin where the record begins
+
+
+class Sequences(NamedTuple):
+    """B sequences of N samples of one sample time, time first.
+
+    Attributes:
+        inputs: what a step predicts by, each (N, B, ...); see `by_members` and `by_model`.
+        measurement_deg: (N, B) [deg].
+        truth_deg: (N, B) [deg].
+        variance: (B,) R [deg^2].
+        bias_deg: (B,) mean of the noise [deg].
+        family: (B,) place of its family among those that are met.
+        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
+        sample_time: (B,) T [s].
+        stride: T in units of that of the records.
+    """
+
+    inputs: tuple[torch.Tensor, ...]
+    measurement_deg: torch.Tensor
+    truth_deg: torch.Tensor
+    variance: torch.Tensor
+    bias_deg: torch.Tensor
+    family: torch.Tensor
+    linear: torch.Tensor
+    sample_time: torch.Tensor
+    stride: int
+
+    def between(self, begin: int, end: int) -> "Sequences":
+        """Return the samples from one to another."""
+        return self._replace(
+            inputs=tuple(values[begin:end] for values in self.inputs),
+            measurement_deg=self.measurement_deg[begin:end],
+            truth_deg=self.truth_deg[begin:end],
+        )
+
+
+Prediction = Callable[[TwinRecords, Places, Places], tuple[torch.Tensor, ...]]
+"""Inputs (N, B, ...) of a step for (B,) commands at (N + 1, B) samples, the first of which is the start."""
+
+
+def by_members(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+    """Return the angle of the members (N, B, M) [deg] and the way of the tendon (N, B) [mm]."""
+    followed = records.pull_mm[command, index]
+    members = records.members_deg[command, :, index[1:]]
+    return tensor32(members), tensor32(np.abs(np.diff(followed, axis=0)))
+
+
+def by_model(model: ColemanHodgdon) -> Prediction:
+    """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B)."""
+
+    def predict(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+        pull = records.pull_mm[command, index].astype(float)
+        keep, drive, _ = affine_step(model, model.start(pull[1:]), pull[1:], pull[:-1])
+        return tensor32(keep), tensor32(drive), tensor32(np.diff(pull, axis=0))
+
+    return predict
+
+
+class DrawsSequences(Protocol):
+    """Source of sequences, as the lesson of the gain needs it."""
+
+    def draw(
+        self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
+    ) -> Sequences:
+        """Return sequences; their sample time is the source's own, or `stride` times its least."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SequenceSource:
+    """Source of sequences.
+
+    Attributes:
+        records: that stretches are taken from.
+        noises: families of the noise.
+        predict: gives the inputs of the step.
+        strides: sample times in units of that of the records, the most frequent first.
+    """
+
+    records: TwinRecords
+    noises: tuple[str, ...]
+    predict: Prediction = by_members
+    strides: tuple[int, ...] = STRIDES
+
+    def draw(
+        self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
+    ) -> Sequences:
+        """Return sequences; their sample time is drawn, or `stride` times that of the records."""
+        if stride is None:
+            others = len(self.strides) - 1
+            shares = [SHARE_OF_FIRST, *[(1 - SHARE_OF_FIRST) / others] * others] if others else [1.0]
+            stride = int(rng.choice(self.strides, p=shares))
+        last = self.records.pull_mm.shape[1] - 1 - samples * stride
+        command = rng.integers(len(self.records.pull_mm), size=count)
+        twin = rng.integers(self.records.truth_deg.shape[1], size=count)
+        start = np.where(rng.uniform(size=count) < FROM_THE_START, 0, rng.integers(last + 1, size=count))
+        index = start + np.arange(samples + 1)[:, None] * stride  # (N + 1, B)
+        angle = self.records.truth_deg[command, twin, index[1:]]
+        noise = draw_noises(self.noises, count, samples, rng)
+        return Sequences(
+            self.predict(self.records, command, index),
+            tensor32(angle + noise.noise_deg.T),
+            tensor32(angle),
+            tensor32(noise.variance),
+            tensor32(noise.mean_deg),
+            torch.as_tensor(noise.family),
+            tensor32(noise.linear),
+            torch.full((count,), stride * SAMPLE_TIME),
+            stride,
+        )
+
+
+def split_records(records: TwinRecords, held_out: int) -> tuple[TwinRecords, TwinRecords]:
+    """Return the records of all commands but the last few, and of those: for validation."""
+    return (
+        TwinRecords(*(values[:-held_out] for values in records)),
+        TwinRecords(*(values[-held_out:] for values in records)),
+    )
+
+
+def principal_directions(members_deg: NDArray[np.float32], rank: int) -> torch.Tensor:
+    """Return the (M, r) directions among the members along which they differ most.
+
+    Args:
+        members_deg: (C, M, N) angle of the members [deg].
+        rank: r.
+    """
+    thinned = members_deg[:, :, ::25].astype(float)
+    anomaly = (thinned - thinned.mean(axis=1, keepdims=True)).transpose(1, 0, 2)
+    rows = anomaly.reshape(len(anomaly), -1)
+    left, _, _ = np.linalg.svd(rows @ rows.T)
+    return tensor32(left[:, :rank])

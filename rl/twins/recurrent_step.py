@@ -1,10 +1,11 @@
-"""One sample of a network or a learned gain beside a model: the rivals of RAM (twins) as modules of torch.
+"""One sample of a network or a learned gain on a model: the rivals of RAM (twins) as modules of torch.
 
 All predict by the model of Coleman and Hodgdon, theta_k|k-1 = keep theta_{k-1} + drive + f T, see the same
-numbers and remember by one cell. They differ in what is said:
+numbers and remember by one cell. They differ in their output:
 
 - `Correction`: what is to be added to the prediction, in units of sqrt(R). A network that filters.
-- `LearnedGain`: the gains of theta and of f on the innovation (KalmanNet, Revach et al. 2022). It may say the
+- `LearnedGain`: the gains of theta and of f on the innovation (KalmanNet, Revach et al. 2022). It may output
+the
   mean of the noise too, which is taken away at the output.
 - `RecursiveGain`: the gains, and what the variance of the prediction grows by. The variance goes on by
   Joseph's form; gains and variance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
@@ -17,18 +18,123 @@ from typing import NamedTuple
 
 import torch
 
-from rl.twins.bank import HISTORY
-from rl.twins.cells import MemoryCell
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, log_scale
-from rl.twins.networks import last_layer, network
+from rl.twins.filter_bank import HISTORY
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, log_scale, network
+
+Tensor = torch.Tensor
+
+
+class MemoryCell(torch.nn.Module):
+    """A step of a memory.
+
+    Attributes:
+        size: numbers that are remembered.
+        width: numbers of the output.
+    """
+
+    size: int
+    width: int
+
+    def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (B, width) the output for (B, n) numbers, and the (B, size) memory after them."""
+        raise NotImplementedError
+
+
+class GatedUnit(MemoryCell):
+    """Gated recurrent unit (Cho et al. 2014)."""
+
+    def __init__(self, inputs: int, width: int):
+        super().__init__()
+        self.size = self.width = width
+        self.cell = torch.nn.GRUCell(inputs, width)
+
+    def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the output and the memory."""
+        memory = self.cell(seen, memory)
+        return memory, memory
+
+
+class LongShortTerm(MemoryCell):
+    """Long short-term memory (Hochreiter and Schmidhuber 1997)."""
+
+    def __init__(self, inputs: int, width: int):
+        super().__init__()
+        self.size, self.width = 2 * width, width
+        self.cell = torch.nn.LSTMCell(inputs, width)
+
+    def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the output and the memory."""
+        hidden, cell = self.cell(seen, memory.split(self.width, dim=1))
+        return hidden, torch.cat([hidden, cell], dim=1)
+
+
+class StateSpace(MemoryCell):
+    """Selective diagonal state space (after Mamba, Gu and Dao 2023): step, input and output by what is seen.
+
+    Each of W channels u has N states with decay rates a > 0: h <- exp(-dt a) h + dt b u, with output c . h +
+    d u.
+    """
+
+    def __init__(self, inputs: int, width: int, states: int = 8):
+        super().__init__()
+        self.size, self.width, self.states = width * states, width, states
+        self.channels = torch.nn.Linear(inputs, width)
+        self.gate = torch.nn.Linear(inputs, width)
+        self.step = torch.nn.Linear(width, width)
+        self.into = torch.nn.Linear(width, states)
+        self.out = torch.nn.Linear(width, states)
+        self.log_rate = torch.nn.Parameter(torch.log(torch.arange(1.0, states + 1)).repeat(width))
+        self.skip = torch.nn.Parameter(torch.ones(width))
+        # States are flat, channel by channel: files of ours have no operator that reshapes.
+        self.of_channel = torch.nn.Buffer(torch.eye(width).repeat_interleave(states, dim=1))
+        self.of_state = torch.nn.Buffer(torch.eye(states).repeat(1, width))
+        with torch.no_grad():
+            self.step.bias.uniform_(-6.0, -1.0)  # memories from a sample to some hundred
+
+    def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the output and the memory."""
+        raw, gate = self.channels(seen), self.gate(seen)
+        channel = raw * torch.sigmoid(raw)
+        step = torch.sigmoid(self.step(channel))
+        into, out = self.into(channel) @ self.of_state, self.out(channel) @ self.of_state
+        decay = torch.exp(-(step @ self.of_channel) * torch.exp(self.log_rate))
+        states = decay * memory + ((step * channel) @ self.of_channel) * into
+        output = (states * out) @ self.of_channel.T + self.skip * channel
+        return output * gate * torch.sigmoid(gate), states
+
+
+class Convolution(MemoryCell):
+    """Causal temporal convolution (Bai et al. 2018): layers of two taps, each twice as far apart as before.
+
+    The memory holds the inputs of each layer that are still needed, the oldest first.
+    """
+
+    def __init__(self, inputs: int, width: int, layers: int = 6):
+        super().__init__()
+        self.width = width
+        self.apart = [2**layer for layer in range(layers)]
+        self.size = width * sum(self.apart)
+        self.before = torch.nn.Linear(inputs, width)
+        self.now = torch.nn.ModuleList(torch.nn.Linear(width, width) for _ in range(layers))
+        self.then = torch.nn.ModuleList(torch.nn.Linear(width, width, bias=False) for _ in range(layers))
+
+    def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the output and the memory."""
+        output, kept = torch.tanh(self.before(seen)), []
+        sizes = [size for apart in self.apart for size in (self.width, self.width * (apart - 1)) if size]
+        parts = iter(memory.split(sizes, dim=1))
+        for now, then, apart in zip(self.now, self.then, self.apart, strict=True):
+            oldest = next(parts)
+            kept += [next(parts), output] if apart > 1 else [output]
+            output = output + torch.tanh(now(output) + then(oldest))
+        return output, torch.cat(kept, dim=1)
+
 
 SEEN = 11  # numbers that a network sees
 VALUES = 7  # numbers of a filter that are no memory of its network
 FIRST_SPREAD = 0.3
 """Standard deviation that an interval starts from where none is computed, in units of sqrt(R)."""
 LARGEST_BIAS = 4.0  # of the mean of the noise in units of sqrt(R)
-
-Tensor = torch.Tensor
 
 
 class RecurrentState(NamedTuple):
@@ -47,7 +153,7 @@ class RecurrentState(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Sample as it is before the network is heard.
+    """Sample as it is before the network's update.
 
     Attributes:
         innovation: (B,) [deg].
@@ -86,17 +192,17 @@ class RecurrentStep(FilterStep):
     """Prediction, cell and correction; see the module."""
 
     actions = 0
-    said: int
-    """Numbers that the network says."""
+    outputs: int
+    """Numbers of the network's output."""
     unsure = 1.0
-    """Variance that is stated of the mean of the noise, in units of R, beside what is said of it."""
+    """Variance that is stated of the mean of the noise, in units of R, in addition to the output."""
 
     def __init__(self, cell: Callable[[int, int], MemoryCell], width: int):
-        """Start untrained, and almost silent, with a cell made of what it sees and its width."""
+        """Start untrained, with almost no output, with a cell made of what it sees and its width."""
         made = cell(SEEN, width)
         super().__init__(made.width + SEEN)
         self.cell = made
-        self.output = network(made.width + SEEN, 48, self.said, layers=1)
+        self.output = network(made.width + SEEN, 48, self.outputs, layers=1)
         with torch.no_grad():
             last_layer(self.output).weight.mul_(0.1)
             last_layer(self.output).bias.zero_()
@@ -120,9 +226,9 @@ class RecurrentStep(FilterStep):
     ) -> tuple[Output, RecurrentState]:
         """Return the estimates and the states one sample later; arguments as of `MemoryStep`.
 
-        Of `parts`, the first is whether the network is heard, the second if its mean of the noise is.
+        Of `parts`, the first is whether the network is on, the second whether its mean of the noise is used.
         """
-        acts, hears = parts.split(1)
+        network_on, bias_on = parts.split(1)
         root, T = torch.sqrt(variance), sample_time
         theta, error, last, of_theta, of_error, before, spread = (
             of[:, 0] for of in state.values.split(1, dim=1)
@@ -154,12 +260,12 @@ class RecurrentStep(FilterStep):
             ],
             dim=1,
         ).detach()
-        told, hidden = self.cell(features, state.hidden)
+        output, hidden = self.cell(features, state.hidden)
         hidden = state.hidden + seen[:, None] * (hidden - state.hidden)
-        known = torch.cat([told, features], dim=1)
-        heard = self.output(known) * acts
+        known = torch.cat([output, features], dim=1)
+        output = self.output(known) * network_on
         at = Sample(innovation, begun * spread + (1 - begun), keep, root, seen)
-        update = self._update(heard, at)
+        update = self._update(output, at)
 
         bend = predicted + seen * update.bend_deg
         changed = error + seen * update.error
@@ -168,7 +274,7 @@ class RecurrentStep(FilterStep):
         deviation = root * torch.sqrt(update.spread.clamp(min=LEAST_VARIANCE) + update.bias_variance)
         half_width = deviation * self.widen(known)
         output = Output(
-            bend - hears * update.bias * root,
+            bend - bias_on * update.bias * root,
             half_width,
             update.bias,
             update.bias_variance + self.unsure,
@@ -178,56 +284,56 @@ class RecurrentStep(FilterStep):
         )
         return output, RecurrentState(after, hidden, state.samples + seen)
 
-    def _update(self, said: Tensor, at: Sample) -> Update:
-        """Return what (B, said) numbers of the network mean at a sample."""
+    def _update(self, output: Tensor, at: Sample) -> Update:
+        """Return the update of a sample by (B, outputs) numbers of the network."""
         raise NotImplementedError
 
 
 class Correction(RecurrentStep):
-    """Network that says what is to be added to the prediction."""
+    """Network that outputs a correction of the prediction."""
 
-    said = 1
+    outputs = 1
 
-    def _update(self, said: Tensor, at: Sample) -> Update:
+    def _update(self, output: Tensor, at: Sample) -> Update:
         none = 0 * at.innovation
-        return Update(at.root * said[:, 0], none, none + FIRST_SPREAD**2, none, none)
+        return Update(at.root * output[:, 0], none, none + FIRST_SPREAD**2, none, none)
 
 
 class LearnedGain(RecurrentStep):
-    """Gains of theta, in [0, 1], and of f, in [0, 2] per second; small ones where nothing is said."""
+    """Gains of theta, in [0, 1], and of f, in [0, 2] per second; small ones at a zero output."""
 
-    said = 2
+    outputs = 2
 
-    def _update(self, said: Tensor, at: Sample) -> Update:
+    def _update(self, output: Tensor, at: Sample) -> Update:
         none = 0 * at.innovation
-        of_theta, of_error = _gain_of_theta(said), 2 * torch.sigmoid(said[:, 1] - 4)
+        of_theta, of_error = _gain_of_theta(output), 2 * torch.sigmoid(output[:, 1] - 4)
         return Update(of_theta * at.innovation, of_error * at.innovation, none + FIRST_SPREAD**2, none, none)
 
 
 class LearnedGainAndBias(LearnedGain):
     """Gains, and the mean of the noise with how sure it is."""
 
-    said, unsure = 4, 1e-4
+    outputs, unsure = 4, 1e-4
 
-    def _update(self, said: Tensor, at: Sample) -> Update:
-        bias = LARGEST_BIAS * torch.tanh(said[:, 2] / LARGEST_BIAS)
-        doubt = torch.exp(4 * torch.tanh(said[:, 3] / 2))
-        return super()._update(said, at)._replace(bias=bias, bias_variance=doubt)
+    def _update(self, output: Tensor, at: Sample) -> Update:
+        bias = LARGEST_BIAS * torch.tanh(output[:, 2] / LARGEST_BIAS)
+        doubt = torch.exp(4 * torch.tanh(output[:, 3] / 2))
+        return super()._update(output, at)._replace(bias=bias, bias_variance=doubt)
 
 
 class RecursiveGain(LearnedGain):
     """Gains, and a variance that goes on from sample to sample."""
 
     by_likelihood = True
-    said = 3
+    outputs = 3
 
-    def _update(self, said: Tensor, at: Sample) -> Update:
-        gain = _gain_of_theta(said)
-        grown = at.keep * at.keep * at.spread + torch.exp(6 * torch.tanh((said[:, 2] - 4) / 6))
+    def _update(self, output: Tensor, at: Sample) -> Update:
+        gain = _gain_of_theta(output)
+        grown = at.keep * at.keep * at.spread + torch.exp(6 * torch.tanh((output[:, 2] - 4) / 6))
         updated = (1 - gain) ** 2 * grown + gain**2
-        return super()._update(said, at)._replace(spread=grown + at.seen * (updated - grown))
+        return super()._update(output, at)._replace(spread=grown + at.seen * (updated - grown))
 
 
-def _gain_of_theta(said: Tensor) -> Tensor:
+def _gain_of_theta(output: Tensor) -> Tensor:
     """Return the gain of theta, in [0, 1]."""
-    return torch.sigmoid(said[:, 0] - 2)
+    return torch.sigmoid(output[:, 0] - 2)

@@ -1,6 +1,7 @@
 """A training on simulated twins: records, lessons, validation and file, in one run folder."""
 
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -9,14 +10,21 @@ from typing import Any, TypeVar
 
 import torch
 
-from rl.options import TrainingOptions
+from rl.options import TRAINING_STROKE_MM, TrainingOptions
 from rl.run import action_columns, write_curve
 from rl.trainers import OnProgress, Simulated, TrainOnTwins
-from rl.twins.checkpoint import Keeper
 from rl.twins.filter_step import FilterStep
-from rl.twins.learning import learn_gain, learn_interval, validation
-from rl.twins.records import SAMPLE_TIME, TwinRecords, simulate_records
-from rl.twins.sequences import STRIDES, Prediction, SequenceSource, split_records
+from rl.twins.learning import Keeper, learn_gain, learn_interval, validation
+from rl.twins.records import (
+    SAMPLE_TIME,
+    STRIDES,
+    Prediction,
+    SequenceSource,
+    TwinRecords,
+    by_model,
+    simulate_records,
+    split_records,
+)
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
 from twin.dataset.farthest import check_reached
@@ -25,19 +33,21 @@ from twin.estimation.deployment import prepare_deployment
 from twin.estimation.registry import Training
 from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run
 from twin.files.state_file import state_key
+from twin.hysteresis import ColemanHodgdon, model_to_dict
+from twin.identification.models import identify_coleman_hodgdon
 from twin.identification.nominal import identify_steps, nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced.members import NO_MEMBERS, MemberSet, check_members, members_to_dict
 
 VALIDATIONS = 12  # over each lesson of the gain
-_COSTS = {"members": 3, "simulation": 25, "laws": 5, "analytic": 55, "ppo": 15, "interval": 5}
+_COSTS = {"members": 3, "simulation": 25, "noise_models": 5, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]
-"""Told how much of a part is done, of how much."""
+"""Called with how much of a part is done, and of how much."""
 OnWeights = Callable[[int], None]
-"""Told after how many samples of a part the step has the weights that it has."""
+"""Called with the number of samples that the current weights have learned from."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,10 +58,10 @@ class Learner:
         training: its agent and its file.
         begin: returns the untrained step, and what it predicts by, for the records to learn from.
         export: writes the trained step with a description, which has the members, to a path.
-        choose: returns the twins that are simulated along every command beside those that are estimated.
+        choose: returns the twins that are simulated along every command next to those that are estimated.
         prepare: a lesson before that of the gain.
         explore: the lesson of PPO.
-        guard: a lesson behind it, of what is like the training and what is not.
+        guard: a later lesson, that of the detector of strange noise.
     """
 
     training: Training
@@ -64,7 +74,7 @@ class Learner:
 
     def parts(self, gain: Sequence[str]) -> list[str]:
         """Return the parts of the training that take time, by name."""
-        before = [("members", self.choose), ("simulation", True), ("laws", self.prepare)]
+        before = [("members", self.choose), ("simulation", True), ("noise_models", self.prepare)]
         return [*(name for name, there in before if there), *gain, "interval"]
 
 
@@ -87,16 +97,11 @@ def train_on_twins(
         ranges: what varies from one to the next.
         settings: size and length.
         folder: where the run is kept.
-        on_progress: told thousandths done, their number, and minus the typical square error on twins that are
-            held out [deg^2].
+        on_progress: called with thousandths done, their number, and minus the typical square error on twins
+            that are held out [deg^2].
 
     Returns:
         The trained file.
-
-    Raises:
-        ValueError: the preset has a second bending plane or gravity, the stroke is beyond its reach, or the
-            folder holds another run.
-        FloatingPointError: a simulation or the training diverged.
     """
     check_members([preset])
     check_reached(preset, settings.stroke_mm)
@@ -110,7 +115,7 @@ def train_on_twins(
         if not path.is_file():
             torch.set_num_threads(1)
             torch.manual_seed(settings.seed)
-            # Weights of unlikely laws are numbers so small that processors take a hundred cycles for each.
+            # Unlikely noise models have weights so small that processors take a hundred cycles for each.
             torch.set_flush_denormal(True)
             try:
                 shown = _Shown(on_progress, learner.parts(settings.gain))
@@ -150,8 +155,8 @@ def _train(
     )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
-    told = {"members": members_to_dict(members)} if members.presets else {}
-    key = state_key(__version__, torch.__version__, configuration, told)
+    extra = {"members": members_to_dict(members)} if members.presets else {}
+    key = state_key(__version__, torch.__version__, configuration, extra)
     columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
     keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
     losses: list[float] = []  # since the last validation
@@ -174,7 +179,7 @@ def _train(
         shown.of("analytic")(update, settings.updates)
 
     if learner.prepare and not keeper.is_there():
-        learner.prepare(step, shown.of("laws"))
+        learner.prepare(step, shown.of("noise_models"))
     before = 0
     if "analytic" in settings.gain:
         learn_gain(step, source, settings, on_update, keeper)
@@ -192,7 +197,12 @@ def _train(
     nominal = nominal_records(preset, settings.stroke_mm, settings.seed, SAMPLE_TIME, STRIDES[0])
     sample_time = SAMPLE_TIME * STRIDES[0]
     deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
-    description = {"agent": learner.training.agent, **configuration, DEPLOYMENT: deployment.to_dict(), **told}
+    description = {
+        "agent": learner.training.agent,
+        **configuration,
+        DEPLOYMENT: deployment.to_dict(),
+        **extra,
+    }
     learner.export(step, description, path)  # the last: where the file is, the run is finished
     keeper.remove()
 
@@ -230,7 +240,7 @@ class _Shown:
         self.error = float("nan")
 
     def of(self, part: str) -> OnShare:
-        """Return what is told how much of a part is done."""
+        """Return a callback for the progress of a part."""
         whole = sum(_COSTS[name] for name in self.parts)
         before = sum(_COSTS[name] for name in self.parts[: self.parts.index(part)])
 
@@ -240,3 +250,35 @@ class _Shown:
                 self.on_progress(round(1000 * share), 1000, self.error)
 
         return show
+
+
+def train_with_model(
+    training: Training,
+    make: Callable[[Any], FilterStep],
+    write: Callable[[Any, dict[str, Any], Path], None],
+    preset: Preset,
+    ranges: Ranges,
+    settings: SimulatedTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
+) -> Path:
+    """Train into a folder, as `train_on_twins` does; the file holds the model too."""
+
+    @functools.cache  # found when it is needed: a finished run needs none
+    def model() -> ColemanHodgdon:
+        return nominal_model(preset, settings.seed)
+
+    def begin(records: TwinRecords) -> tuple[FilterStep, Prediction]:
+        return make(settings), by_model(model())
+
+    def export(step: FilterStep, description: dict[str, Any], path: Path) -> None:
+        write(step, description | {"model": model_to_dict(model())}, path)
+
+    return train_on_twins(Learner(training, begin, export), preset, ranges, settings, folder, on_progress)
+
+
+def nominal_model(preset: Preset, seed: int) -> ColemanHodgdon:
+    """Return the model of Coleman and Hodgdon of an endoscope as its preset is, on the paper's stroke."""
+    return identify_coleman_hodgdon(
+        nominal_records(preset, TRAINING_STROKE_MM, seed, SAMPLE_TIME, STRIDES[0]), seed
+    )[0]

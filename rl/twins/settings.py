@@ -5,8 +5,7 @@ from typing import Any, ClassVar, Self
 
 from rl.options import TrainingOptions, share_of
 from rl.twins.noises import STANDARD, check_families
-from rl.twins.records import SAMPLE_TIME, STROKE_MM
-from rl.twins.sequences import STRIDES
+from rl.twins.records import SAMPLE_TIME, STRIDES, STROKE_MM
 from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
@@ -34,14 +33,14 @@ class SimulatedTraining:
         seconds: length of a record.
         stroke_mm: that commands lie within, of any width and place.
         sequences: with their own noise, that run side by side.
-        episode: samples until all begin anew, on other records.
+        episode: samples until all begin again, on other records.
         window: samples that an error is traced back over.
         updates: gradient steps through the filter, one per window.
         interval_sequences: that the width of the interval is learned from.
         interval_updates: gradient steps of that.
         learning_rate: of Adam through the filter at the start; it falls to zero along a cosine.
         linear_penalty: weight of what the policy does where doing nothing is best.
-        bias_weight: weight of the loss of the mean of the noise beside the error of the estimate.
+        bias_weight: weight of the loss of the mean of the noise next to the error of the estimate.
         noises: families of `rl.twins.noises` that are met.
         gain: how the policy learns, one of `gains`.
         sample_times: T that are met, the most frequent first, of `SAMPLE_TIMES` [s].
@@ -76,11 +75,7 @@ class SimulatedTraining:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run.
-
-        Raises:
-            ValueError: records are shorter than an episode, or the policy learns in no way that there is.
-        """
+        """Refuse a training that cannot run."""
         check_families(self.noises)
         if self.gain not in self.gains:
             valid = "; ".join(" ".join(words) for words in self.gains)
@@ -105,7 +100,7 @@ class SimulatedTraining:
 
     @property
     def windows(self) -> int:
-        """Windows after which sequences begin anew."""
+        """Windows after which sequences begin again."""
         return self.episode // self.window
 
     def scaled(self, options: TrainingOptions) -> Self:
@@ -121,17 +116,13 @@ class NetworkTraining(SimulatedTraining):
     """Settings of the training of RAM (memory), or of a rival of RAM (twins).
 
     Attributes:
-        width: numbers that its memory says, or channels of it.
+        width: outputs of its memory, or channels of it.
     """
 
     width: int = 48
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run.
-
-        Raises:
-            ValueError: as for any training on twins, or the network is too small or large.
-        """
+        """Refuse a training that cannot run."""
         super().__post_init__()
         check_between("width", self.width, 1, MOST_WIDTH)
 
@@ -150,16 +141,17 @@ class TwinsTraining(SimulatedTraining):
         policy_layers: of the policy; 0 for one that is linear in what it sees.
         policy_width: units of each; what a search took, as the learning rate: docs/ram_twins.md.
         with_error: whether what no member does is estimated.
-        with_recogniser: whether there are laws of the noise to choose among; without them it is normal.
-        laws_sequences: of noise that the laws are learned from first.
-        laws_updates: gradient steps of that.
-        laws_rate: step of Adam of that at the start; it falls to zero along a cosine.
+        with_classifier: whether there are noise models of the noise to choose among; without them it is
+            normal.
+        noise_model_sequences: of noise that the noise models are learned from first.
+        noise_model_updates: gradient steps of that.
+        noise_model_rate: step of Adam of that at the start; it falls to zero along a cosine.
         ppo_samples: of PPO, rounded up to whole horizons.
     """
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
-        "laws_sequences": 64,
-        "laws_updates": 1,
+        "noise_model_sequences": 64,
+        "noise_model_updates": 1,
         "ppo_samples": PPO_HORIZON,
     }
     gains = (("analytic",), ("ppo",), ("analytic", "ppo"))
@@ -173,18 +165,14 @@ class TwinsTraining(SimulatedTraining):
     policy_layers: int = 2
     policy_width: int = 96
     with_error: bool = True
-    with_recogniser: bool = True
-    laws_sequences: int = 8192
-    laws_updates: int = 1500
-    laws_rate: float = 3e-2
+    with_classifier: bool = True
+    noise_model_sequences: int = 8192
+    noise_model_updates: int = 1500
+    noise_model_rate: float = 3e-2
     ppo_samples: int = 48 * PPO_HORIZON
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run.
-
-        Raises:
-            ValueError: as for any training on twins, or a file could not hold the members.
-        """
+        """Refuse a training that cannot run."""
         super().__post_init__()
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("moving", self.moving, 0, self.members)
@@ -194,5 +182,5 @@ class TwinsTraining(SimulatedTraining):
 
     @property
     def known_noises(self) -> tuple[str, ...]:
-        """Families whose laws there are to choose among."""
-        return self.noises if self.with_recogniser else ("gaussian",)
+        """Families whose noise models there are to choose among."""
+        return self.noises if self.with_classifier else ("gaussian",)

@@ -5,62 +5,308 @@ The active model (eqs. 4-9) predicts by M twins that follow the command:
     theta = mean of the members + c . a + d,      y = theta + noise,
 
 where a are the anomalies of the members along r fixed directions, c their coefficients (Evensen 2003) and d
-what no member does, which decays with the way of the tendon (`rl/twins/motion.py`). It is told R. What else
-the noise is, its mean above all, is recognised: a bank of such filters, one for each law that the noise may
-have, is weighed by what is measured (`rl/twins/bank.py`).
+what no member does, which decays with the way of the tendon (`rl/twins/filter_step.py`). It knows R. What
+else the noise is, its mean above all, is recognised: a filter bank of such filters, one for each noise model
+that the noise may have, is weighed by what is measured (`rl/twins/filter_bank.py`).
 
 RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own direction P a. Of the gains it is the
 *sum* that is bounded,
 
     K_AM + (1 - K_AM) K_RAM = sigmoid(logit K_AM + 5 tanh u)    in [0, 1],
 
-for each part of each law, so that K_RAM may be negative: it takes back what the active model believed of an
-outlier. Three more actions set the R by which P shrinks, the growth of d and that of c. A policy that does
-nothing (u = 0) changes nothing.
+for each part of each noise model, so that K_RAM may be negative: it takes back what the active model took
+of an outlier. Three more actions set the R by which P shrinks, the growth of d and that of c. A policy that
+does nothing (u = 0) changes nothing.
 
-Beside it goes the filter alone, which is told R and nothing more (`rl/twins/plain_filter.py`). Where the
-noise is like none of the training (`rl/twins/familiarity.py`), recogniser and policy fall silent, and the
-filter alone is left, as a robust one (`rl/twins/fallback.py`).
+The filter alone runs alongside, which knows R and nothing more (`rl/twins/step.py`). Where the
+noise is like none of the training (`rl/twins/ood_detector.py`), noise classifier and policy are disabled, and
+the filter alone is left, as a robust one (`rl/twins/ood_detector.py`).
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
-from rl.twins.bank import HISTORY, Bank, BankState
-from rl.twins.fallback import Fallback
-from rl.twins.familiarity import Familiarity
-from rl.twins.features import SCALARS, Features, recent
-from rl.twins.filter_state import STATISTICS, FilterState, Predicted
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output
-from rl.twins.histogram import BINS, ResidualHistogram
-from rl.twins.motion import MemberMotion
-from rl.twins.networks import last_layer, network
-from rl.twins.plain_filter import PlainFilter
-from rl.twins.products import along
+from rl.twins.filter_bank import HISTORY, FilterBank, FilterBankPrediction, FilterBankState, NoiseBelief
+from rl.twins.filter_step import (
+    LEAST_VARIANCE,
+    FilterStep,
+    MemberMotion,
+    Output,
+    along,
+    last_layer,
+    log_scale,
+    network,
+)
+from rl.twins.ood_detector import BINS, Fallback, OodDetector, ResidualHistogram, Verdict
+
+Tensor = torch.Tensor
+
+STATISTICS = 4
+
+
+class FilterState(NamedTuple):
+    """State of B filters.
+
+    Attributes:
+        mean: (B, r + 2) of c, d [deg] and b [deg], of the filter alone.
+        covariance: (B, r + 2, r + 2) of it.
+        counts: (B, BINS) histogram of its residuals.
+        samples: (B,) measured so far.
+        statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
+            its normalised square, and the last one.
+        rows: (B, J, r + 1) of c and d, by noise model of the noise.
+        rows_covariance: (B, r + 1, r + 1) of each of them.
+        evidence: (B, J) logarithm of how likely each noise model made what was measured.
+    """
+
+    mean: Tensor
+    covariance: Tensor
+    counts: Tensor
+    samples: Tensor
+    statistics: Tensor
+    rows: Tensor
+    rows_covariance: Tensor
+    evidence: Tensor
+
+
+class Predicted(NamedTuple):
+    """Prediction for a sample, and its innovation.
+
+    Attributes:
+        state: after the sample before.
+        filter_bank: as predicted, with its belief about the noise.
+        middle: (B,) mean angle of the members [deg].
+        keep: (B, r + 1) what is left of c and d since the sample before.
+        growth: what their variances grow by, (B, r + 1) of d, times an action of the policy, and of c.
+        measured: (B,) measurement about the middle [deg]; where there is none, what was expected.
+        innovation: (B,) in units of sqrt(R).
+        doubt: (B,) variance of the angle in units of R.
+        seen: (B,) 1 where something was measured.
+        variance: (B,) R [deg^2].
+        sample_time: (B,) T [s].
+        features: (B, J + SCALARS) what the policy sees.
+        policy_on: weight of the policy.
+        classifier_on: weight of the noise classifier.
+        verdict: of the fallback; None while the step learns, when nothing is strange.
+    """
+
+    state: FilterState
+    filter_bank: FilterBankPrediction
+    middle: Tensor
+    keep: Tensor
+    growth: tuple[Tensor, Tensor]
+    measured: Tensor
+    innovation: Tensor
+    doubt: Tensor
+    seen: Tensor
+    variance: Tensor
+    sample_time: Tensor
+    features: Tensor
+    policy_on: Tensor
+    classifier_on: Tensor
+    verdict: Verdict | None
+
+
+FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
+BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
+
+
+class PlainEstimate(NamedTuple):
+    """Estimate of the filter alone; all (B,).
+
+    Attributes:
+        offset: angle about the mean of the members [deg].
+        variance: of it [deg^2].
+        residual: what is left of the measurement, in units of sqrt(R).
+        doubt: variance of the prediction of the measurement, in units of R.
+    """
+
+    offset: Tensor
+    variance: Tensor
+    residual: Tensor
+    doubt: Tensor
+
+
+class PlainFilter(torch.nn.Module):
+    """Kalman filter of c, d and b."""
+
+    def __init__(self, motion: MemberMotion):
+        """Take the motion of c and d."""
+        super().__init__()
+        self.motion = motion
+        units = torch.eye(len(motion.of_error) + 1)
+        self.unit = torch.nn.Buffer(units)
+        self.of_bias = torch.nn.Buffer(units[-1])
+        self.widened = torch.nn.Buffer(units[:-1])  # from c and d to the whole state
+
+    def first_covariance(self, variance: Tensor) -> Tensor:
+        """Return P (B, n + 1, n + 1) before anything is measured."""
+        first: Tensor = self.motion.first_covariance(variance).sum(dim=-1) @ self.widened
+        of_variance = (FIRST_BIAS * variance)[:, None]
+        return (first + of_variance * self.of_bias)[:, :, None] * self.unit
+
+    def forward(
+        self,
+        mean: Tensor,
+        covariance: Tensor,
+        angle: Tensor,
+        keep: Tensor,
+        grows: Tensor,
+        measured: Tensor,
+        seen: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+        verdict: Verdict | None = None,
+    ) -> tuple[PlainEstimate, Tensor, Tensor]:
+        """Return the estimate, and mean and covariance, one sample later.
+
+        Args:
+            mean: (B, n + 1) after the sample before.
+            covariance: (B, n + 1, n + 1).
+            angle: (B, n) of theta on c and d.
+            keep: (B, n) what is left of them.
+            grows: (B, n) what their variances grow by.
+            measured: (B,) measurement about the mean of the members [deg].
+            seen: (B,) 1 where there is one.
+            variance: (B,) R [deg^2].
+            sample_time: (B,) T [s].
+            verdict: of the fallback, if it is asked.
+        """
+        angle, keep = angle @ self.widened, keep @ self.widened + self.of_bias
+        grows = grows @ self.widened + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
+        seen_as = angle + self.of_bias  # h: of the measurement
+        mean = mean * keep
+        covariance = covariance * (keep[:, :, None] * keep[:, None, :]) + grows[:, :, None] * self.unit
+        towards = torch.bmm(covariance, seen_as[:, :, None])[:, :, 0]  # P h
+        doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        innovation = seen * (measured - (seen_as * mean).sum(dim=1))
+        noise, certain = variance, 0 * variance
+        if verdict is not None:
+            noise, certain = variance * verdict.narrower, verdict.even
+            seen = seen * verdict.bound(innovation, doubt + noise)
+        shrink = (seen / (doubt + noise))[:, None]
+        mean = mean + towards * (shrink * innovation[:, None])
+        covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
+
+        # That b is zero, if it is, is one more measurement, at the output alone.
+        with_b = along(covariance, self.of_bias)
+        of_bend = torch.bmm(covariance, angle[:, :, None])[:, :, 0]
+        with_bend, own = along(of_bend, self.of_bias), along(with_b, self.of_bias)
+        share = with_bend * certain / (own * certain + variance)
+        bend = (angle * mean).sum(dim=1) - share * along(mean, self.of_bias)
+        left = (angle * of_bend).sum(dim=1) - share * with_bend
+        residual = (measured - (seen_as * mean).sum(dim=1)) / torch.sqrt(variance)
+        return PlainEstimate(bend, left, residual, doubt / variance), mean, covariance
+
+
+SCALARS = 16  # that the policy sees next to the probabilities of the noise models
+RECENT = 30.0  # samples of the running statistics
+
+
+class Features(torch.nn.Module):
+    """Observation of the policy, in the units stated here."""
+
+    def __init__(self, motion: MemberMotion) -> None:
+        super().__init__()
+        self.motion = motion
+        self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
+        self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
+
+    def forward(
+        self,
+        state: FilterState,
+        belief: NoiseBelief,
+        mean: Tensor,
+        doubt: Tensor,
+        of_error: Tensor,
+        innovation: Tensor,
+        way_mm: Tensor,
+        variance: Tensor,
+        sample_time: Tensor,
+    ) -> Tensor:
+        """Return (B, J + SCALARS) what the policy sees; with gradients by the belief in the noise models.
+
+        Args:
+            state: after the sample before.
+            belief: in the noise models of the noise.
+            mean: (B, n) of c and d, as predicted.
+            doubt: (B,) variance of the prediction [deg^2].
+            of_error: (B,) that of d [deg^2].
+            innovation: (B,) [deg].
+            way_mm: (B,) since the last sample [mm].
+            variance: (B,) R [deg^2].
+            sample_time: (B,) T [s].
+        """
+        root = torch.sqrt(variance)
+        average, product, square, _ = state.statistics.split(1, dim=1)
+        coefficients = mean * self.motion.of_members
+        angles = [
+            innovation / root,
+            innovation / torch.sqrt(doubt + variance),
+            along(mean, self.motion.of_error) / root,
+            way_mm,
+        ]
+        positive = [
+            doubt / variance,
+            of_error + 1e-3,
+            square[:, 0] + 1,
+            state.samples.clamp(max=HISTORY) + 1,
+            variance,
+            10 * sample_time,
+        ]
+        return torch.cat(
+            [
+                belief.weights,
+                belief.bias[:, None],
+                torch.log(belief.bias_variance)[:, None] / 3,
+                log_scale(torch.stack(angles, dim=1) * self.angle_units),
+                torch.log(torch.stack(positive, dim=1)) * self.log_units,
+                torch.tanh(innovation / root / 2)[:, None],
+                (coefficients * coefficients).sum(dim=1, keepdim=True) / self.motion.of_members.sum(),
+                average,
+                product,
+            ],
+            dim=1,
+        )
+
+
+def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
+    """Return the running statistics with one more innovation, in units of sqrt(R)."""
+    average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
+    now = log_scale(innovation)
+    weight = seen / (state.samples + 1).clamp(max=RECENT)
+    return torch.stack(
+        [
+            average + (now - average) * weight,
+            product + (now * log_scale(last) - product) * weight,
+            square + (innovation * innovation / (doubt + 1) - square) * weight,
+            last + (innovation - last) * seen,
+        ],
+        dim=1,
+    )
+
 
 ACTIONS = 4  # on the total gain, on R for the covariance, on the growth of d, on that of c
 REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
 
-Tensor = torch.Tensor
-
 
 class TwinsStep(FilterStep):
-    """Active model on twins, recogniser of the noise, policy and interval; see the module.
+    """Active model on twins, noise classifier of the noise, policy and interval; see the module.
 
     Attributes:
-        guarded: whether recogniser and policy fall silent under strange noise; while it learns, all is heard.
+        guarded: whether classifier and policy are disabled under strange noise; while it learns, both are on.
         goes_along: whether the filter alone is computed too; while the policy learns, nothing asks for it.
     """
 
     actions = ACTIONS
-    slow = tuple(f"bank.laws.{name}" for name in ("places", "weights", "widths", "effective"))
+    slow = tuple(f"filter_bank.noise_models.{name}" for name in ("places", "weights", "widths", "effective"))
 
     def __init__(
         self,
         directions: Tensor,
-        laws: int,
+        noise_models: int,
         hidden: int = 96,
         *,
         policy_layers: int = 2,
@@ -70,24 +316,24 @@ class TwinsStep(FilterStep):
 
         Args:
             directions: (M, r) orthonormal directions among the members.
-            laws: J, of the noise.
+            noise_models: J, of the noise.
             hidden: units of each layer of the policy.
             policy_layers: of the policy; 0 for one that is linear in what it sees.
             with_error: whether there is a d, what no member does.
         """
-        super().__init__(laws + SCALARS)
+        super().__init__(noise_models + SCALARS)
         members, rank = directions.shape
         scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 1)], dim=1)
         self.directions = torch.nn.Buffer(scaled)
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.motion = MemberMotion(rank, with_error=with_error)
-        self.bank = Bank(self.motion, laws)
+        self.filter_bank = FilterBank(self.motion, noise_models)
         self.plain = PlainFilter(self.motion)
         self.features = Features(self.motion)
         self.histogram = ResidualHistogram()
-        self.familiarity, self.fallback = Familiarity(laws), Fallback()
+        self.ood_detector, self.fallback = OodDetector(noise_models), Fallback()
         self.guarded, self.goes_along = False, True
-        self.policy = network(laws + SCALARS, hidden, ACTIONS, policy_layers)
+        self.policy = network(noise_models + SCALARS, hidden, ACTIONS, policy_layers)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
             last_layer(self.policy).bias.zero_()
@@ -102,7 +348,7 @@ class TwinsStep(FilterStep):
             torch.zeros(batch, BINS),
             torch.zeros(batch),
             torch.zeros(batch, STATISTICS),
-            *self.bank.start(variance),
+            *self.filter_bank.start(variance),
         )
 
     def forward(self, *given: Any) -> tuple[Output, FilterState]:
@@ -126,37 +372,37 @@ class TwinsStep(FilterStep):
             members_deg: (B, M) angle of the members now [deg].
             way_mm: (B,) that the tendon has gone since the last sample [mm].
             measurement_deg: (B,) NaN where there is none [deg].
-            variance: (B,) R, as told [deg^2].
+            variance: (B,) R, as given [deg^2].
             sample_time: (B,) T [s].
-            parts: (2,) 1 or 0: whether the policy acts, and whether the recogniser is heard.
+            parts: (2,) 1 or 0: whether the policy and the noise classifier are on.
             state: after the sample before.
         """
-        acts, hears = parts.split(1)
+        policy_on, classifier_on = parts.split(1)
         middle = members_deg.mean(dim=1)
         angle = (members_deg - middle[:, None]) @ self.directions + self.motion.of_error
         keep = self.motion.keep(way_mm)
-        bank = self.bank.predict(_of_bank(state), angle, keep, variance)
-        belief = bank.belief
+        filter_bank = self.filter_bank.predict(_of_bank(state), angle, keep, variance)
+        belief = filter_bank.belief
 
-        offset = (belief.weights * bank.offset).sum(dim=1)
+        offset = (belief.weights * filter_bank.offset).sum(dim=1)
         expected = offset + belief.bias * torch.sqrt(variance)
         is_seen = ~torch.isnan(measurement_deg)
         measured = torch.where(is_seen, measurement_deg - middle, expected)
         innovation = (measured - expected).detach()
-        doubt = (angle * bank.towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach()
-        of_error = along(along(bank.covariance.detach(), self.motion.of_error), self.motion.of_error)
-        mean = (belief.weights[:, :, None] * bank.rows).sum(dim=1).detach()
+        doubt = (angle * filter_bank.towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach()
+        of_error = along(along(filter_bank.covariance.detach(), self.motion.of_error), self.motion.of_error)
+        mean = (belief.weights[:, :, None] * filter_bank.rows).sum(dim=1).detach()
         features = self.features(
             state, belief, mean, doubt, of_error, innovation, way_mm, variance, sample_time
         )
         verdict = None
         if self.guarded:
-            known = self.familiarity(belief.weights, state.counts, torch.log(variance))
-            verdict = self.fallback(hears * (1 - known), state.counts)
-            acts, hears = acts * known[:, None], hears * known
+            known = self.ood_detector(belief.weights, state.counts, torch.log(variance))
+            verdict = self.fallback(classifier_on * (1 - known), state.counts)
+            policy_on, classifier_on = policy_on * known[:, None], classifier_on * known
         return Predicted(
             state=state,
-            bank=bank,
+            filter_bank=filter_bank,
             middle=middle,
             keep=keep,
             growth=self.motion.growth(way_mm, sample_time),
@@ -167,8 +413,8 @@ class TwinsStep(FilterStep):
             variance=variance,
             sample_time=sample_time,
             features=features,
-            acts=acts,
-            hears=hears,
+            policy_on=policy_on,
+            classifier_on=classifier_on,
             verdict=verdict,
         )
 
@@ -180,11 +426,11 @@ class TwinsStep(FilterStep):
             action: (B, ACTIONS) of the policy, before it is bounded.
         """
         state, seen = prior.state, prior.seen
-        said = action * prior.acts
-        on_gain, on_noise, on_error, on_members = (torch.tanh(said) * self.reach).split(1, dim=1)
+        actions = action * prior.policy_on
+        on_gain, on_noise, on_error, on_members = (torch.tanh(actions) * self.reach).split(1, dim=1)
         of_error, of_members = prior.growth
-        bank, of_bank = self.bank.update(
-            prior.bank,
+        filter_bank, of_bank = self.filter_bank.update(
+            prior.filter_bank,
             of_error * torch.exp(on_error) + of_members * torch.exp(on_members),
             prior.measured,
             seen,
@@ -192,28 +438,30 @@ class TwinsStep(FilterStep):
             on_gain[:, 0],
             on_noise[:, 0],
         )
-        offset, variance = bank.offset, bank.variance
+        offset, variance = filter_bank.offset, filter_bank.variance
         mean, covariance, counts = state.mean, state.covariance, state.counts
         if self.goes_along:
-            given = prior.bank.angle, prior.keep, of_error + of_members, prior.measured, seen
+            given = prior.filter_bank.angle, prior.keep, of_error + of_members, prior.measured, seen
             alone, mean, covariance = self.plain(
                 mean, covariance, *given, prior.variance, prior.sample_time, prior.verdict
             )
             counted = seen[:, None] * self.histogram(alone.residual, alone.doubt)
             counts = counts * (1 - seen / HISTORY)[:, None] + counted
-            hears, apart = prior.hears, offset - alone.offset
-            offset = alone.offset + hears * apart
-            variance = hears * variance + (1 - hears) * (alone.variance + hears * apart * apart)
+            classifier_on, apart = prior.classifier_on, offset - alone.offset
+            offset = alone.offset + classifier_on * apart
+            variance = classifier_on * variance + (1 - classifier_on) * (
+                alone.variance + classifier_on * apart * apart
+            )
         statistics = recent(state, seen, prior.innovation, prior.doubt)
         after = FilterState(mean, covariance, counts, state.samples + seen, statistics, *of_bank)
 
         deviation = torch.sqrt(variance.clamp(min=LEAST_VARIANCE))
         half_width = deviation * self.widen(prior.features)
-        bend, belief = prior.middle + offset, bank.belief
+        bend, belief = prior.middle + offset, filter_bank.belief
         return Output(
-            bend, half_width, belief.bias, belief.bias_variance, said, deviation, prior.features
+            bend, half_width, belief.bias, belief.bias_variance, actions, deviation, prior.features
         ), after
 
 
-def _of_bank(state: FilterState) -> BankState:
-    return BankState(state.rows, state.rows_covariance, state.evidence)
+def _of_bank(state: FilterState) -> FilterBankState:
+    return FilterBankState(state.rows, state.rows_covariance, state.evidence)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.learning import filter_sequences, learn_gain
-from rl.twins.sequences import STRIDES, Sequences
+from rl.twins.records import STRIDES, Sequences
 from rl.twins.settings import SimulatedTraining
 from twin.estimation.gaussian import condition, propagate
 

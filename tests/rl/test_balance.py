@@ -5,7 +5,7 @@ import pytest
 import torch
 from small_twins import generator, shorter, small_source
 
-from rl.twins.balance import MOST_LAST, POWER, TypicalErrors
+from rl.twins.learning import MOST_LAST, POWER, TypicalErrors
 
 SETTINGS = shorter(episode=40, window=10, noises=("gaussian", "gamma"))
 

@@ -1,4 +1,4 @@
-"""The bank of RAM (twins) against filters in plain NumPy that are told the law."""
+"""The filter bank of RAM (twins) against filters in plain NumPy that are told the noise_model."""
 
 import numpy as np
 import torch
@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from scipy import stats
 from small_twins import LAWS, drawn, normal_laws, shorter, small_step
 
-from rl.twins.bank import CAUTION, HISTORY
+from rl.twins.filter_bank import CAUTION, HISTORY, NARROWEST_DEG2
 from rl.twins.filter_step import ALL
-from rl.twins.laws import NARROWEST_DEG2
 from rl.twins.learning import filter_sequences
-from rl.twins.noises import count_laws
+from rl.twins.noises import count_noise_models
 
 RECOGNISER_ALONE = torch.tensor([0.0, 1.0])
 
@@ -48,15 +47,15 @@ def kalman_filters(step, sequences, run, means, deviations, prior):
 
 
 def test_with_normal_laws_it_is_a_bank_of_kalman_filters():
-    """Three laws among many that are far from anything measured."""
+    """Three noise models among many that are far from anything measured."""
     step, sequences = small_step(), drawn()
     means, deviations = np.full(LAWS, 1000.0), np.full(LAWS, 1.0)
     means[:3], deviations[:3] = [0.0, 1.0, 1.5], [1.0, 0.6, 1.3]
     normal_laws(step, means, deviations)
     prior = np.array([0.0, 1.5, -1.5])
     with torch.no_grad():
-        step.bank.laws.prior[-1].bias[:3] = torch.as_tensor(prior)
-        step.bank.caution.fill_(np.log(CAUTION))
+        step.filter_bank.noise_models.prior[-1].bias[:3] = torch.as_tensor(prior)
+        step.filter_bank.caution.fill_(np.log(CAUTION))
         outputs = [output for output, _ in filter_sequences(step, sequences, RECOGNISER_ALONE)]
     for run in range(5):
         wanted = kalman_filters(step, sequences, run, means[:3], deviations[:3], prior)
@@ -67,7 +66,7 @@ def test_with_normal_laws_it_is_a_bank_of_kalman_filters():
 
 
 def test_the_law_of_the_noise_is_recognised_and_its_mean_removed():
-    """Two laws of other widths and means, each under its own noise."""
+    """Two noise models of other widths and means, each under its own noise."""
     step, sequences = small_step(), drawn(40, 180, 8, ("gaussian",))
     means, deviations = np.full(LAWS, 1000.0), np.full(LAWS, 1.0)
     means[:2], deviations[:2] = [0.0, 2.0], [1.0, 0.3]
@@ -95,7 +94,7 @@ def test_a_recogniser_that_is_sure_removes_the_mean_of_the_noise():
 
 
 def test_without_a_recogniser_there_is_one_law():
-    assert count_laws(shorter(with_recogniser=False).known_noises) == 1
+    assert count_noise_models(shorter(with_classifier=False).known_noises) == 1
 
 
 @given(seed=st.integers(0, 10_000), loud=st.floats(0.1, 20))
@@ -105,7 +104,7 @@ def test_whatever_the_policy_says_each_filter_takes_a_convex_step_towards_the_pa
     state = step.start(sequences.variance)
     root = torch.sqrt(sequences.variance)[:, None, None]
     with torch.no_grad():
-        place = step.bank.laws(sequences.variance).place * root
+        place = step.filter_bank.noise_models(sequences.variance).place * root
         for k in range(12):
             members, way = (of[k] for of in sequences.inputs)
             y, rest = sequences.measurement_deg[k], (sequences.variance, sequences.sample_time, ALL)
@@ -144,7 +143,7 @@ def test_without_a_measurement_nothing_is_learned_of_the_noise():
 
 
 def test_what_was_seen_of_the_noise_is_forgotten():
-    """A law that all measurements speak for gains no more than `HISTORY` of them can say."""
+    """A noise model that all measurements speak for gains no more than `HISTORY` of them can say."""
     step, sequences = small_step(), drawn(2, 190, 5, ("gaussian",))
     with torch.no_grad():
         evidence = torch.stack([state.evidence for _, state in filter_sequences(step, sequences, ALL)])

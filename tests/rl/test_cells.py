@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from rl.twins.cells import Convolution, GatedUnit, LongShortTerm, StateSpace
+from rl.twins.recurrent_step import Convolution, GatedUnit, LongShortTerm, StateSpace
 
 CELLS = [GatedUnit, LongShortTerm, StateSpace, Convolution]
 B, N, INPUTS = 3, 150, 5

@@ -5,10 +5,9 @@ import pytest
 import torch
 from small_twins import generator, small_source, small_step
 
-from rl.twins.fallback import BOUND, HEAVY, Fallback, Verdict
 from rl.twins.filter_step import ALL
-from rl.twins.histogram import ResidualHistogram
 from rl.twins.learning import filter_sequences
+from rl.twins.ood_detector import BOUND, HEAVY, Fallback, ResidualHistogram, Verdict
 from twin.signals.noise import draw_noise, noise_variance
 
 LEVELS = {
@@ -35,7 +34,7 @@ def histograms(kind, samples, count=300):
     [
         ("gaussian", 1.0, 1.0),
         ("uniform", 1.0, 1.0),
-        # Of a Laplace law of variance 1, exp(2 E[log |x|]) is exp(-2 * 0.5772) / 2; of a normal one
+        # Of a Laplace noise model of variance 1, exp(2 E[log |x|]) is exp(-2 * 0.5772) / 2; of a normal one
         # exp(-1.2704). Bins of a width make the peak a little wider.
         ("laplace", 0.5615 / HEAVY - 0.05, 0.5615 / HEAVY + 0.1),
         ("salt-and-pepper", 0.02, 0.08),
@@ -91,7 +90,7 @@ def test_under_strange_outliers_the_robust_filter_is_ahead():
     drawn = small_source(["salt-and-pepper"]).draw(64, 190, generator(5), 5)
     alone = errors_of(step, drawn).abs().median()  # six members do not reach a few of the twins
     step.guarded = True
-    step.familiarity.level.fill_(1e-9)  # everything is strange
+    step.ood_detector.level.fill_(1e-9)  # everything is strange
     assert errors_of(step, drawn).abs().median() < 0.75 * alone
 
 

@@ -1,4 +1,4 @@
-"""Familiarity of a noise: of histograms as they were in training, and of others."""
+"""OodDetector of a noise: of histograms as they were in training, and of others."""
 
 import numpy as np
 import pytest
@@ -6,87 +6,91 @@ import torch
 from scipy import stats
 from small_twins import LAWS, TINY, generator, small_source, small_step
 
-from rl.twins.familiarity import FAMILIAR, LEVELS, Familiarity, Histograms
 from rl.twins.filter_step import ALL
-from rl.twins.histogram import BINS
-from rl.twins.learning import filter_sequences, learn_what_is_familiar
+from rl.twins.learning import filter_sequences, fit_ood_detector
+from rl.twins.ood_detector import BINS, FAMILIAR, LEVELS, Histograms, OodDetector
 
 
 def test_divergence_is_that_of_kullback_and_leibler():
     rng = generator(1)
-    laws = rng.dirichlet(np.ones(BINS), size=LAWS)
+    noise_models = rng.dirichlet(np.ones(BINS), size=LAWS)
     weights, counts = rng.dirichlet(np.ones(LAWS), size=6), 50 * rng.dirichlet(np.ones(BINS), size=6)
-    familiarity = Familiarity(LAWS)
-    familiarity.histograms.copy_(torch.as_tensor(np.log(laws))[:, None, :].expand(-1, LEVELS[2], -1))
+    ood_detector = OodDetector(LAWS)
+    ood_detector.histograms.copy_(torch.as_tensor(np.log(noise_models))[:, None, :].expand(-1, LEVELS[2], -1))
     told = (
         torch.as_tensor(of, dtype=torch.float32) for of in (weights, counts, np.log([0.1, 0.5, 1, 2, 4, 8]))
     )
-    found = familiarity.divergence(*told)
-    expected = stats.entropy(counts / 50, weights @ laws, axis=1)
+    found = ood_detector.divergence(*told)
+    expected = stats.entropy(counts / 50, weights @ noise_models, axis=1)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
 
 
 @pytest.fixture(scope="module")
 def learned():
-    """Two laws, which the recogniser knows from each other, and histograms of 20 to 400 samples of them."""
+    """Two noise models that the classifier knows, and histograms of 20 to 400 samples of them."""
     rng = generator(2)
     centres = np.linspace(-3.9, 3.9, BINS)
-    laws = np.array([np.exp(-0.5 * centres**2), np.exp(-np.abs(centres - 1))])
-    laws /= laws.sum(axis=1, keepdims=True)
+    noise_models = np.array([np.exp(-0.5 * centres**2), np.exp(-np.abs(centres - 1))])
+    noise_models /= noise_models.sum(axis=1, keepdims=True)
 
-    def draw(law, count, least=20):
+    def draw(noise_model, count, least=20):
         sizes = rng.integers(least, 400, count)
-        return torch.tensor(np.array([rng.multinomial(size, law) for size in sizes]), dtype=torch.float32)
+        return torch.tensor(
+            np.array([rng.multinomial(size, noise_model) for size in sizes]), dtype=torch.float32
+        )
 
     which = np.repeat([0, 1], 3000)
     weights = torch.zeros(6000, LAWS)
     weights[range(6000), which] = 1
-    familiarity = Familiarity(LAWS)
+    ood_detector = OodDetector(LAWS)
     rows = generator(3)
     parts = [
-        Histograms(weights, torch.cat([draw(law, 3000) for law in laws]), torch.zeros(6000)) for _ in range(2)
+        Histograms(
+            weights, torch.cat([draw(noise_model, 3000) for noise_model in noise_models]), torch.zeros(6000)
+        )
+        for _ in range(2)
     ]
-    familiarity.learn(*parts, lambda n: torch.as_tensor(rows.integers(6000, size=n)))
-    return familiarity, laws, draw
+    ood_detector.learn(*parts, lambda n: torch.as_tensor(rows.integers(6000, size=n)))
+    return ood_detector, noise_models, draw
 
 
 def test_histograms_of_the_training_are_familiar(learned):
-    familiarity, laws, draw = learned
-    for place, law in enumerate(laws):
+    ood_detector, noise_models, draw = learned
+    for place, noise_model in enumerate(noise_models):
         weights = torch.zeros(2000, LAWS)
         weights[:, place] = 1
-        known = familiarity(weights, draw(law, 2000), torch.zeros(2000))
+        known = ood_detector(weights, draw(noise_model, 2000), torch.zeros(2000))
         assert (known == 1).float().mean() > 3 * FAMILIAR - 2
-        found = torch.softmax(familiarity.histograms[place], dim=-1)[[6, 7]].mean(dim=0)  # about R = 1
-        np.testing.assert_allclose(found, law, atol=0.01)
+        found = torch.softmax(ood_detector.histograms[place], dim=-1)[[6, 7]].mean(dim=0)  # about R = 1
+        np.testing.assert_allclose(found, noise_model, atol=0.01)
 
 
 def test_of_a_foreign_noise_nothing_is_said(learned):
     """Two bells, and the right histogram under the wrong belief."""
-    familiarity, laws, draw = learned
+    ood_detector, noise_models, draw = learned
     centres = np.linspace(-3.9, 3.9, BINS)
     bells = np.exp(-8 * (np.abs(centres) - 2) ** 2)
     weights = torch.zeros(500, LAWS)
     weights[:, 0] = 1
-    for foreign in (bells / bells.sum(), laws[1]):
-        known = familiarity(weights, draw(foreign, 500, 100), torch.zeros(500))
+    for foreign in (bells / bells.sum(), noise_models[1]):
+        known = ood_detector(weights, draw(foreign, 500, 100), torch.zeros(500))
         assert (known == 0).float().mean() > 0.95
 
 
 def test_before_anything_is_counted_and_before_it_has_learned_all_is_familiar(learned):
     weights = torch.full((1, LAWS), 1 / LAWS)
-    for familiarity in (learned[0], Familiarity(LAWS)):
-        assert familiarity(weights, torch.zeros(1, BINS), torch.zeros(1)) == 1
-    assert Familiarity(LAWS)(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
+    for ood_detector in (learned[0], OodDetector(LAWS)):
+        assert ood_detector(weights, torch.zeros(1, BINS), torch.zeros(1)) == 1
+    assert OodDetector(LAWS)(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
 
 
 def test_the_finished_filter_finds_its_own_noises_familiar():
     step, source = small_step(loud=0.5), small_source(("gaussian", "uniform"))
-    learn_what_is_familiar(step, source, TINY)
+    fit_ood_detector(step, source, TINY)
     assert step.guarded
     drawn = source.draw(200, 40, generator(9))
     with torch.no_grad():
         *_, (_, state) = filter_sequences(step, drawn, ALL)
-        weights = step.bank.believe(state.evidence, drawn.variance).weights
-        known = step.familiarity(weights, state.counts, torch.log(drawn.variance))
+        weights = step.filter_bank.believe(state.evidence, drawn.variance).weights
+        known = step.ood_detector(weights, state.counts, torch.log(drawn.variance))
     assert (known == 1).float().mean() > 0.85

@@ -1,4 +1,4 @@
-"""Laws of the noise: densities against SciPy, and what the lesson makes of known noises."""
+"""NoiseModelParameters of the noise: densities against SciPy, and what the lesson makes of known noises."""
 
 import numpy as np
 import pytest
@@ -6,41 +6,44 @@ import torch
 from scipy import integrate, stats
 from small_twins import generator, shorter
 
-from rl.twins.laws import PARTS, Laws, normed
-from rl.twins.laws_lesson import learn_laws
-from rl.twins.noises import FAMILIES, STANDARD, count_laws, draw_noises
+from rl.twins.filter_bank import PARTS, NoiseModelParameters, normed
+from rl.twins.learning import learn_laws
+from rl.twins.noises import FAMILIES, STANDARD, count_noise_models, draw_noises
 
 GRID = np.linspace(-12, 15, 5401)
 
 
-def density(laws, variance, law, doubt=0.0):
-    """Density on `GRID` of a law at one R, smeared by a belief."""
+def density(noise_models, variance, noise_model, doubt=0.0):
+    """Density on `GRID` of a noise model at one R, smeared by a belief."""
     with torch.no_grad():
-        every = laws(torch.tensor([variance], dtype=torch.float32))
+        every = noise_models(torch.tensor([variance], dtype=torch.float32))
         residual = torch.as_tensor(GRID, dtype=torch.float32)[:, None, None] - every.place
         parts = every.log_parts(residual, torch.full((len(GRID),), doubt))
-        return torch.exp(normed(parts)[1])[:, law].numpy() / np.sqrt(2 * np.pi), every
+        return torch.exp(normed(parts)[1])[:, noise_model].numpy() / np.sqrt(2 * np.pi), every
 
 
 @pytest.fixture(scope="module")
 def learned():
-    """Laws of four families, after the whole lesson."""
+    """NoiseModelParameters of four families, after the whole lesson."""
     torch.manual_seed(1)
     families = ("gaussian", "uniform", "gamma", "poisson")
-    laws = Laws(count_laws(families))
-    learn_laws(laws, shorter(noises=families, laws_sequences=4096, laws_updates=700, laws_rate=3e-2))
-    return laws
+    noise_models = NoiseModelParameters(count_noise_models(families))
+    learn_laws(
+        noise_models,
+        shorter(noises=families, noise_model_sequences=4096, noise_model_updates=700, noise_model_rate=3e-2),
+    )
+    return noise_models
 
 
 @pytest.mark.parametrize("doubt", [0.0, 0.3])
 def test_a_law_is_a_density_whose_mean_it_tells(doubt):
     torch.manual_seed(2)
-    laws = Laws(3)
-    for law in range(3):
-        found, every = density(laws, 2.0, law, doubt)
+    noise_models = NoiseModelParameters(3)
+    for noise_model in range(3):
+        found, every = density(noise_models, 2.0, noise_model, doubt)
         assert integrate.trapezoid(found, GRID) == pytest.approx(1, abs=2e-3)
         mean = integrate.trapezoid(found * GRID, GRID)
-        assert mean == pytest.approx(float(every.mean[0, law]), abs=5e-3)
+        assert mean == pytest.approx(float(every.mean[0, noise_model]), abs=5e-3)
     assert every.place.shape == (1, 3, PARTS)
     np.testing.assert_allclose(torch.exp(every.log_prior).sum(dim=-1), 1, rtol=1e-5)
 
@@ -56,14 +59,14 @@ def test_shares_and_sums_of_logarithms_are_those_of_torch():
 def test_the_lesson_finds_the_densities_of_the_families(learned, variance):
     """Smeared by a third of R, as a filter's belief would; the distance is that of total variation."""
     smear = np.sqrt(0.3)
-    laws = {
+    noise_models = {
         0: stats.norm(scale=np.sqrt(1.3)).pdf(GRID),
         1: (stats.norm.cdf((GRID + 3**0.5) / smear) - stats.norm.cdf((GRID - 3**0.5) / smear)) / (2 * 3**0.5),
     }
-    for law, wanted in laws.items():
-        found, every = density(learned, variance, law, 0.3)
+    for noise_model, wanted in noise_models.items():
+        found, every = density(learned, variance, noise_model, 0.3)
         assert integrate.trapezoid(np.abs(found - wanted), GRID) / 2 < 0.04
-        assert abs(float(every.mean[0, law])) < 0.05
+        assert abs(float(every.mean[0, noise_model])) < 0.05
 
 
 @pytest.mark.parametrize("variance", [0.1, 1.0, 3.0])
@@ -77,7 +80,7 @@ def test_skewed_laws_tell_the_mean_of_their_noise(learned, variance):
 
 
 def test_a_sharp_law_tells_more_of_the_angle_than_its_variance_says(learned):
-    """Fisher's information of a normal law is one over its variance; that of any other is larger."""
+    """Fisher's information of a normal distribution is one over its variance; that of any other is larger."""
     _, every = density(learned, 1.0, 0)
     effective = every.effective[0].tolist()
     assert effective[0] == pytest.approx(1, abs=0.12)
@@ -99,35 +102,38 @@ def test_families_are_divided_into_their_laws():
     families = ("laplace", "gamma", "salt-and-pepper")
     noise = draw_noises(families, 400, 5, generator(4))
     for place, (first, last) in enumerate([(0, 0), (1, 5), (6, 11)]):
-        mine = noise.law[noise.family == place]
+        mine = noise.noise_model[noise.family == place]
         assert set(mine) == set(range(first, last + 1))
-    assert count_laws(families) == 12
+    assert count_noise_models(families) == 12
     shape = (noise.mean_deg**2 / noise.variance)[noise.family == 1]
     order = np.argsort(shape)
-    assert (np.diff(noise.law[noise.family == 1][order]) >= 0).all()
+    assert (np.diff(noise.noise_model[noise.family == 1][order]) >= 0).all()
 
 
 def test_weibull_laws_are_those_of_their_shapes_and_are_met_where_asked_for():
-    """Mean over deviation falls as the law nears the exponential one; each law has a range of shapes."""
+    """Mean over deviation falls towards the exponential distribution; each model has a range of shapes."""
     assert set(FAMILIES) - set(STANDARD) == {"weibull"}
     noise = draw_noises(["weibull"], 200, 2000, generator(6))
     of_deviation = noise.mean_deg / np.sqrt(noise.variance)
     assert (noise.noise_deg >= 0).all()
-    for law in range(count_laws(["weibull"]) - 1):
-        assert of_deviation[noise.law == law].max() < of_deviation[noise.law == law + 1].min()
+    for noise_model in range(count_noise_models(["weibull"]) - 1):
+        assert (
+            of_deviation[noise.noise_model == noise_model].max()
+            < of_deviation[noise.noise_model == noise_model + 1].min()
+        )
     for shape, row in ((1.1, np.argmin(of_deviation)), (2.6, np.argmax(of_deviation))):
-        law = stats.weibull_min(shape)
-        assert of_deviation[row] == pytest.approx(law.mean() / law.std(), abs=0.05)
-        assert stats.skew(noise.noise_deg[row]) == pytest.approx(float(law.stats("s")), abs=0.35)
+        noise_model = stats.weibull_min(shape)
+        assert of_deviation[row] == pytest.approx(noise_model.mean() / noise_model.std(), abs=0.05)
+        assert stats.skew(noise.noise_deg[row]) == pytest.approx(float(noise_model.stats("s")), abs=0.35)
 
 
 def test_contaminated_noise_has_the_moments_that_are_told_and_its_skew_is_to_the_side_of_its_mean():
-    """Of two normal laws; three laws have the mean on either side, by the share of the other."""
+    """Three models have the mean on either side, by the share of the second normal distribution."""
     noise = draw_noises(["contaminated"], 300, 20000, generator(6))
     root = np.sqrt(noise.variance)
     np.testing.assert_allclose(noise.noise_deg.mean(axis=1) / root, noise.mean_deg / root, atol=0.04)
     np.testing.assert_allclose(noise.noise_deg.var(axis=1) / noise.variance, 1, atol=0.15)
     skew = stats.skew(noise.noise_deg, axis=1)
     assert (np.sign(skew) == np.sign(noise.mean_deg))[np.abs(skew) > 0.2].all()
-    assert (np.sign(noise.mean_deg) == np.where(noise.law >= 3, 1, -1)).all()
-    assert set(noise.law.tolist()) == set(range(count_laws(["contaminated"])))
+    assert (np.sign(noise.mean_deg) == np.where(noise.noise_model >= 3, 1, -1)).all()
+    assert set(noise.noise_model.tolist()) == set(range(count_noise_models(["contaminated"])))

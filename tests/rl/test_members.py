@@ -50,10 +50,10 @@ def test_members_lie_evenly_over_every_range_and_differ_by_seed():
 def test_unlikelihood_is_that_of_a_normal_law_with_the_members_moments():
     rng = generator(4)
     members, others = rng.normal(1.0, 3.0, (9, 5)), rng.normal(0.0, 4.0, (30, 5))
-    law = stats.multivariate_normal(
+    noise_model = stats.multivariate_normal(
         members.mean(axis=0), np.cov(members, rowvar=False) + UNEXPLAINED_DEG**2 * np.eye(5)
     )
-    expected = -2 * law.logpdf(others).mean() - 5 * np.log(2 * np.pi)
+    expected = -2 * noise_model.logpdf(others).mean() - 5 * np.log(2 * np.pi)
     assert ensemble_unlikelihood(members, others) == pytest.approx(expected)
 
 

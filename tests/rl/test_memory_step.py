@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_twins import MODEL, generator, small_memory_source, small_memory_step
 
-from rl.twins import memory_step as law
+from rl.twins import memory_step as memory
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences
 
@@ -17,11 +17,16 @@ def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
 
 def kalman_filter(keep, drive, increment, measurement, variance, T):
     """Mean and covariance over time of X = [theta, f] for one record, in the textbook's form (eqs. 4-9)."""
-    mean, covariance = np.zeros(2), np.diag(law.FIRST_DEG2)
+    mean, covariance = np.zeros(2), np.diag(memory.FIRST_DEG2)
     means, covariances = [], []
     for kept, added, way, y in zip(keep, drive, np.abs(increment), measurement, strict=True):
         transition = np.array([[kept, T], [0.0, 1.0]])
-        growth = np.diag([law.GROWTH_DEG2_PER_MM * way + law.GROWTH_PER_S * T, law.GROWTH_PER_S * T])
+        growth = np.diag(
+            [
+                memory.GROWTH_DEG2_PER_MM * way + memory.GROWTH_PER_S * T,
+                memory.GROWTH_PER_S * T,
+            ]
+        )
         mean = transition @ mean + [added, 0]
         covariance = transition @ covariance @ transition.T + growth
         if not np.isnan(y):
@@ -69,14 +74,14 @@ def test_the_prediction_is_that_of_the_model():
 
 
 def test_it_remembers_as_the_gated_recurrent_unit_of_torch():
-    step, hidden = small_memory_step(), law.HIDDEN
-    other = torch.nn.GRUCell(law.SEEN, hidden)
+    step, hidden = small_memory_step(), memory.HIDDEN
+    other = torch.nn.GRUCell(memory.SEEN, hidden)
     with torch.no_grad():
         other.weight_ih.copy_(step.input.weight)
         other.bias_ih.copy_(step.input.bias)
         other.weight_hh.copy_(step.memory.weight)
         other.bias_hh.copy_(step.memory.bias)
-        seen, before = torch.randn(7, law.SEEN), torch.tanh(torch.randn(7, hidden))
+        seen, before = torch.randn(7, memory.SEEN), torch.tanh(torch.randn(7, hidden))
         np.testing.assert_allclose(step._remember(seen, before), other(seen, before), atol=1e-6)
 
 

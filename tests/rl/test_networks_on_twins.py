@@ -10,10 +10,10 @@ from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twin
 
 from rl.comparison.full import FullSuite
 from rl.on_twins import RIVALS
-from rl.twins.beside_model import train_beside_model
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step
 from rl.twins.learning import filter_sequences, learn_gain
+from rl.twins.run import train_with_model
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import find_method, method_specs
 from twin.hysteresis import model_to_dict
@@ -42,7 +42,7 @@ def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_pat
     rival = RIVALS["KalmanNet (twins)"]
     tiny = dataclasses.replace(TINY_MEMORY, width=8)
     training = rival.spec.training
-    path = train_beside_model(training, rival.untrained, export_recurrent_step, *twins(), tiny, tmp_path)
+    path = train_with_model(training, rival.untrained, export_recurrent_step, *twins(), tiny, tmp_path)
     assert read_trained_file(path).description["training"]["seed"] == TINY_MEMORY.seed
     assert training.load(path).states_interval
     with pytest.raises(ValueError, match="gru-twins"):

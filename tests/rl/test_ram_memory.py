@@ -8,8 +8,8 @@ from exported import said_by_both
 from small_twins import MODEL, TINY, TINY_MEMORY, small_memory_step, twins
 
 from rl.on_twins import train_ram_memory, train_ram_twins
-from rl.twins.beside_model import nominal_model
 from rl.twins.graph import export_memory
+from rl.twins.run import nominal_model
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.methods import RAM_MEMORY
 from twin.estimation.learned.trained_file import read_trained_file

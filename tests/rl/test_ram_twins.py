@@ -31,9 +31,8 @@ from rl.on_twins import train_ram_twins
 from rl.twins.graph import TwinsGraph, export_twins
 from rl.twins.learning import learn_interval, validation
 from rl.twins.members import choose_members
-from rl.twins.noises import FAMILIES, LINEAR, count_laws, draw_noises
-from rl.twins.records import SAMPLE_TIME
-from rl.twins.sequences import principal_directions, split_records
+from rl.twins.noises import FAMILIES, LINEAR, count_noise_models, draw_noises
+from rl.twins.records import SAMPLE_TIME, principal_directions, split_records
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import STATE, load
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE
@@ -107,7 +106,7 @@ def test_a_noise_has_the_moments_that_it_tells(family):
     if family != "student-t":
         np.testing.assert_allclose(noise.noise_deg.var(axis=1), noise.variance, rtol=0.1)
     assert noise.linear.all() == (family in LINEAR)
-    assert set(noise.law) <= set(range(count_laws([family])))
+    assert set(noise.noise_model) <= set(range(count_noise_models([family])))
     assert (noise.family == 0).all()
 
 
@@ -195,7 +194,7 @@ def test_a_training_of_the_wrong_kind_is_refused_in_one_line(words, message, tmp
 
 
 def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():
-    """The first width, before anything is learned of it, is that of a normal law."""
+    """The first width, before anything is learned of it, is that of a normal noise_model."""
     step = small_step()
     with torch.no_grad():
         assert float(step.widen(torch.zeros(1, step.seen))) == pytest.approx(stats.norm.ppf(0.975), abs=1e-3)

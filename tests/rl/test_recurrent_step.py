@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from small_twins import generator, small_memory_source
 
 from rl.on_twins import RIVALS
-from rl.twins.cells import GatedUnit
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences
 from rl.twins.recurrent_step import (
     FIRST_SPREAD,
     Correction,
+    GatedUnit,
     LearnedGain,
     LearnedGainAndBias,
     RecursiveGain,

@@ -7,7 +7,7 @@ import pytest
 from small_twins import TINY, generator, shorter, small_source, small_step
 
 from rl.twins.learning import validation
-from rl.twins.sequences import STRIDES, SequenceSource
+from rl.twins.records import STRIDES, SequenceSource
 from rl.twins.settings import SAMPLE_TIMES
 
 

@@ -10,11 +10,9 @@ from small_twins import TINY, shorter, small_source, small_step, twins
 from rl.on_twins import train_ram_twins
 from rl.options import TrainingOptions
 from rl.trainers import Material, Simulated, find_trainer
-from rl.twins.balance import SMALLEST_ERROR_DEG2, TypicalErrors, departure
-from rl.twins.environment import TwinsEnvironment
 from rl.twins.filter_step import ALL
-from rl.twins.learning import filter_sequences, validation
-from rl.twins.ppo import learn_by_ppo
+from rl.twins.learning import SMALLEST_ERROR_DEG2, TypicalErrors, departure, filter_sequences, validation
+from rl.twins.ppo import TwinsEnvironment, learn_by_ppo
 from rl.twins.settings import PPO_HORIZON
 from twin.estimation.learned.trained_file import read_trained_file
 

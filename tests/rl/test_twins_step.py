@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_twins import LAWS, TINY, drawn, small_step
 
-from rl.twins import motion as law
-from rl.twins import plain_filter as plain
+from rl.twins import filter_step as motion
+from rl.twins import step as plain
 from rl.twins.filter_step import ALL, NOTHING
-from rl.twins.histogram import ResidualHistogram
 from rl.twins.learning import filter_sequences
+from rl.twins.ood_detector import ResidualHistogram
 from rl.twins.step import TwinsStep
 
 
@@ -19,14 +19,14 @@ def kalman_filter(members, way, measurement, variance, sample_time, directions):
     """Mean and covariance over time of X = [c, d, b] for one record, in the textbook's form."""
     count, rank = directions.shape
     mean = np.zeros(rank + 2)
-    covariance = np.diag([*np.ones(rank), law.FIRST_ERROR_DEG2, plain.FIRST_BIAS * variance])
+    covariance = np.diag([*np.ones(rank), motion.FIRST_ERROR_DEG2, plain.FIRST_BIAS * variance])
     means, covariances, predictions = [], [], []
     for now, gone, y in zip(members, way, measurement, strict=True):
         transition = np.eye(rank + 2)
-        transition[rank, rank] = np.exp(-gone / law.MEMORY_MM)
+        transition[rank, rank] = np.exp(-gone / motion.MEMORY_MM)
         process = np.zeros((rank + 2, rank + 2))
-        process[range(rank), range(rank)] = law.MEMBERS_PER_MM * gone
-        process[rank, rank] = law.GROWTH_DEG2_PER_MM * gone + law.GROWTH_DEG2_PER_S * sample_time
+        process[range(rank), range(rank)] = motion.MEMBERS_PER_MM * gone
+        process[rank, rank] = motion.GROWTH_DEG2_PER_MM * gone + motion.GROWTH_DEG2_PER_S * sample_time
         process[rank + 1, rank + 1] = plain.BIAS_PER_S * sample_time * variance
         mean, covariance = transition @ mean, transition @ covariance @ transition.T + process
         seen_as = np.concatenate([(now - now.mean()) / np.sqrt(count - 1) @ directions, [1, 1]])
@@ -77,14 +77,14 @@ def after_ten(step, limit):
     with torch.no_grad():
         *_, (_, state) = filter_sequences(small_step(loud=2.0), sequences.between(0, 10), ALL)
         step.guarded = limit is not None
-        step.familiarity.level.fill_(limit or 1.0)
+        step.ood_detector.level.fill_(limit or 1.0)
         rest = filter_sequences(step, sequences.between(10, 30), ALL, state)
         return torch.stack([torch.stack([output.bend_deg, output.deviation_deg]) for output, _ in rest])
 
 
 def test_under_a_noise_that_training_never_met_nothing_learned_is_heard():
     other = small_step(loud=1.0)
-    other.bank.laws.places.data[0] += 1.0
+    other.filter_bank.noise_models.places.data[0] += 1.0
     torch.testing.assert_close(
         after_ten(small_step(loud=2.0), 1e-9), after_ten(other, 1e-9), rtol=0, atol=1e-3
     )

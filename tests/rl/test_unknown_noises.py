@@ -7,8 +7,7 @@ from small_twins import twins
 from rl.on_twins import train_ram_twins
 from rl.options import EPISODES, TrainingOptions
 from rl.twins.members import draw_members
-from rl.twins.records import SAMPLE_TIME, simulate_records
-from rl.twins.sequences import STRIDES
+from rl.twins.records import SAMPLE_TIME, STRIDES, simulate_records
 from rl.twins.settings import TwinsTraining
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Knowledge

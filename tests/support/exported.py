@@ -10,7 +10,7 @@ from small_twins import generator, small_memory_source
 from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.graph import MemoryGraph, TwinsGraph
-from rl.twins.sequences import Sequences
+from rl.twins.records import Sequences
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.step import LearnedStep
 from twin.estimation.learned.trained_file import TrainedFile

@@ -8,9 +8,8 @@ import torch
 from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
-from rl.twins.noises import STANDARD, count_laws
-from rl.twins.records import TwinRecords, simulate_records
-from rl.twins.sequences import SequenceSource, by_model, principal_directions
+from rl.twins.noises import STANDARD, count_noise_models
+from rl.twins.records import SequenceSource, TwinRecords, by_model, principal_directions, simulate_records
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
@@ -29,8 +28,8 @@ TINY = TwinsTraining(
     sequences=16,
     episode=40,
     window=20,
-    laws_sequences=64,
-    laws_updates=10,
+    noise_model_sequences=64,
+    noise_model_updates=10,
     updates=8,
     interval_sequences=64,
     interval_updates=10,
@@ -38,7 +37,7 @@ TINY = TwinsTraining(
 )
 
 
-LAWS = count_laws(TINY.noises)
+LAWS = count_noise_models(TINY.noises)
 
 
 @functools.cache
@@ -89,20 +88,20 @@ def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
 
 
 def normal_laws(step: TwinsStep, means: ArrayLike = 0.0, deviations: ArrayLike = 1.0) -> TwinsStep:
-    """Make every law of a step a normal one, the same at any R, as likely as any other, and beyond doubt."""
-    laws = step.bank.laws
+    """Make every noise model of a step normal, the same at any R, as likely as any other, and certain."""
+    noise_models = step.filter_bank.noise_models
     mean, deviation = (torch.as_tensor(of, dtype=torch.float32).expand(LAWS) for of in (means, deviations))
     with torch.no_grad():
-        step.bank.caution.fill_(-20.0)
-        laws.places.zero_()
-        laws.places[0] = mean[:, None]
-        laws.widths.fill_(-20.0)
-        laws.widths[0] = torch.log(deviation)[:, None]
-        laws.weights.zero_()
-        laws.effective.zero_()
-        laws.effective[0] = 2 * torch.log(deviation)
-        laws.prior[-1].weight.zero_()
-        laws.prior[-1].bias.zero_()
+        step.filter_bank.caution.fill_(-20.0)
+        noise_models.places.zero_()
+        noise_models.places[0] = mean[:, None]
+        noise_models.widths.fill_(-20.0)
+        noise_models.widths[0] = torch.log(deviation)[:, None]
+        noise_models.weights.zero_()
+        noise_models.effective.zero_()
+        noise_models.effective[0] = 2 * torch.log(deviation)
+        noise_models.prior[-1].weight.zero_()
+        noise_models.prior[-1].bias.zero_()
     return step
 
 

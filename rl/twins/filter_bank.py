@@ -1,0 +1,287 @@
+"""Noise models and the bank of filters that classifies the noise: one filter for each model.
+
+Each noise model has a density and a mean of its own.
+
+A noise model is a mixture of normal distributions in units of sqrt(R). Convolved with a normal belief of the
+angle it is one again, so that how likely it made an innovation, and where the angle is then, are known in
+closed form (Sorenson and Alspach 1971). Places, widths and weights change with R: a part of each is in units
+of sqrt(R), another in degrees, as the counts of a Poisson noise model are whole degrees whatever its R.
+"""
+
+import math
+from typing import NamedTuple
+
+import torch
+
+from rl.twins.filter_step import LEAST_VARIANCE, MemberMotion, network
+
+Tensor = torch.Tensor
+
+PARTS = 10  # K, normal distributions of a mixture
+_IN_DEGREES = 4  # of them, begin as counts: at 0, 1, 2 and 3 deg
+_R = (0.05, 24.0)  # of the noises of the training [deg^2]; beyond, noise models are those of the end
+NARROWEST_DEG2 = 0.01  # of a part: no model of the angle is good enough for the lattice of counts to be sharp
+
+
+class NoiseModels(NamedTuple):
+    """J noise models of K parts at B values of R, in units of sqrt(R) and of R.
+
+    Attributes:
+        place: (B, J, K) mean of each part.
+        log_weight: (B, J, K) logarithm of how likely each is.
+        width: (B, J, K) variance of each.
+        mean: (B, J) of each noise_model.
+        effective: (B, J) variance of the normal distribution with the same information about the angle.
+        log_prior: (B, J) logarithm of how likely each noise model is before anything is measured.
+    """
+
+    place: Tensor
+    log_weight: Tensor
+    width: Tensor
+    mean: Tensor
+    effective: Tensor
+    log_prior: Tensor
+
+    def log_parts(self, residual: Tensor, doubt: Tensor) -> Tensor:
+        """Return (B, J, K) log-densities of a residual, by part; the common 2 pi is left out.
+
+        Args:
+            residual: (B, J, K) from each part, in units of sqrt(R).
+            doubt: (B,) variance of the belief of the angle in units of R.
+        """
+        return log_density(self.log_weight, residual, self.width + doubt[:, None, None])
+
+
+class NoiseModelParameters(torch.nn.Module):
+    """Parameters of the noise_models."""
+
+    def __init__(self, count: int):
+        """Start with parts of all widths at places that cover them."""
+        super().__init__()
+        of_deviation = PARTS - _IN_DEGREES
+        places, weights, widths = torch.zeros(2, PARTS), torch.zeros(3, PARTS), torch.zeros(2, PARTS)
+        places[0, :of_deviation] = torch.linspace(-1.5, 2.0, of_deviation)
+        places[1, of_deviation:] = torch.arange(float(_IN_DEGREES))
+        weights[0, of_deviation:] = -2.0
+        widths[0, :of_deviation], widths[0, of_deviation:] = math.log(0.5), math.log(0.1)
+        widths[1] = math.log(0.1)
+        scattered = places[:, None] + 0.02 * torch.randn(2, count, PARTS)
+        self.places = torch.nn.Parameter(scattered)
+        self.weights = torch.nn.Parameter(weights[:, None].repeat(1, count, 1))
+        self.widths = torch.nn.Parameter(widths[:, None].repeat(1, count, 1))
+        self.effective = torch.nn.Parameter(torch.zeros(3, count))
+        self.prior = network(1, 16, count, layers=1)
+
+    @property
+    def count(self) -> int:
+        """J, number of noise_models."""
+        return self.effective.shape[1]
+
+    def forward(self, variance: Tensor) -> NoiseModels:
+        """Return the noise models at (B,) values of R [deg^2]."""
+        variance = variance.clamp(*_R)
+        level = torch.log(variance)[:, None, None]
+        size = variance[:, None, None]
+        one, by_level, by_size = self.weights
+        score = one + level * by_level + size / 4 * by_size
+        weight, total = normed(score)
+        place = self.places[0] + torch.exp(-level / 2) * self.places[1]
+        in_degrees = torch.exp(2 * self.widths[1]) + NARROWEST_DEG2
+        width = torch.exp(2 * self.widths[0]) + in_degrees / size
+        one, by_level, by_size = self.effective
+        effective = torch.exp((one + level[:, 0] * by_level + size[:, 0] / 4 * by_size).clamp(-4, 1))
+        prior = self.prior(level[:, 0] / 3)
+        return NoiseModels(
+            place,
+            score - total[..., None],
+            width,
+            (weight * place).sum(dim=-1),
+            effective,
+            prior - normed(prior)[1][..., None],
+        )
+
+
+def log_density(log_weight: Tensor, residual: Tensor, variance: Tensor) -> Tensor:
+    """Return the log-density of weighted normal distributions at residuals, without the 2 pi."""
+    return log_weight - 0.5 * (residual * residual / variance + torch.log(variance))
+
+
+def normed(logarithms: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the shares of values by their logarithms, and the logarithm of their sum, over the last axis.
+
+    By hand: it takes one exponential of each, and ONNX Runtime has no such sum in double precision.
+    """
+    top = logarithms.amax(dim=-1, keepdim=True).detach()
+    values = torch.exp(logarithms - top)
+    total = values.sum(dim=-1, keepdim=True)
+    return values / total, (top + torch.log(total))[..., 0]
+
+
+HISTORY = 400.0  # samples after which what was seen of the noise is forgotten
+CAUTION = 0.2  # added to R where P shrinks, as training begins, in units of R: no noise model is certain
+WITHIN = 0.01  # variance of the mean of a noise about that of its noise model, in units of R
+
+
+class FilterBankState(NamedTuple):
+    """State of B banks of J filters.
+
+    Attributes:
+        rows: (B, J, n) of c and d [deg], by noise_model.
+        covariance: (B, n, n) of each of them.
+        evidence: (B, J) logarithm of how likely each noise model made what was measured.
+    """
+
+    rows: Tensor
+    covariance: Tensor
+    evidence: Tensor
+
+
+class NoiseBelief(NamedTuple):
+    """Belief in the noise models of the noise.
+
+    Attributes:
+        noise_models: at the given R.
+        weights: (B, J) probabilities.
+        bias: (B,) mean of the noise in units of sqrt(R).
+        bias_variance: (B,) how sure that is, in units of R.
+    """
+
+    noise_models: NoiseModels
+    weights: Tensor
+    bias: Tensor
+    bias_variance: Tensor
+
+
+class FilterBankPrediction(NamedTuple):
+    """State of the filter bank, as predicted for a sample.
+
+    Attributes:
+        belief: in the noise models, before the sample.
+        evidence: (B, J) for them.
+        angle: (B, n) of theta on c and d.
+        rows: (B, J, n).
+        covariance: (B, n, n) before it grows.
+        offset: (B, J) angle of each filter about the mean of the members [deg].
+        towards: (B, n) P a, before P grows.
+    """
+
+    belief: NoiseBelief
+    evidence: Tensor
+    angle: Tensor
+    rows: Tensor
+    covariance: Tensor
+    offset: Tensor
+    towards: Tensor
+
+
+class BankEstimate(NamedTuple):
+    """Estimate of the filter_bank.
+
+    Attributes:
+        offset: (B,) angle about the mean of the members [deg].
+        variance: (B,) of it [deg^2].
+        belief: in the noise models, after the sample.
+    """
+
+    offset: Tensor
+    variance: Tensor
+    belief: NoiseBelief
+
+
+class FilterBank(torch.nn.Module):
+    """Filters of twins, one for each noise_model."""
+
+    def __init__(self, motion: MemberMotion, noise_models: int):
+        """Start with untrained noise_models."""
+        super().__init__()
+        self.motion = motion
+        self.noise_models = NoiseModelParameters(noise_models)
+        self.sharpness = torch.nn.Parameter(torch.zeros(()))  # logarithm of what one sample counts
+        self.caution = torch.nn.Parameter(torch.tensor(math.log(CAUTION)))
+
+    def start(self, variance: Tensor) -> FilterBankState:
+        """Return the state before anything is measured, for (B,) variances R [deg^2]."""
+        batch, noise_models, size = len(variance), self.noise_models.count, len(self.motion.of_error)
+        return FilterBankState(
+            torch.zeros(batch, noise_models, size),
+            self.motion.first_covariance(variance),
+            torch.zeros(batch, noise_models),
+        )
+
+    def believe(self, evidence: Tensor, variance: Tensor) -> NoiseBelief:
+        """Return the belief in the noise models by what was seen (B, J), for (B,) variances R [deg^2]."""
+        return _believe(self.noise_models(variance), evidence)
+
+    def predict(
+        self, state: FilterBankState, angle: Tensor, keep: Tensor, variance: Tensor
+    ) -> FilterBankPrediction:
+        """Return the state as predicted.
+
+        Args:
+            state: after the sample before.
+            angle: (B, n) of theta on c and d.
+            keep: (B, n) what is left of them.
+            variance: (B,) R [deg^2].
+        """
+        belief = self.believe(state.evidence, variance)
+        rows = state.rows * keep[:, None, :]
+        covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
+        towards = torch.bmm(covariance, angle[:, :, None])[:, :, 0]
+        offset = (rows * angle[:, None, :]).sum(dim=-1)
+        return FilterBankPrediction(belief, state.evidence, angle, rows, covariance, offset, towards)
+
+    def update(
+        self,
+        prior: FilterBankPrediction,
+        grows: Tensor,
+        measured: Tensor,
+        seen: Tensor,
+        variance: Tensor,
+        on_gain: Tensor,
+        on_noise: Tensor,
+    ) -> tuple[BankEstimate, FilterBankState]:
+        """Return the estimate and the state after a sample.
+
+        Args:
+            prior: from `predict`.
+            grows: (B, n) what the variances of c and d grow by.
+            measured: (B,) measurement about the mean of the members [deg].
+            seen: (B,) 1 where there is one.
+            variance: (B,) R [deg^2].
+            on_gain: (B,) what the policy adds to the logit of every gain.
+            on_noise: (B,) logarithm of what it multiplies R by, as P shrinks.
+        """
+        angle, noise_models, root = prior.angle, prior.belief.noise_models, torch.sqrt(variance)
+        covariance = prior.covariance + grows[:, :, None] * self.motion.unit
+        towards = prior.towards + grows * angle
+        doubt = (angle * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        relative = doubt / variance
+
+        innovation = (measured[:, None] - prior.offset) / root[:, None]
+        residual = innovation[:, :, None] - noise_models.place  # from each part
+        share, log_law = normed(noise_models.log_parts(residual, relative))
+        logit = torch.log(relative[:, None, None] / noise_models.width)  # of K_AM
+        gain = torch.sigmoid(logit + on_gain[:, None, None])
+        step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
+        rows = prior.rows + step[:, :, None] * towards[:, None, :]
+
+        counts_as = (seen * torch.exp(self.sharpness))[:, None]
+        evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_law
+        after = _believe(noise_models, evidence)
+        believed = (after.weights * noise_models.effective).sum(dim=-1)
+        effective = (believed + torch.exp(self.caution)) * torch.exp(on_noise)
+        shrink = (seen / (doubt + variance * effective))[:, None]
+        covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
+
+        offsets = (rows * angle[:, None, :]).sum(dim=-1)
+        offset = (after.weights * offsets).sum(dim=-1)
+        between = (after.weights * (offsets - offset[:, None]) ** 2).sum(dim=-1)
+        own = doubt * (1 - doubt * shrink[:, 0])
+        return BankEstimate(offset, own + between, after), FilterBankState(rows, covariance, evidence)
+
+
+def _believe(noise_models: NoiseModels, evidence: Tensor) -> NoiseBelief:
+    weights = torch.softmax(noise_models.log_prior + evidence, dim=-1)
+    bias = (weights * noise_models.mean).sum(dim=-1)
+    variance = (weights * (noise_models.mean - bias[:, None]) ** 2).sum(dim=-1)
+    return NoiseBelief(noise_models, weights, bias, variance + WITHIN)

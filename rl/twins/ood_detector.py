@@ -1,0 +1,219 @@
+"""Detector of noise that no training has met, from a histogram of residuals, and a robust filter for it."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+
+from rl.twins.filter_step import along
+
+Tensor = torch.Tensor
+
+BINS = 56
+LARGEST_RESIDUAL = 3.9  # of the histogram's scale asinh(4 r): 6 sqrt(R)
+
+
+class ResidualHistogram(torch.nn.Module):
+    """Bins of residuals, narrow about zero and wide where residuals are few."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.centres = torch.nn.Buffer(torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS))
+
+    def forward(self, residual: Tensor, doubt: Tensor) -> Tensor:
+        """Return (..., BINS) what residuals count in the histogram.
+
+        A residual is shared by the two nearest bins; one of a prediction that is in doubt counts less.
+
+        Args:
+            residual: (...) in units of sqrt(R).
+            doubt: (...) variance of the prediction in units of R.
+        """
+        place = _arsinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
+        between = 2 * LARGEST_RESIDUAL / (BINS - 1)
+        share = (1 - (place[..., None] - self.centres).abs() / between).clamp(min=0)
+        return share / (1 + doubt)[..., None]
+
+
+def _arsinh(values: Tensor) -> Tensor:
+    """Return arsinh of values by its logarithm: ONNX Runtime has none of double precision."""
+    size = values.abs()
+    return torch.sign(values) * torch.log(size + torch.sqrt(size * size + 1))
+
+
+LEVELS = (-1.8, 1.3, 12)  # of log sqrt(R): from, to, and how many; between them histograms are interpolated
+UPDATES, BATCH, RATE = 500, 128, 0.1  # of the lesson, by Adam
+FAMILIAR = 0.995  # share of the training's histograms that count as familiar
+SILENT = 1.5  # times the limit, where the classifier is disabled
+LEAST_COUNTS = 1.0  # of a histogram that is used
+_UNLIKELY = 1e-6  # probability of a bin at least
+_GROUPS = 12  # of histograms of about the same counts, each of which has a limit
+
+
+class Histograms(NamedTuple):
+    """Histograms of residuals, and the beliefs with them.
+
+    Attributes:
+        weights: (S, J) of the noise_models.
+        counts: (S, BINS).
+        log_variance: (S,) logarithm of R.
+    """
+
+    weights: Tensor
+    counts: Tensor
+    log_variance: Tensor
+
+
+class OodDetector(torch.nn.Module):
+    """Histograms of the noise models, and the limit of the divergence by noise model and number of counts.
+
+    Attributes:
+        histograms: (J, levels, BINS) logarithms of probabilities.
+        level: (J,) of the limit, where very much is counted.
+        slope: what the limit has more where less is counted, over 1 / counts.
+    """
+
+    def __init__(self, noise_models: int):
+        """Start before anything is learned, when all is familiar."""
+        super().__init__()
+        begin, end, count = LEVELS
+        self.centres = torch.nn.Buffer(torch.linspace(begin, end, count))
+        self.histograms = torch.nn.Buffer(torch.zeros(noise_models, count, BINS))
+        self.level = torch.nn.Buffer(torch.full((noise_models,), 1e9))
+        self.slope = torch.nn.Buffer(torch.tensor(0.0))
+
+    def divergence(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
+        """Return (B,) the divergence sum p log(p / q) of the counts from the belief.
+
+        Args:
+            weights: (B, J) of the noise_models.
+            counts: (B, BINS).
+            log_variance: (B,) logarithm of R.
+        """
+        return self._from(self.histograms, weights, counts, log_variance)
+
+    def _from(self, histograms: Tensor, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
+        begin, end, count = LEVELS
+        between = (end - begin) / (count - 1)
+        place = (log_variance / 2).clamp(min=begin, max=end)[:, None]
+        near = (1 - (place - self.centres).abs() / between).clamp(min=0)  # (B, levels)
+        # By noise model, and the batch within: ONNX Runtime is slow at many products of a row each. In single
+        # precision, in which it is five times faster at exponentials: a verdict needs no more.
+        noise_models = torch.softmax(near.float()[None] @ histograms.float(), dim=-1)  # (J, B, BINS)
+        believed = (weights.float().T[:, :, None] * noise_models).sum(dim=0).to(counts.dtype)
+        share = counts / counts.sum(dim=-1, keepdim=True).clamp(min=LEAST_COUNTS)
+        return (share * torch.log((share + _UNLIKELY) / (believed + _UNLIKELY))).sum(dim=-1)
+
+    def forward(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
+        """Return (B,) how familiar the noise is, from 0 to 1; arguments as in `divergence`."""
+        limit = along(weights, self.level) + self.slope / counts.sum(dim=-1).clamp(min=LEAST_COUNTS)
+        beyond = self.divergence(weights, counts, log_variance) / limit
+        known: Tensor = ((SILENT - beyond) / (SILENT - 1)).clamp(min=0, max=1)
+        return known
+
+    def learn(self, seen: Histograms, held_out: Histograms, draw: Callable[[int], Tensor]) -> None:
+        """Learn the histograms by maximum likelihood, and the limits as quantiles of the divergence."""
+        learned = self.histograms.clone().requires_grad_()
+        optimiser = torch.optim.Adam([learned], lr=RATE)
+        for update in range(UPDATES):
+            optimiser.param_groups[0]["lr"] = RATE * (1 + math.cos(math.pi * update / UPDATES)) / 2
+            rows = draw(BATCH)
+            loss = self._from(learned, *(of[rows] for of in seen)).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+        with torch.no_grad():
+            self.histograms.copy_(learned)
+            parts = zip(*(of.split(4096) for of in held_out), strict=True)
+            found = torch.cat([self.divergence(*part) for part in parts])
+            self._limit(held_out.weights, found, held_out.counts.sum(dim=-1).clamp(min=LEAST_COUNTS))
+
+    def _limit(self, weights: Tensor, found: Tensor, total: Tensor) -> None:
+        """Set the limits by the (S,) divergences that were found, of so many counts."""
+        groups = [rows for rows in torch.argsort(total).tensor_split(_GROUPS) if len(rows)]
+        middle = torch.stack([found[rows].median() for rows in groups])
+        inverse = torch.stack([(1 / total[rows]).mean() for rows in groups])
+        off = inverse - inverse.mean()
+        slope = ((off * (middle - middle.mean())).sum() / (off**2).sum().clamp(min=1e-12)).clamp(min=0)
+        self.slope.copy_(slope)
+        left = found - slope / total
+        common = torch.quantile(left, FAMILIAR)
+        for noise_model in range(len(self.level)):
+            mine = weights[:, noise_model] > 0.5
+            level = torch.quantile(left[mine], FAMILIAR) if mine.sum() >= 100 else common
+            self.level[noise_model] = level.clamp(min=1e-3)
+
+
+BOUND = 1.5  # standard deviations of an innovation that count in full
+BEFORE = 10.0  # counts by which half of the observed share of tails is used
+NORMAL_LOG = -(math.log(2) + 0.5772156649) / 2  # mean of log |x| under a normal distribution of variance 1
+HEAVY = 0.8  # ratio of variances below which tails are heavy: what is above is chance
+DISTANCES = (0.5, 1.0, 1.5, 2.0, 3.0)  # in units of sqrt(R), beyond which sides are compared
+EVEN, ODD = 1.5, 2.5  # standard deviations between the sides: symmetric up to, not symmetric from
+ENOUGH = 150.0  # counts that symmetry needs; with half of them it is not used
+
+
+class Verdict(NamedTuple):
+    """Reliance on the fallback, and its view of the noise; all (B,).
+
+    Attributes:
+        strange: from 0, the noise is like that of the training, to 1.
+        narrower: what R is multiplied by.
+        even: how sure it is that the mean of the noise is zero: one over its variance in units of R.
+    """
+
+    strange: Tensor
+    narrower: Tensor
+    even: Tensor
+
+    def bound(self, innovation: Tensor, variance: Tensor) -> Tensor:
+        """Return (B,) the share of an innovation [deg] that counts, by its variance [deg^2]."""
+        largest = BOUND * torch.sqrt(variance)
+        return 1 - self.strange + self.strange * largest / torch.maximum(innovation.abs(), largest)
+
+
+class Fallback(torch.nn.Module):
+    """Tails and symmetry of a noise by its histogram; nothing in it is learned."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        centres = torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS)
+        residual = torch.sinh(centres) / 4
+        within = float(centres[1] - centres[0]) / 4  # spread of what a middle bin counts
+        self.least = within**2 / 4  # [R]: narrower parts are not resolved
+        self.square = torch.nn.Buffer(residual**2)
+        self.logarithm = torch.nn.Buffer(torch.log(residual**2 + self.least) / 2)
+        beyond = torch.stack([(residual.abs() > distance).float() for distance in DISTANCES], dim=1)
+        self.beyond = torch.nn.Buffer(beyond)
+        self.side = torch.nn.Buffer(beyond * torch.sign(residual)[:, None])
+
+    def narrower(self, counts: Tensor) -> Tensor:
+        """Return (B,) what R is multiplied by: less than 1 where tails are heavy, by the width of the middle.
+
+        Args:
+            counts: (B, BINS) histogram of residuals in units of sqrt(R).
+        """
+        total = counts.sum(dim=-1)
+        some = total.clamp(min=LEAST_COUNTS)
+        logarithm = along(counts, self.logarithm) / some
+        ratio = torch.exp(2 * (logarithm - NORMAL_LOG)) / (along(counts, self.square) / some + self.least)
+        share: Tensor = (1 + total / (total + BEFORE) * (ratio - 1)) / HEAVY
+        return share.clamp(min=0, max=1)
+
+    def symmetry(self, counts: Tensor) -> Tensor:
+        """Return (B,) how surely the noise is symmetric, from 0 to 1."""
+        off = (counts @ self.side).abs() / torch.sqrt(counts @ self.beyond + 1)
+        uneven = ((off - EVEN) / (ODD - EVEN)).clamp(min=0, max=1).sum(dim=-1)
+        counted = 2 * counts.sum(dim=-1) / ENOUGH - 1
+        return (1 - uneven).clamp(min=0, max=1) * counted.clamp(min=0, max=1)
+
+    def forward(self, strange: Tensor, counts: Tensor) -> Verdict:
+        """Return what a filter does under noise that is so strange.
+
+        Args:
+            strange: (B,) from 0 to 1.
+            counts: as in `narrower`.
+        """
+        narrower = 1 - strange * (1 - self.narrower(counts))
+        return Verdict(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))
