@@ -21,21 +21,23 @@ from twin.gate.trial import compare_paired
     ],
 )
 def test_what_passes(holds, required, passes):
-    assert Check("a", holds=holds, required=required).passes is passes
+    assert Check(said="a", holds=holds, required=required).passes is passes
 
 
 def test_one_check_that_fails_is_a_no_go_with_its_reason():
-    good, bad = Check("fine", holds=True, name="good"), Check("too slow", holds=False, name="bad")
-    verdict = GateVerdict((good, not_shown("none given")), {})
+    good, bad = Check(said="fine", holds=True, name="good"), Check(said="too slow", holds=False, name="bad")
+    verdict = GateVerdict(checks=(good, not_shown("none given")), subject={})
     assert verdict.word == "go"
     assert any("not shown" in reason for reason in verdict.reasons)
-    verdict = GateVerdict((good, bad), {})
+    verdict = GateVerdict(checks=(good, bad), subject={})
     assert (verdict.word, verdict.reasons) == ("no-go", ("bad: too slow",))
 
 
 def test_no_number_of_gate_json_is_infinite():
-    check = Check("a", figure=math.inf, bar=1.0, holds=False, rows=({"x": math.nan},))
-    assert json.loads(json.dumps(check.to_dict(), allow_nan=False))["figure"] is None
+    check = Check(said="a", figure=math.inf, bar=1.0, holds=False, rows=({"x": math.nan},))
+    (values,) = GateVerdict(checks=(check,), subject={}).to_dict()["checks"]
+    assert json.loads(json.dumps(values, allow_nan=False))["figure"] is None
+    assert values["rows"] == [{"x": None}]
 
 
 def runs(rng, units=40, draws=3, twin=1.0, noise=0.3):

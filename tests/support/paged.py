@@ -155,10 +155,14 @@ def make_calibration(folder: Path) -> Path:
 def make_gate(folder: Path) -> Path:
     """Write the verdict of a gate that one check speaks against."""
     folder.mkdir(parents=True, exist_ok=True)
-    checks = [Check(f"{spec.claim} Yes.", 0.5, 1.0, holds=True, name=spec.name) for spec in CHECKS]
+    checks = [
+        Check(said=f"{spec.claim} Yes.", figure=0.5, bar=1.0, holds=True, name=spec.name) for spec in CHECKS
+    ]
     rows = ({"what": "Gaussian", "rival_deg": 1.0, "low_deg": -0.1, "difference_deg": 0.1, "high_deg": 0.2},)
     place = next(k for k, spec in enumerate(CHECKS) if "held-out" in spec.name)
-    checks[place] = Check("it is worse", 2.0, 1.0, holds=False, rows=rows, name=CHECKS[place].name)
+    checks[place] = Check(
+        said="it is worse", figure=2.0, bar=1.0, holds=False, rows=rows, name=CHECKS[place].name
+    )
     subject = {
         "policy": "policy.onnx",
         "sha256": "0" * 64,
@@ -172,7 +176,7 @@ def make_gate(folder: Path) -> Path:
         "version": "1.2.3",
     }
     origin = origin_of("endotwin gate policy.onnx --quick", [])
-    write_verdict(GateVerdict(tuple(checks), subject), folder / "gate.json", origin)
+    write_verdict(GateVerdict(checks=tuple(checks), subject=subject), folder / "gate.json", origin)
     return folder
 
 

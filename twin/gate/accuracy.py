@@ -58,7 +58,7 @@ def on_logs(material: GateMaterial) -> Check:
     notes = [f"Noise is drawn on the {kind} angles of the logs, which count as the truth."]
     if len(material.logs) < 5:
         notes.append(f"With {len(material.logs)} of them the interval says little about other logs.")
-    return dataclasses.replace(check, notes=(*check.notes, *notes))
+    return check.model_copy(update={"notes": (*check.notes, *notes)})
 
 
 def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) -> Check:
@@ -97,7 +97,7 @@ def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) 
     if trials[0].left_out:
         notes.append(f"{trials[0].left_out} twins found no equilibrium and were left out.")
     return Check(
-        said,
+        said=said,
         figure=worst["relative_high"],
         bar=BAR,
         unit="of the rival's RMSE, upper end",
@@ -131,7 +131,7 @@ def learning_helps(material: GateMaterial) -> Check:
         f"{found.rival_deg:.2f} deg without: is the policy untrained?"
     )
     return Check(
-        said,
+        said=said,
         figure=found.relative_high,
         bar=WORTH,
         unit="of the RMSE without it, upper end",
@@ -153,7 +153,7 @@ def coverage(material: GateMaterial) -> Check:
     holds = worst["inside"] >= LEAST_COVERAGE
     least = "or more; least" if holds else "only,"
     return Check(
-        f"its 95 % interval covers the truth in {worst['inside']:.1%} of the samples {least} on "
+        said=f"its 95 % interval covers the truth in {worst['inside']:.1%} of the samples {least} on "
         f"{worst['set']} under {worst['what']}",
         figure=worst["inside"],
         bar=LEAST_COVERAGE,
@@ -231,7 +231,7 @@ def _normalised(
 ) -> Check:
     holds = found <= bar
     return Check(
-        f"at most {found:.2f}, {what}; 1 is right"
+        said=f"at most {found:.2f}, {what}; 1 is right"
         if holds
         else f"{errors} are {np.sqrt(found):.1f} times as large as {stated}, {what}",
         figure=found,

@@ -1,13 +1,11 @@
 """Results of the gate: checks that hold, do not hold or show nothing, and the verdict that follows."""
 
-import dataclasses
 import functools
-import math
+import json
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
     from twin.gate.evidence import GateMaterial
@@ -23,12 +21,10 @@ IDENTITY, TWIN, ACCURACY, CALIBRATION, SAFETY = PARTS = (
     "Safety of its running",
 )
 """Parts of the argument, in their order."""
-Array = NDArray[np.float64]
-Curve = tuple[str, Array, Array, Array]
+Line = Annotated[str, Field(max_length=4000)]
 
 
-@dataclasses.dataclass(frozen=True)
-class Check:
+class Check(BaseModel):
     """Result of one check: a figure against its bar.
 
     Attributes:
@@ -45,17 +41,19 @@ class Check:
         curves: for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg].
     """
 
-    said: str
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    said: Line
     figure: float | None = None
     bar: float | None = None
-    relation: str = "at most"
-    unit: str = ""
+    relation: Line = "at most"
+    unit: Line = ""
     holds: bool | None = None
     required: bool = True
-    rows: tuple[dict[str, Any], ...] = ()
-    notes: tuple[str, ...] = ()
-    name: str = ""
-    curves: tuple[Curve, ...] = ()
+    rows: Annotated[tuple[dict[str, Any], ...], Field(max_length=10_000)] = ()
+    notes: Annotated[tuple[Line, ...], Field(max_length=1000)] = ()
+    name: Line = ""
+    curves: Annotated[tuple[Any, ...], Field(exclude=True)] = ()
 
     @property
     def passes(self) -> bool:
@@ -67,14 +65,8 @@ class Check:
         """The result in a word or two."""
         return {True: "holds", False: "does not hold", None: "not shown"}[self.holds]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as `gate.json` contains them."""
-        names = [field.name for field in dataclasses.fields(self) if field.name != "curves"]
-        return {name: _plain(getattr(self, name)) for name in names}
 
-
-@dataclasses.dataclass(frozen=True)
-class GateVerdict:
+class GateVerdict(BaseModel):
     """Go or no-go, and why.
 
     Attributes:
@@ -82,8 +74,10 @@ class GateVerdict:
         subject: what was judged: policy, preset, logs, seed and versions, as plain values.
     """
 
-    checks: tuple[Check, ...]
-    subject: dict[str, Any]
+    model_config = ConfigDict(frozen=True)
+
+    checks: Annotated[tuple[Check, ...], Field(min_length=1, max_length=100)]
+    subject: dict[Line, Any]
 
     @property
     def go(self) -> bool:
@@ -106,24 +100,21 @@ class GateVerdict:
         return tuple(f"{check.name}: {check.said}" for check in self.checks if not check.passes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the contents of `gate.json`."""
-        return {
-            "verdict": self.word,
-            "reasons": list(self.reasons),
-            "checks": [check.to_dict() for check in self.checks],
-            "subject": self.subject,
-        }
+        """Return the contents of `gate.json`; no number is infinite or NaN."""
+        values: dict[str, Any] = json.loads(self.model_dump_json())
+        return {"verdict": self.word, "reasons": list(self.reasons), **values}
 
 
 def none_of(failed: Sequence[Any], good: str, bad: str, unit: str, **evidence: Any) -> Check:
     """Return the result of a check that holds where nothing has failed; `good` or `bad` is the sentence."""
     count = float(len(failed))
-    return Check(bad if failed else good, count, 0.0, "equal", unit, holds=not failed, **evidence)
+    said = bad if failed else good
+    return Check(said=said, figure=count, bar=0.0, relation="equal", unit=unit, holds=not failed, **evidence)
 
 
 def not_shown(why: str) -> Check:
     """Return the result of a check that could show nothing, and that a go does not need."""
-    return Check(why, required=False)
+    return Check(said=why, required=False)
 
 
 class CheckSpec(NamedTuple):
@@ -152,20 +143,9 @@ def declare(name: str, part: str, cost: float = 1.0) -> "Callable[[MakeCheck], M
     def declared(make: "MakeCheck") -> "MakeCheck":
         @functools.wraps(make)
         def run(material: "GateMaterial") -> Check:
-            return dataclasses.replace(make(material), name=name)
+            return make(material).model_copy(update={"name": name})
 
         DECLARED.append(CheckSpec(name, part, cost, run))
         return run
 
     return declared
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that JSON can hold: no number in it is infinite or NaN."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {name: _plain(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    return value

@@ -89,7 +89,7 @@ def configured(material: GateMaterial) -> Check:
     try:
         values = read_yaml(path)
     except ValueError as error:
-        return Check(cut(str(error), 150), bar=0.0, relation="equal", unit="entries", holds=False)
+        return Check(said=cut(str(error), 150), bar=0.0, relation="equal", unit="entries", holds=False)
     if not isinstance(values, Mapping) or not values:
         return not_shown(f"{CONFIGURATION_FILE} next to the file has no configuration")
     in_file = material.file.description
@@ -115,12 +115,12 @@ def faithful(material: GateMaterial) -> Check:
     try:
         differences = replay(material.file)
     except InputError as error:
-        return Check(cut(str(error), 150), bar=REPLAYED_DEG, holds=False)
+        return Check(said=cut(str(error), 150), bar=REPLAYED_DEG, holds=False)
     worst = float(np.nan_to_num(max(differences.values()), nan=np.inf))
     holds = worst <= REPLAYED_DEG
     name = max(differences, key=lambda of: differences[of])
     return Check(
-        f"it returns of the reference steps what the trained network returned, within {worst:.1e}"
+        said=f"it returns of the reference steps what the trained network returned, within {worst:.1e}"
         if holds
         else f"the graph is not the network that was trained: {name} differs by {worst:.2g} on the reference "
         "steps: was it changed or damaged?",
@@ -222,7 +222,7 @@ def tried_bounds(material: GateMaterial) -> Check:
     count = batch * (_STEPS - 1)
     holds = largest <= LARGEST_ESTIMATE_DEG and narrowest > 0
     return Check(
-        f"estimate and interval are numbers within their bounds under each of {count} hostile inputs"
+        said=f"estimate and interval are numbers within their bounds under each of {count} hostile inputs"
         if holds
         else f"estimate or interval is beyond its bounds, or not a number, under {count} hostile inputs",
         figure=largest if np.isfinite(largest) else None,

@@ -6,18 +6,18 @@ evidence, and what was not shown. Evidence is weighed by what is at risk as in A
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from pydantic import BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json, validated
 from twin.files.origin import Origin, stated_origin
+from twin.files.shown import shown
 from twin.gate.accuracy import LEAST_COVERAGE
 from twin.gate.check import ACCURACY, PARTS, Check, CheckSpec, GateVerdict
 from twin.gate.run import CHECKS
@@ -60,48 +60,15 @@ CONTEXT = {
 }
 GOOD, BAD, LINE = "#2f5d8a", "#b3261e", "#a9b1ba"
 _MARKS = ("o", "s", "^")
-Line = Annotated[str, Field(max_length=4000)]
-
-
-class CheckFile(BaseModel):
-    """A `Check` in `gate.json`."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
-
-    name: Line
-    said: Line
-    figure: float | None
-    bar: float | None
-    relation: Line
-    unit: Line
-    holds: bool | None
-    required: bool
-    rows: Annotated[list[dict[Line, Any]], Field(max_length=10_000)]
-    notes: Annotated[list[Line], Field(max_length=1000)]
-
-
-class GateFile(BaseModel):
-    """Contents of `gate.json`: verdict, results of the checks, and what was judged."""
-
-    model_config = ConfigDict(frozen=True, strict=True)
-
-    verdict: Literal["go", "no-go"]
-    checks: Annotated[list[CheckFile], Field(min_length=1, max_length=100)]
-    subject: dict[Line, Any]
 
 
 def read_gate_page(path: Path) -> Page:
     """Return the page of a `gate.json`; raises `ValueError` if it is another file."""
     values = read_json(path, 16 * MEBIBYTE)
     try:
-        file = validated(GateFile, values)
-        verdict = GateVerdict(
-            tuple(
-                Check(**of.model_dump() | {"rows": tuple(of.rows), "notes": tuple(of.notes)})
-                for of in file.checks
-            ),
-            file.subject,
-        )
+        verdict = validated(GateVerdict, values)
+        if values.get("verdict") != verdict.word:
+            raise InputError(f"verdict = {shown(values.get('verdict'))}: its checks lead to {verdict.word}")
         return gate_page(verdict, stated_origin(values), str(path.with_suffix(".html")))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not what `endotwin gate` wrote: {error}") from error

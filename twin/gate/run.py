@@ -42,7 +42,7 @@ def run_gate(material: GateMaterial, on_progress: OnProgress | None = None) -> G
         try:
             checks.append(spec.run(material))
         except (DivergedError, InputError) as error:
-            checks.append(Check(f"it could not be completed: {cut(error)}", holds=False, name=spec.name))
+            checks.append(Check(said=f"it could not be completed: {cut(error)}", holds=False, name=spec.name))
         before += spec.cost
     if on_progress:
         on_progress(THOUSANDTHS, THOUSANDTHS, "")
@@ -60,7 +60,7 @@ def run_gate(material: GateMaterial, on_progress: OnProgress | None = None) -> G
         "quick": material.size != WHOLE,
         "version": __version__,
     }
-    return GateVerdict(tuple(checks), subject)
+    return GateVerdict(checks=tuple(checks), subject=subject)
 
 
 def write_verdict(verdict: GateVerdict, path: Path, origin: Mapping[str, Any]) -> None:

@@ -130,7 +130,7 @@ def errors(material: GateMaterial) -> Check:
     worst = max(rows, key=lambda row: row["ratio"])
     holds = worst["ratio"] <= ALLOWED
     return Check(
-        f"at most {worst['ratio']:.2f} times that of {RIVAL} alone: {worst['fault']}"
+        said=f"at most {worst['ratio']:.2f} times that of {RIVAL} alone: {worst['fault']}"
         if holds
         else f"{worst['rmse_deg']:.2f} deg under {worst['fault']}, {RIVAL} alone has "
         f"{worst['fallback_deg']:.2f}",
@@ -253,7 +253,7 @@ def latency(material: GateMaterial) -> Check:
     if busy:
         notes.append("Other work kept this machine busy: processor time is judged, not time on the clock.")
     return Check(
-        f"median {median:.2f} ms, {PERCENTILE}th percentile {most:.2f} ms; the sample time is {T * 1e3:g} ms"
+        said=f"median {median:.2f} ms, {PERCENTILE}th percentile {most:.2f} ms of {T * 1e3:g} ms sample time"
         + ("" if most <= bar else ": too slow here, on this machine"),
         figure=most,
         bar=bar,

@@ -34,7 +34,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
         predicted, bend = _predicted(log, sheath_bend, material)
         if predicted is None:
             said = f"the twin finds no equilibrium along the command of {log.name}"
-            return Check(said, holds=False, unit="deg")
+            return Check(said=said, holds=False, unit="deg")
         angle = without_holes(log.time, log.reference_deg)
         if log.is_measured:  # its zero is at some pose
             predicted = predicted - np.nanmean(predicted - log.reference_deg)
@@ -70,7 +70,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
     if any(row["sheath_bend_deg"] is not None for row in rows):
         notes.append("Where a log has no bend of its sheath, the best of nine bends is used.")
     return Check(
-        said,
+        said=said,
         figure=found,
         bar=bar,
         unit="deg",
