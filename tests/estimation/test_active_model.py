@@ -93,17 +93,6 @@ def test_online_form_equals_whole_records_and_does_not_use_the_first_measurement
     np.testing.assert_array_equal(FILTER.estimate(PULL, unread, initial), whole)
 
 
-def test_step_is_predict_then_update_and_leaves_its_argument_alone():
-    belief = FILTER.start(PULL[:1], np.array([60.0]))
-    kept = Belief(*(part.copy() for part in belief))
-    stepped = FILTER.step(belief, PULL[1:2], PULL[:1], np.array([61.0]))
-    again = FILTER.update(FILTER.predict(belief, PULL[1:2], PULL[:1]), np.array([61.0]))
-    for one, two in zip(stepped, again, strict=True):
-        np.testing.assert_array_equal(one, two)
-    for one, two in zip(belief, kept, strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
 @settings(max_examples=50)
 @given(bend=st.floats(-60, 140), error=st.floats(-5, 5), move=st.floats(-0.4, 0.4))
 def test_transition_is_the_derivative_of_the_prediction(bend, error, move):
@@ -124,14 +113,6 @@ def test_transition_is_the_derivative_of_the_prediction(bend, error, move):
         axis=1,
     )
     np.testing.assert_allclose(predicted(bend, error).covariance[..., 0], F @ F.T, rtol=1e-4, atol=1e-6)
-
-
-def test_wrong_initial_estimate_is_forgotten_without_noise_and_model_error():
-    pull = np.tile(PULL[:360], 4)
-    exact = truth(pull=pull)
-    estimate = FILTER.estimate(pull, exact, 60.0 + 20)[0]
-    assert abs(estimate[1] - exact[1]) > 10
-    assert np.abs(estimate - exact)[-100:].max() < 1e-6
 
 
 @pytest.mark.parametrize("disturbance", [-3.0, 0.7])

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.adaptive import ITERATIONS, AdaptiveActiveModel
 from twin.estimation.estimator import Sensor
-from twin.estimation.tuning import FixedNoiseActiveModel
 from twin.hysteresis import ColemanHodgdon
 
 A, B, C, T = 1.15, 22.38, 5.0, 0.1
@@ -87,12 +86,6 @@ def test_forgetting_follows_a_change_of_the_noise_within_its_memory():
     assert np.median(found[599]) == pytest.approx(0.25, rel=0.15)
     assert np.median(found[600 + 150]) == pytest.approx(4.0, rel=0.15)  # 150 samples: three memories
     assert np.median(never[600 + 150]) < 2.0
-
-
-def test_filter_that_is_never_told_starts_at_its_own_variance():
-    untold = AdaptiveActiveModel(FixedNoiseActiveModel(**vars(PLAIN)))
-    assert untold.with_sensor(Sensor(7.0)) == untold
-    assert AdaptiveActiveModel(PLAIN).with_sensor(Sensor(7.0)).active_model.measurement_variance == 7.0
 
 
 @pytest.mark.parametrize("wrong", [{"forgetting": 0.0}, {"forgetting": 1.1}, {"first_shape": 0.0}])

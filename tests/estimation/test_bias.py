@@ -90,15 +90,6 @@ def test_errors_of_the_bias_are_as_large_as_the_filter_says():
     assert normalised.mean() == pytest.approx(1, abs=5 * np.sqrt(2 / count))
 
 
-def test_random_walk_of_the_bias_lets_it_follow_a_drift():
-    drift = np.linspace(-1, 2, len(PULL))
-    _, measurement = simulate(50, drift, 5)
-    still = dataclasses.replace(BIASED, bias_process_variance=0.0)
-    moving = dataclasses.replace(BIASED, bias_process_variance=1e-4)
-    error = [abs(run(f, measurement, np.full(50, 60.0)).mean[2].mean() - 2) for f in (moving, still)]
-    assert error[0] < 0.5 * error[1]
-
-
 def test_bias_stays_unknown_where_the_tendon_rests():
     """Nothing pins the angle there: angle and bias share what the measurements say by their variances."""
     filter_ = BiasedActiveModel(MODEL, T, (1e-9, 1e-9), 1.0, (1.0, 1e-9), 1.0, 0.0)

@@ -105,13 +105,6 @@ def test_filter_equals_filterpy_on_the_same_matrices(delays, symmetric, variance
     np.testing.assert_allclose(filter_.estimate(pull, measurement, 7.0)[0], expected, rtol=1e-7, atol=1e-7)
 
 
-def test_response_is_what_the_filter_predicts_without_measurements():
-    filter_ = fit_koopman([delayed_record(seed) for seed in range(2)], delays=2)
-    pulls = np.stack([delayed_record(seed)[0] for seed in (7, 8)])
-    blind = filter_.estimate(pulls, np.full(pulls.shape, np.nan), [50.0, 60.0])
-    np.testing.assert_allclose(filter_.response(pulls, [50.0, 60.0]), blind, rtol=1e-12)
-
-
 @pytest.mark.parametrize("symmetric", [True, False])
 @pytest.mark.parametrize("centre", [-3.0, 0.0, 20.0])
 def test_prediction_forgets_its_first_angle_about_any_pull(symmetric, centre):

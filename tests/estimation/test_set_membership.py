@@ -114,30 +114,6 @@ def test_without_f_the_interval_is_the_exact_one(slope, floor, noise, seed):
         np.testing.assert_allclose(high[:, k], exact_high, atol=1e-4)
 
 
-def test_noise_that_keeps_to_its_bound_leaves_less_than_the_strip_of_one_measurement():
-    rng = np.random.default_rng(0)
-    bound = ErrorBound(3.0, 0.02)
-    pull = pulls(rng)
-    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
-    measurement = bend + rng.uniform(-2, 2, bend.shape)
-    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 2.0)
-    low, high = tuned.intervals(pull, measurement, bend[:, 0])
-    assert (high - low)[:, 20:].mean() < 0.5 * 4
-    assert np.sqrt(np.mean((tuned.estimate(pull, measurement, bend[:, 0]) - bend)[:, 20:] ** 2)) < 0.5
-
-
-def test_without_measurements_the_interval_is_that_of_the_model_and_its_bound():
-    tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(2.0, 0.1), 1.0, 0.5)
-    pull = pulls(np.random.default_rng(3), 1)[0]
-    low, high = tuned.intervals(pull, np.full(SAMPLES, np.nan), 60.0)
-    response = COLEMAN_HODGDON.response(pull, 60.0)
-    half = [0.5]
-    for move in np.abs(np.diff(pull)):
-        half.append((1 - 1.15 * move) * half[-1] + 2 * move + 0.1)
-    np.testing.assert_allclose((low + high)[0] / 2, response, atol=1e-6)
-    np.testing.assert_allclose((high - low)[0] / 2, half, rtol=1e-5)
-
-
 @pytest.mark.parametrize("jump", [15.0, -400.0])
 def test_a_measurement_that_breaks_its_bound_does_not_lose_the_truth(jump):
     """The set then holds what model and measurement say, and the next measurements narrow it."""

@@ -52,6 +52,7 @@ def test_likelihood_equals_the_joint_normal_density_of_the_measurements():
     assert found == pytest.approx(expected, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_tuning_recovers_the_variances_that_made_the_data():
     rng = np.random.default_rng(1)
     bend, measurement = simulate(0.05, 0.02, 0.1, 12, 500, rng)

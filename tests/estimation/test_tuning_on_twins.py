@@ -49,6 +49,7 @@ def test_episodes_are_of_many_twins_under_noise_of_the_variance_that_is_told():
     np.testing.assert_array_equal(finer.bend_deg[:, ::5], episodes.bend_deg)
 
 
+@pytest.mark.slow
 def test_it_is_likelier_on_other_twins_than_a_filter_tuned_on_one_endoscope():
     known, other = knowledge(), knowledge(seed=2)
     episodes, variance = draw_twin_episodes(other)

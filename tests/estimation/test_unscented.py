@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import BOUC_WEN
 
-from twin.estimation.active_model import ActiveModel, UnscentedActiveModel, cholesky, sigma_points
+from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
 from twin.estimation.gaussian import Belief
 
 
@@ -44,7 +44,6 @@ class Square(Pendulum):
 
 
 spreads = st.tuples(st.floats(0.01, 1), st.floats(0, 3), st.floats(-1, 3))
-covariances = st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-0.99, 0.99))
 
 
 def matrix(first: float, second: float, correlation: float) -> np.ndarray:
@@ -76,26 +75,6 @@ def test_filter_equals_filterpy_on_nonlinear_models(model, spread, r, seed):
         peer.update(measurement[k])
         np.testing.assert_allclose(belief.mean[:, 0], peer.x, rtol=1e-7, atol=1e-7)
         np.testing.assert_allclose(belief.covariance[..., 0], peer.P, rtol=1e-6, atol=1e-8)
-
-
-@given(covariance=covariances, spread=spreads)
-def test_points_have_the_mean_and_the_covariance_that_they_stand_for(covariance, spread):
-    alpha, _, kappa = spread
-    P = matrix(*covariance)
-    mean = np.array([3.0, -2.0])
-    points = sigma_points(mean[:, None], P[..., None], alpha, kappa)[..., 0]
-    weight = 0.5 / (alpha**2 * (2 + kappa))
-    off = points[:, 1:] - mean[:, None]
-    np.testing.assert_allclose(off.sum(axis=1), 0, atol=1e-9 * np.abs(off).max())
-    np.testing.assert_allclose(weight * off @ off.T, P, rtol=1e-6, atol=1e-9 * np.abs(P).max())
-    np.testing.assert_array_equal(points[:, 0], mean)
-    np.testing.assert_array_equal(points[0, [2, 4]], mean[0])
-
-
-@given(covariance=covariances)
-def test_root_is_that_of_linear_algebra(covariance):
-    P = matrix(*covariance)
-    np.testing.assert_allclose(cholesky(P[..., None])[..., 0], np.linalg.cholesky(P), rtol=1e-7)
 
 
 @given(mean=st.floats(-3, 3), variance=st.floats(0.01, 4))

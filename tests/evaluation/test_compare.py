@@ -1,6 +1,4 @@
 import dataclasses
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -114,19 +112,6 @@ def test_several_trainings_are_one_row_with_their_mean_and_spread(two_records):
     np.testing.assert_allclose(next(iter(tracks.values())).error_deg("m"), 1)
 
 
-def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
-    drawn = {}
-
-    def keep(case):
-        drawn.setdefault(len(case.measurement_deg) // 10, case.measurement_deg)  # two records, five noises
-        return case.measurement_deg
-
-    for seeds in (2, 5):
-        compare(two_records, [Method("m", keep)], Protocol("paper-only", seeds))
-    np.testing.assert_array_equal(drawn[5][:2], drawn[2][:2])
-    assert not np.array_equal(drawn[5][0], drawn[5][1])
-
-
 def test_tracks_hold_the_first_record_and_seed_of_every_noise(two_records):
     _, tracks, *_ = compare(two_records, [Method("y", measurement_itself)], PROTOCOL)
     assert list(tracks) == list(PAPER_CONDITIONS)
@@ -206,9 +191,9 @@ def test_runs_are_told_variance_and_bound_of_their_own_noise(two_records):
         assert kind == "stereo-vision" or not missing.any()
 
 
-def test_workers_give_the_same_rows(two_records):
-    records = [two_records[0], dataclasses.replace(two_records[1], source="randomized")]
-    methods = [Method("y", measurement_itself)]
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
-        side_by_side = compare(records, methods, PROTOCOL, executor=executor)[0]
-    assert side_by_side == compare(records, methods, PROTOCOL)[0]
+def test_a_seed_draws_the_same_noise_however_many_there_are(two_records):
+    few, many = (
+        make_case([(0, two_records[0])], Protocol("paper-only", seeds)).measurement_deg for seeds in (2, 5)
+    )
+    np.testing.assert_array_equal(many[:2], few[:2])
+    assert not np.array_equal(many[0], many[1])

@@ -55,6 +55,7 @@ def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == stamps
 
 
+@pytest.mark.slow
 def test_fits_come_back_from_their_file(known, tmp_path):
     save_fits(tmp_path / "tuned.json", dict(known.fits))
     assert load_fits(tmp_path / "tuned.json") == known.fits
@@ -69,6 +70,7 @@ def test_a_damaged_file_is_named(content, tmp_path):
         load_fits(path)
 
 
+@pytest.mark.slow
 def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     pull, bend = records[0]
     record = simulated_record(pull, bend, source="training")

@@ -10,47 +10,13 @@ import pytest
 from distributed import LocalCluster
 
 from scripts.evaluate import main
-from twin.estimation.registry import method_specs, needed_fits
-from twin.evaluation.fitting import load_fits
+from twin.estimation import methods
 from twin.evaluation.protocol import UNTRAINED_CONDITIONS
 from twin.evaluation.ranking import rankings_of
 from twin.evaluation.results import load_runs
-from twin.hysteresis import load_model
 from twin.signals.excitation import SIGNALS
 
-METHODS = [
-    "C-H",
-    "C-H (monotone)",
-    "Bouc-Wen",
-    "P-I",
-    "AM",
-    "KF",
-    "UKF",
-    "ESMF",
-    "ESMF (geometry)",
-    "AM-tuned",
-    "AM-tuned (Q, R)",
-    "AM-tuned (Bouc-Wen)",
-    "UKF-tuned (Bouc-Wen)",
-    "AM-tuned (P-I)",
-    "Huber",
-    "VB",
-    "AM with bias",
-    "Koopman",
-    "LSTM",
-    "GRU",
-    "KalmanNet",
-    "Direct RL",
-    "RAM",
-    "Constant gain",
-    "RAM (oracle)",
-    "RAM (memory)",
-    "RAM (twins)",
-    "RAM (twins), recogniser alone",
-    "RAM (twins), filter alone",
-    "Ensemble",
-    "Ensemble (limit)",
-]
+METHODS = [name for name, row in methods.METHODS.items() if not row.on_request]
 NOISES = 11
 STATE_NONE = {
     *("C-H", "C-H (monotone)", "Bouc-Wen", "P-I", "ESMF", "ESMF (geometry)"),
@@ -143,25 +109,6 @@ def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
 
 
 @pytest.mark.slow
-def test_tables_figures_and_fits_are_kept(folder):
-    for name in (
-        "benchmark.md",
-        "rmse_by_noise.png",
-        "times_the_limit.png",
-        "ranks.png",
-        "figure_05.png",
-        "figure_10.png",
-    ):
-        assert (folder / name).stat().st_size > 1000
-    for name in ("coleman_hodgdon", "bouc_wen"):
-        load_model(folder / f"T_0.1/{name}.json")
-    fits = load_fits(folder / "T_0.1/tuned.json")
-    usual = [spec for spec in method_specs() if not spec.presentation.on_request]
-    assert set(fits) == {fit.key for fit in needed_fits(usual)}
-    assert 0 <= fits["constant gain"]["gain"][0] <= 1
-
-
-@pytest.mark.slow
 def test_ranks_and_runs_are_those_of_the_rows(folder, evaluation):
     """The first under each noise has the least RMSE, and runs give the figures of the rows again."""
     first = rankings_of(evaluation)[0]
@@ -247,18 +194,6 @@ def test_records_are_not_trained_and_tested_on(few, tmp_path, capsys):
     train = str(few / "train")
     assert main([train, "--train", train, *SMALL.split(), "--out", str(tmp_path)]) == 2
     assert "is test data too" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_several_ensembles_are_a_row_with_their_spread(few_words, tmp_path):
-    words = [*few_words, "Ensemble", "--ensembles", "2", "--sample-time", "0.1", "--workers", "1"]
-    assert main([*words, "--out", str(tmp_path)]) == 0
-    evaluation = json.loads((tmp_path / "evaluation.json").read_text())
-    assert evaluation["protocol"]["ensembles"] == 2
-    for row in evaluation["rows"]:
-        one, *others = row["training_rmse_deg"] or [row["rmse_deg"]]
-        assert (row["method"] == "Ensemble") == (len(others) == 1)
-        assert row["rmse_deg"] == pytest.approx(np.mean([one, *others]))
 
 
 @pytest.mark.slow

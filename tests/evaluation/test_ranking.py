@@ -41,13 +41,6 @@ def test_what_all_have_in_common_widens_no_difference():
     assert (found["two"].rank, found["two"].rank_ci95) == (2, (2, 2))
 
 
-def test_the_figure_is_the_geometric_mean_over_noises_of_the_mean_rmse():
-    squares = shared(3)
-    (of,) = rank_methods({"one": squares}, (), rng())
-    by_noise = np.sqrt(squares[0].mean(axis=1)).mean(axis=1)
-    assert of.rmse_deg == pytest.approx(np.sqrt(by_noise[0] * by_noise[1]))
-
-
 @pytest.mark.parametrize("trainings", [1, 6])
 def test_methods_of_one_law_are_told_apart_rarely(trainings, monkeypatch):
     """The interval of two that are equal excludes 1 in 5 % of the cases, with few records in some more."""
@@ -118,11 +111,3 @@ def test_over_groups_a_method_is_measured_against_one_of_them_in_pairs():
     assert found["ours"] == (1.0, (1.0, 1.0))
     ratio, interval = found["other"]
     assert (ratio, *interval) == pytest.approx((4.0, 4.0, 4.0))
-
-
-def test_a_training_counts_on_all_groups_or_on_none():
-    """The spread of trainings that are off on every group alike is not averaged away by more groups."""
-    off = np.array([0.25, 4.0])[:, None, None, None]
-    one = {"ours": shared(), "other": off * shared()}
-    few, many = (times_reference([one] * count, "ours", rng())["other"][1] for count in (1, 9))
-    assert np.log(many[1] / many[0]) == pytest.approx(np.log(few[1] / few[0]), rel=0.1)

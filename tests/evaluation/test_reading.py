@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recorded import make_episode
 
 from twin.episode import Episode
-from twin.evaluation.reading import complete_pieces, evaluation_records, read_episodes, true_records
+from twin.evaluation.reading import complete_pieces, evaluation_records, true_records
 from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import write_episode
@@ -70,16 +70,6 @@ def test_a_record_says_what_left_it_and_its_range(tmp_path, facts, twin):
     assert str(record.stroke_mm) == "(0.0, 1.0)"
 
 
-def test_a_log_that_was_hardly_measured_is_refused(tmp_path):
-    path = imported(tmp_path, [*[""] * 30, 1, 2])
-    assert len(evaluation_records([path], SAMPLE_TIME)[0].known) == 2
-    with pytest.raises(ValueError, match="log: the angle is known at 1 samples, at least 2 are needed"):
-        evaluation_records([path], 0.2)  # the last sample of this grid is the first measurement
-    (episode,) = read_episodes([path], 0.2)
-    with pytest.raises(ValueError, match="log: too much of the measured angle is missing"):
-        complete_pieces(episode)
-
-
 def simple(pull_mm, measured):
     count = len(pull_mm)
     return Episode(
@@ -122,21 +112,10 @@ def test_a_piece_in_which_the_command_stands_is_left_out():
     assert len(complete_pieces(still)) == 1
 
 
-def test_each_piece_follows_the_model_from_its_own_first_angle(model):
-    time = np.arange(300) * SAMPLE_TIME
-    pull = 3 + np.sin(2 * np.pi * time / 8)
-    bend = model.response(pull, 60.0)
-    missing = (np.arange(300) % 70 < 12) & (time > 1.15)
-    pieces = complete_pieces(simple(pull, np.where(missing, np.nan, bend)))
-    assert len(pieces) == 5
-    for pull_mm, bend_deg in pieces:
-        np.testing.assert_allclose(model.response(pull_mm, bend_deg[0]), bend_deg, rtol=1e-9)
-
-
 HOLED = st.sampled_from(["", "nan", "1", "2.5", "-3", "4", "5"])
 
 
-@settings(max_examples=60)
+@settings(max_examples=15)
 @given(
     angle=st.lists(HOLED, min_size=4, max_size=40).filter(
         lambda angle: sum(text not in ("", "nan") for text in angle) >= 2

@@ -9,7 +9,6 @@ from mcap_protobuf.reader import read_protobuf_messages
 from recorded import assert_equal, make_episode
 from small_dataset import RECIPE, make, measured_log
 
-import twin
 from scripts import evaluate as verb
 from twin.dataset.recipe import Recipe
 from twin.estimation.active_model import ActiveModel
@@ -97,26 +96,11 @@ def test_measured_logs_keep_their_measurements_unless_noise_is_asked_for(folder,
         chosen_measurements("both", [logs])
 
 
-def test_the_library_scores_measured_logs_as_they_were_measured(logs, model):
-    estimators = {"AM": ActiveModel(model, 0.1)}
-    (score,) = twin.evaluate(logs, estimators)
-    assert (score.noise, score.seeds, score.paper_rmse_deg) == ("recorded", 1, None)
-    assert len(twin.evaluate(logs, estimators, seeds=1, suite="paper-only", measurements="drawn")) == 5
-
-
 def test_a_record_without_measurements_is_refused(folder):
     record = evaluation_record(read_episode(episode_files(folder)[0]), 0)
     bare = dataclasses.replace(record, measured_deg=np.full(len(record.time), np.nan))
     with pytest.raises(ValueError, match="holds no measurement"):
         make_case([(0, bare)], RECORDED)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"), [({"seeds": 2}, "one draw"), ({"recorded_variance": 0}, "positive")]
-)
-def test_a_protocol_that_cannot_be_is_refused(changes, said):
-    with pytest.raises(ValueError, match=said):
-        dataclasses.replace(RECORDED, **changes)
 
 
 def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):

@@ -89,15 +89,6 @@ def test_two_angles_keep_their_order_and_come_no_further_apart(model, pair, incr
     assert -1e-9 <= gap <= (high - low) + 1e-9
 
 
-@pytest.mark.parametrize("offset", [-60.0, 60.0])
-def test_wrong_initial_angle_is_forgotten(offset):
-    pull = 3 + np.sin(np.linspace(0, 25, 600))
-    first = angle(MODEL, 0.9, pull[0])
-    apart = MODEL.response(pull, first + offset) - MODEL.response(pull, first)
-    assert abs(apart[-1]) < 1e-3
-    assert (apart * offset >= 0).all()  # never past the other
-
-
 @given(model=models, w=st.floats(-6, 6), increment=increments, pull=pulls)
 def test_slope_is_the_derivative_of_the_step(model, w, increment, pull):
     ahead = 1.0 if increment >= 0 else -1.0

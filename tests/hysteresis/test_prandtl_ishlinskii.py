@@ -34,14 +34,6 @@ def test_response_is_the_weighted_sum_of_plays(path, bend0):
     np.testing.assert_allclose(MODEL.response(path, bend0), bend0 + total - total[0], atol=1e-10)
 
 
-@given(pull=pulls)
-def test_start_is_where_a_monotone_pull_from_rest_leads(pull):
-    way = np.linspace(0, pull, 50)
-    np.testing.assert_allclose(MODEL.start(pull)[:, 0], plays_along(way, THRESHOLDS)[:, -1], atol=1e-12)
-    expected = [np.sign(pull) * max(abs(pull) - r, 0) for r in THRESHOLDS]  # the initial loading curve
-    np.testing.assert_allclose(MODEL.start(pull)[:, 0], expected, atol=1e-12)
-
-
 @given(path=paths, bend0=st.floats(-100, 100))
 def test_single_steps_equal_the_whole_response(path, bend0):
     bend, memory = np.array([bend0]), MODEL.start(path[:1])
