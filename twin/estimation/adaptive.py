@@ -279,11 +279,6 @@ class InteractingModels(Estimator[InteractingState]):
         bend: Array = np.sum(state.probability * [of.mean[0] for of in state.beliefs], axis=0)
         return bend
 
-    @property
-    def states_interval(self) -> bool:
-        """True: from the variances of the filters, and how far they are apart."""
-        return True
-
     def half_width_deg(self, state: InteractingState) -> Array:
         """Return half of the (B,) 95 % intervals of a normal distribution of the mixture's variance [deg]."""
         angle = np.array([of.mean[0] for of in state.beliefs])

@@ -122,11 +122,6 @@ class EnsembleFilter(Estimator[EnsembleState]):
         mean, anomaly = self.mean_and_anomaly(state.sample)
         return mean + self._with_bias(anomaly) @ state.mean
 
-    @property
-    def states_interval(self) -> bool:
-        """True: from the spread of the members, if the endoscope is like them."""
-        return True
-
     def half_width_deg(self, state: EnsembleState) -> Array:
         """Return half of the (B,) 95 % intervals of the belief [deg], one for all filters."""
         angle = self._with_bias(self.mean_and_anomaly(state.sample)[1])
@@ -304,11 +299,6 @@ class ParticleFilter(Estimator[ParticleState]):
         away = anomaly @ state.places
         return mean + anomaly @ state.centre + away @ normalised(state.log_weights)
 
-    @property
-    def states_interval(self) -> bool:
-        """True: from the spread of the kernels, if the endoscope is like the members."""
-        return True
-
     def half_width_deg(self, state: ParticleState) -> Array:
         """Return half of the (B,) 95 % intervals of a normal distribution of the mixture's variance [deg]."""
         _, anomaly = self.ensemble.mean_and_anomaly(state.sample)
@@ -363,11 +353,6 @@ class FamilyFilter(Estimator[FamilyState]):
         """Return the (B,) mean of the angle over families [deg]."""
         mean: Array = np.sum(self.weights(state) * self._bends(state), axis=0)
         return mean
-
-    @property
-    def states_interval(self) -> bool:
-        """True, as its filters do."""
-        return True
 
     def half_width_deg(self, state: FamilyState) -> Array:
         """Return half of the (B,) 95 % intervals of a normal distribution of the mixture's variance [deg]."""

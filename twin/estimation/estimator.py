@@ -36,8 +36,8 @@ class Estimator(abc.ABC, Generic[State]):
 
     @property
     def states_interval(self) -> bool:
-        """True if it states a 95 % interval with every estimate."""
-        return False
+        """True if it states a 95 % interval with every estimate: where `half_width_deg` is defined."""
+        return type(self).half_width_deg is not Estimator.half_width_deg
 
     @property
     def has_physics(self) -> bool:

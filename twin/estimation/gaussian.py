@@ -128,11 +128,6 @@ class GaussianFilter(Estimator[Belief]):
         bend: Array = state.mean[0]
         return bend
 
-    @property
-    def states_interval(self) -> bool:
-        """True: its covariance states one."""
-        return True
-
     def half_width_deg(self, state: Belief) -> Array:
         """Return half of the (B,) 95 % intervals of the angle [deg]."""
         return half_width_of(state.covariance[0, 0])
