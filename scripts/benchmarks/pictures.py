@@ -57,7 +57,7 @@ _MOST_RMSE_DEG, _MOST_BIAS_DEG, _MOST_ERROR_DEG = 0.3, 0.1, 2.0
 
 def accuracy(preset: Preset, progress: Callable[[int, int], None]) -> dict[str, Result]:
     """Measure RMSE, bias and lost pairs of pictures over [-90, 90] deg, at the usual settings."""
-    from twin.vision.characteristic import FURTHEST_DEG, grid_errors
+    from scripts.studies.measure_stereo import FURTHEST_DEG, grid_errors
     from twin.vision.rig import StereoRig
 
     bends = np.arange(-FURTHEST_DEG, FURTHEST_DEG + _STEP_DEG / 2, _STEP_DEG)
@@ -74,7 +74,7 @@ def accuracy(preset: Preset, progress: Callable[[int, int], None]) -> dict[str, 
 
 def occlusions(preset: Preset, frames: int, progress: Callable[[int, int], None]) -> dict[str, Result]:
     """Measure the largest error that is not flagged while instruments pass, and the share missing."""
-    from twin.vision.characteristic import occluded
+    from scripts.studies.measure_stereo import occluded
     from twin.vision.rig import StereoRig
 
     rig = dataclasses.replace(StereoRig(), occlusions_per_minute=_PASSES_PER_MINUTE)
