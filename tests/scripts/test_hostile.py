@@ -18,13 +18,13 @@ def few_and_many(few: int, many: int) -> list:
     return [few, pytest.param(many, marks=pytest.mark.endurance)]
 
 
-@pytest.mark.parametrize("count", few_and_many(40, 3000))
+@pytest.mark.parametrize("count", few_and_many(30, 3000))
 def test_hostile_files_end_in_good_output_or_one_line(workspace, tmp_path, count):
     commands = QUICK if count < 100 else list(COMMANDS)
     hostile_cases.run_all(hostile_cases.drawn(count, workspace, commands), workspace, tmp_path)
 
 
-@pytest.mark.parametrize("count", few_and_many(30, 2000))
+@pytest.mark.parametrize("count", few_and_many(20, 2000))
 def test_hostile_options_end_in_good_output_or_one_line(workspace, tmp_path, count):
     commands = QUICK if count < 100 else list(COMMANDS)
     hostile_cases.run_all(hostile_cases.arguments(count, commands), workspace, tmp_path)
