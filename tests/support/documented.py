@@ -49,6 +49,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
     ),
     (r"--sample-time 0.1 (.*)--sample-time 0.1", r"--sample-time 0.1 \1"),
     (r"(endotwin gate .*?)(?= --out)", r"\1 --quick"),
+    (r"(endotwin run .*--stroke -1 1) < samples.jsonl", r"head -20 samples.jsonl | \1"),
     (r"--suite full (.*)--controller [a-z -]*?(?= --out)", r"\1--controller linear members-inverse"),
     (r"(endotwin control .*)--suite full", r"\1"),
     (
