@@ -153,8 +153,7 @@ def test_a_point_is_drawn_where_it_is_projected(place, parallel, shift):
 
 
 @needs_gl
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("sleeve", SLEEVES)
+@pytest.mark.parametrize(("scene", "sleeve"), zip(SCENES, SLEEVES, strict=True))
 def test_every_scene_is_drawn_the_same_each_time(scene, sleeve):
     frames = link_frames(np.full((1, PRESET.vertebrae), 0.05), np.empty(0), PRESET.section_length)
     layers = []

@@ -1,4 +1,4 @@
-"""A simulated record: it repeats and continues bit for bit, begins on a real path, and mistakes are told."""
+"""A simulated record: it repeats and continues bit for bit, starts on a real path, mistakes are refused."""
 
 import numpy as np
 import pytest

@@ -1,8 +1,8 @@
 """Members: the twins that an estimator predicts by, some of them in a sheath that is bent on by and by.
 
-A sheath moves while an endoscope is pushed on, and nobody measures it. Members whose sheaths stay as they are
-say nothing of that; those of some sheaths that move, each at a pace of its own, are directions in which the
-weights of an ensemble can follow.
+A sheath moves while an endoscope is pushed on, and no sensor measures it. Members whose sheaths stay as they
+are say nothing of that; those of some sheaths that move, each at a pace of its own, are directions in which
+the weights of an ensemble can follow.
 """
 
 import math

@@ -204,7 +204,7 @@ def derivatives(
 
 
 def _stencil(preset: Preset, name: str, step: float | None) -> tuple[list[float], Array]:
-    """Return two values of a parameter beside its own, and the weights (3,) of the records at all three."""
+    """Return two values of a parameter next to its own, and the weights (3,) of the records at all three."""
     low, high = parameter_limits(name)
     if isinstance(getattr(preset, name), int):
         raise InputError(f"{name} is a whole number: it has no derivative")

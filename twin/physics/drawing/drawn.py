@@ -358,8 +358,8 @@ def _shell(
 
 def _between(
     body: mujoco.MjsBody,
-    start: Sequence[float],
-    end: Sequence[float],
+    start: Sequence[float] | Array,
+    end: Sequence[float] | Array,
     radius: float,
     material: str,
     shape: str = "CYLINDER",
