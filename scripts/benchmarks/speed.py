@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 
+import mujoco
 import numpy as np
 
 from scripts.benchmarks.harness import SAMPLE_TIME, Result, in_turn, sinusoid
@@ -20,10 +21,31 @@ from twin.evaluation.method import as_method
 from twin.evaluation.protocol import Protocol
 from twin.hysteresis import ColemanHodgdon
 from twin.physics import Endoscope, simulate, simulate_batch
-from twin.physics.plain_chain import run_plain_chain
 from twin.preset.preset import Preset
 
 PERIOD = 8.0
+
+
+def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
+    """Simulate a chain of hinges with springs and damping: no wires, no friction, no contact."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = time_step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    body = spec.worldbody
+    for _ in range(degrees):
+        body = body.add_body(pos=[0.0025, 0, 0])
+        body.add_joint(
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 1, 0],
+            stiffness=[0.4, 0, 0],
+            damping=[0.01, 0, 0],
+            armature=1e-6,
+        )
+        body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-5, [0, 0, 0], [1e-10] * 3, True
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.05
+    mujoco.mj_step(model, data, round(seconds / time_step))
 
 
 def one_core(preset: Preset, amplitude: float) -> Result:
