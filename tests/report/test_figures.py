@@ -1,11 +1,9 @@
 """Figures show the numbers that they are given, in styles that differ without colour."""
 
 import dataclasses
-import io
 
 import numpy as np
 import pytest
-from PIL import Image
 from scores import SCORE, track
 
 from twin.estimation.registry import method_specs
@@ -19,10 +17,7 @@ from twin.report.figures import (
     rank_figure,
     rmse_figure,
     style_of,
-    to_png_bytes,
-    to_svg,
     tracking_figure,
-    training_figure,
 )
 
 TIME = np.arange(0, 20, 0.1)
@@ -75,13 +70,6 @@ def test_styles_differ_without_colour():
     assert len({(style.line, style.marker) for style in styles}) == len(styles) == 7
     others = ["RAM", "KalmanNet", "UKF"]
     assert style_of("KalmanNet", others).marker != style_of("UKF", others).marker
-
-
-def test_output_is_repeatable_svg_and_png_of_the_right_size():
-    figure = training_figure({"RAM": {"samples": np.arange(1.0, 9), "return": -np.arange(1.0, 9)}})
-    assert to_svg(figure) == to_svg(figure)
-    assert to_svg(figure).rstrip().endswith("</svg>")
-    assert Image.open(io.BytesIO(to_png_bytes(figure, dpi=50))).size == (280, 160)
 
 
 def test_tracks_survive_the_disk(tmp_path):

@@ -18,17 +18,17 @@ from selenium.webdriver.chrome.service import Service
 
 WIDTHS = (390, 1280)
 """Widths of a telephone and of a desk's screen [pixels]."""
-_FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--allow-file-access-from-files",
-)
+_FLAGS = [
+    "headless=new",
+    "no-sandbox",
+    "disable-gpu",
+    "disable-quic",
+    "no-first-run",
+    "disable-background-networking",
+    "disable-component-update",
+    "disable-sync",
+    "allow-file-access-from-files",
+]
 _AXE = REPOSITORY / "tests/support/axe"
 _IMAGES = """
     const images = [...document.images];
@@ -108,8 +108,8 @@ def open_browser() -> Iterator[Browser]:
     options.binary_location = chromium
     options.set_capability("goog:loggingPrefs", {"performance": "ALL", "browser": "ALL"})
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        for flag in (*_FLAGS, f"--user-data-dir={profile}"):
-            options.add_argument(flag)
+        for flag in (*_FLAGS, f"user-data-dir={profile}"):
+            options.add_argument(f"--{flag}")
         driver = webdriver.Chrome(options=options, service=Service(chromedriver))
         driver.set_script_timeout(60)
         try:

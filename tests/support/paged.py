@@ -1,15 +1,15 @@
 """Small results of every kind, in the form in which their commands leave them, for the pages about them."""
 
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from scores import track
+from scores import SCORE, track
 from small_dataset import SMALL, changed, make
 
-from twin.dataset.recipe import Recipe
-from twin.episode import Episode, Record
+from twin.episode import Record
 from twin.evaluation.paper import paper_value
 from twin.evaluation.protocol import Condition
 from twin.evaluation.results import save_tracks
@@ -46,31 +46,22 @@ def make_pages(folder: Path) -> dict[str, Path]:
     return {kind: write_report(path, folder / f"{kind}.html") for kind, path in made.items()}
 
 
-def make_rows(methods: tuple[str, ...] = METHODS) -> list[dict]:
+def make_rows() -> list[dict]:
     """Rows of `evaluation.json` in which every method is better than the one before it."""
-    rows = []
-    for noise, level in CONDITIONS:
-        for rank, method in enumerate(methods):
-            rmse = 5.0 - rank
-            rows.append(
-                {
-                    "noise": noise,
-                    "level": level,
-                    "sample_time_s": 0.1,
-                    "method": method,
-                    "oracle": "oracle" in method,
-                    "mae_deg": 0.8 * rmse,
-                    "rmse_deg": rmse,
-                    "md_deg": 0.7 * rmse,
-                    "var_deg2": rmse,
-                    "bias_deg": 0.1,
-                    "rmse_steady_deg": rmse,
-                    "rmse_ci95_deg": [0.99 * rmse, 1.01 * rmse],
-                    "seeds": 20,
-                    "paper_rmse_deg": paper_value(noise, level, method, "rmse_deg"),
-                }
-            )
-    return rows
+    return [
+        dataclasses.replace(
+            SCORE,
+            noise=noise,
+            level=level,
+            stroke_mm=(),
+            method=method,
+            rmse_deg=5.0 - rank,
+            rmse_ci95_deg=(4.9 - rank, 5.1 - rank),
+            paper_rmse_deg=paper_value(noise, level, method, "rmse_deg"),
+        ).to_dict()
+        for noise, level in CONDITIONS
+        for rank, method in enumerate(METHODS)
+    ]
 
 
 def make_tracks() -> dict[Condition, Record]:
@@ -81,18 +72,13 @@ def make_tracks() -> dict[Condition, Record]:
     return dict.fromkeys(CONDITIONS, track(time, truth, truth, estimates))
 
 
-def make_record() -> Episode:
-    """Three seconds of a small endoscope, as a simulation leaves them."""
-    time = np.arange(0, 3, 0.1)
-    return simulate(SMALL, 1e-3 * np.sin(2 * time), sample_time=0.1)
-
-
 def make_run(folder: Path, tracks: int = len(CONDITIONS)) -> Path:
     """Write a run folder with everything that a report can show."""
     for name in ("data/train", "data/test", "runs/ram", "runs/direct", "results"):
         (folder / name).mkdir(parents=True)
     for name in ("train", "test"):
-        write_episode(folder / "data" / name / "episode_000.mcap", make_record())
+        episode = simulate(SMALL, 1e-3 * np.sin(np.arange(0, 6, 0.2)), sample_time=0.1)
+        write_episode(folder / "data" / name / "episode_000.mcap", episode)
     model = {"a_per_mm": 1.15, "b_deg_per_mm": 22.38, "c_deg_per_mm": 5.0, "monotone": False, "seed": 17}
     (folder / "coleman_hodgdon.json").write_text(json.dumps(model))
     for name in ("ram", "direct"):
@@ -106,8 +92,7 @@ def make_run(folder: Path, tracks: int = len(CONDITIONS)) -> Path:
 
 def make_dataset(folder: Path) -> Path:
     """Write a dataset of one short episode."""
-    recipe: Recipe = changed(episodes=1, seconds=2.0)
-    make(folder, recipe)
+    make(folder, changed(episodes=1, seconds=2.0))
     return folder
 
 
@@ -160,34 +145,21 @@ def make_gate(folder: Path) -> Path:
     ]
     rows = ({"what": "Gaussian", "rival_deg": 1.0, "low_deg": -0.1, "difference_deg": 0.1, "high_deg": 0.2},)
     place = next(k for k, spec in enumerate(CHECKS) if "held-out" in spec.name)
-    checks[place] = Check(
-        said="it is worse", figure=2.0, bar=1.0, holds=False, rows=rows, name=CHECKS[place].name
-    )
-    subject = {
-        "policy": "policy.onnx",
-        "sha256": "0" * 64,
-        "agent": "ram-twins",
-        "preset": "a & b",
-        "stroke_mm": [-4.0, 4.0],
-        "sample_time_s": 0.1,
-        "logs": [],
-        "seed": 0,
-        "quick": True,
-        "version": "1.2.3",
-    }
+    no = {"said": "it is worse", "figure": 2.0, "bar": 1.0, "holds": False, "rows": rows}
+    checks[place] = Check(name=CHECKS[place].name, **no)
+    subject = {"policy": "policy.onnx", "sha256": "0" * 64, "agent": "ram-twins", "preset": "a & b"}
+    subject |= {"stroke_mm": [-4.0, 4.0], "sample_time_s": 0.1, "logs": [], "seed": 0, "quick": True}
     origin = origin_of("endotwin gate policy.onnx --quick", [])
-    write_verdict(GateVerdict(checks=tuple(checks), subject=subject), folder / "gate.json", origin)
+    verdict = GateVerdict(checks=tuple(checks), subject=subject | {"version": "1.2.3"})
+    write_verdict(verdict, folder / "gate.json", origin)
     return folder
 
 
 def make_control(folder: Path) -> Path:
     """Write the results of a comparison of three controllers, an oracle among them."""
     folder.mkdir(parents=True, exist_ok=True)
-    totals = [
-        control_total("pid", 1.0),
-        control_total("ours", 0.25),
-        control_total("oracle", 0.1, oracle=True),
-    ]
+    errors = {"pid": 1.0, "ours": 0.25, "oracle": 0.1}
+    totals = [control_total(name, rmse, oracle=name == "oracle") for name, rmse in errors.items()]
     (folder / "control.json").write_text(json.dumps(control_results(*totals)))
     Image.fromarray(np.full((20, 40, 3), 200, np.uint8)).save(folder / "errors.png")
     return folder
@@ -195,40 +167,20 @@ def make_control(folder: Path) -> Path:
 
 def control_total(controller: str, rmse: float, condition: str = "R = 1", **others: object) -> dict:
     """Errors of a controller under a condition, as `control.json` holds them."""
-    return {
-        "controller": controller,
-        "oracle": False,
-        "condition": condition,
-        "rmse_deg": rmse,
-        "worst_twin_rmse_deg": 2 * rmse,
-        "late_rmse_deg": 3 * rmse,
-        "late_worst_deg": 4 * rmse,
-        "travel_mm": 11.0,
-        "fallback_share": 0.0,
-    } | others
+    errors = {"rmse_deg": rmse, "worst_twin_rmse_deg": 2 * rmse, "late_rmse_deg": 3 * rmse}
+    errors |= {"late_worst_deg": 4 * rmse, "travel_mm": 11.0, "fallback_share": 0.0}
+    return {"controller": controller, "oracle": False, "condition": condition} | errors | others
 
 
 def control_results(*totals: dict, comparisons: tuple[dict, ...] = ()) -> dict:
-    """What `control.json` holds."""
-    control = {
-        "version": "1.2.3",
-        "policy_sha256": None,
-        "preset": "a & b",
-        "physics": "mujoco",
-        "twins": 7,
-        "seconds": 40.0,
-        "limits": [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}],
-        "sensor_latency_s": 0.0,
-        "preview_s": 1.0,
-        "candidates": 16,
-        "tuning_seconds": 12.0,
-        "seed": 3,
-    }
+    """Contents of `control.json`."""
+    control = {"version": "1.2.3", "policy_sha256": None, "preset": "a & b", "physics": "mujoco", "twins": 7}
+    control |= {"seconds": 40.0, "limits": [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}], "seed": 3}
+    control |= {"sensor_latency_s": 0.0, "preview_s": 1.0, "candidates": 16, "tuning_seconds": 12.0}
     tuned = {
         "controller": "pid",
         "noise_variance_deg2": 1.0,
         "sample_time_s": 0.02,
-        "settings": {"gain": 0.123456},
         "rmse_deg": 0.7,
         "tried": 16,
     }
@@ -236,6 +188,6 @@ def control_results(*totals: dict, comparisons: tuple[dict, ...] = ()) -> dict:
         "control": control,
         "totals": list(totals),
         "comparisons": list(comparisons),
-        "tuned": [tuned],
+        "tuned": [tuned | {"settings": {"gain": 0.123456}}],
         "origin": origin_of("endotwin control --controller pid ours", []),
     }

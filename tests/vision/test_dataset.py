@@ -106,18 +106,6 @@ def test_the_dataset_is_whole_and_made_again_to_the_byte(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "rig"),
-    [
-        ("sensor: {stereo: true}", StereoRig()),
-        ("sensor: {stereo: {blur_px: 1.5, method: silhouette}}", StereoRig(blur_px=1.5, method="silhouette")),
-        ("sensor: {stereo: false, variance_deg2: 0.3}", None),
-    ],
-)
-def test_a_recipe_states_its_cameras(text, rig):
-    assert resolve(parse_recipe(text), Path()).stereo == rig
-
-
-@pytest.mark.parametrize(
     ("text", "fault"),
     [
         ("sensor: {stereo: true, noise_deg: 1}", "sensor: stereo and noise_deg: choose one"),
