@@ -126,23 +126,23 @@ def test_estimated_error_of_the_model_converges_to_a_constant_disturbance(distur
 
 def test_innovations_of_a_filter_told_the_truth_are_white_and_of_the_predicted_variance():
     """Consistency: where the filter's own assumptions hold, normalised innovations are standard normal."""
-    told = dataclasses.replace(
+    stated = dataclasses.replace(
         FILTER, process_variance=(0.05, 0.02), measurement_variance=2.0, initial_variance=(4.0, 1.0)
     )
     rng = np.random.default_rng(3)
     count = 200
-    state = np.array([60.0, 0.0]) + rng.normal(size=(count, 2)) * np.sqrt(told.initial_variance)
+    state = np.array([60.0, 0.0]) + rng.normal(size=(count, 2)) * np.sqrt(stated.initial_variance)
     pulls = np.repeat(PULL[:, None], count, axis=1)
-    belief = told.start(pulls[0], np.full(count, 60.0))
+    belief = stated.start(pulls[0], np.full(count, 60.0))
     innovations = []
     for k in range(1, len(PULL)):
         F, u = affine_system(PULL[k], PULL[k - 1])
-        state = state @ F.T + u + rng.normal(size=(count, 2)) * np.sqrt(told.process_variance)
-        measured = state[:, 0] + np.sqrt(told.measurement_variance) * rng.normal(size=count)
-        predicted = told.predict(belief, pulls[k], pulls[k - 1])
-        spread = np.sqrt(predicted.covariance[0, 0] + told.measurement_variance)
+        state = state @ F.T + u + rng.normal(size=(count, 2)) * np.sqrt(stated.process_variance)
+        measured = state[:, 0] + np.sqrt(stated.measurement_variance) * rng.normal(size=count)
+        predicted = stated.predict(belief, pulls[k], pulls[k - 1])
+        spread = np.sqrt(predicted.covariance[0, 0] + stated.measurement_variance)
         innovations.append((measured - predicted.mean[0]) / spread)
-        belief = told.update(predicted, measured)
+        belief = stated.update(predicted, measured)
     z = np.array(innovations)
     standard_error = 1 / np.sqrt(z.size)
     assert abs(z.mean()) < 5 * standard_error

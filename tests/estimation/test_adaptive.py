@@ -1,4 +1,4 @@
-"""The adaptive filter against the algorithm as its authors print it, and on noise that it was told wrong."""
+"""The adaptive filter against the algorithm as its authors print it, and on noise of another variance."""
 
 import dataclasses
 
@@ -63,18 +63,18 @@ def printed_algorithm(measurement, forgetting, shape, variance, initial):
 )
 def test_filter_equals_the_printed_algorithm(forgetting, shape, variance, seed):
     measurement = (TRUTH + np.random.default_rng(seed).normal(size=TRUTH.shape))[:150]
-    told = dataclasses.replace(PLAIN, measurement_variance=variance)
-    filter_ = AdaptiveActiveModel(told, forgetting, shape)
+    stated = dataclasses.replace(PLAIN, measurement_variance=variance)
+    filter_ = AdaptiveActiveModel(stated, forgetting, shape)
     angles, found = printed_algorithm(measurement, forgetting, shape, variance, 63.0)
     np.testing.assert_allclose(filter_.estimate(PULL[:150], measurement, 63.0)[0], angles, rtol=1e-9)
     np.testing.assert_allclose(run(filter_, measurement[None], 63.0)[0][:, 0], found, rtol=1e-8)
 
 
-@pytest.mark.parametrize("told", [0.02, 50.0])
-def test_filter_finds_the_variance_when_it_is_told_a_wrong_one(told):
+@pytest.mark.parametrize("stated", [0.02, 50.0])
+def test_filter_finds_the_variance_when_it_is_told_a_wrong_one(stated):
     measurement = TRUTH + 1.5 * np.random.default_rng(0).normal(size=(100, len(TRUTH)))
-    found, _ = run(AdaptiveActiveModel(PLAIN).with_sensor(Sensor(told)), measurement)
-    assert found[0] == pytest.approx(told)
+    found, _ = run(AdaptiveActiveModel(PLAIN).with_sensor(Sensor(stated)), measurement)
+    assert found[0] == pytest.approx(stated)
     assert np.median(found[-1]) == pytest.approx(1.5**2, rel=0.1)
 
 

@@ -44,16 +44,16 @@ def test_family_is_recognised_and_its_mean_with_it(kind):
     filter_ = bank(members)
     weights = filter_.weights(last_state(filter_, seen))
     np.testing.assert_allclose(weights.sum(axis=0), 1)
-    told = noise_density(kind, VARIANCE)
-    right = [each.ensemble.density is told for each in filter_.filters].index(True)
+    stated = noise_density(kind, VARIANCE)
+    right = [each.ensemble.density is stated for each in filter_.filters].index(True)
     assert weights.mean(axis=1).argmax() == right
-    if kind == "gamma":  # one that is told R alone keeps the mean of the noise
+    if kind == "gamma":  # one that knows R alone keeps the mean of the noise
         assert rmse(filter_, seen, truth) < 0.6 * rmse(particles(members, None), seen, truth)
-    assert rmse(filter_, seen, truth) < 2 * rmse(particles(members, told), seen, truth)
+    assert rmse(filter_, seen, truth) < 2 * rmse(particles(members, stated), seen, truth)
 
 
 def test_interval_is_wide_where_families_disagree():
-    """Before they can be told apart, skewed and symmetric noise place the angle differently."""
+    """Before they can be distinguished, skewed and symmetric noise place the angle differently."""
     members = family(60, 1)
     seen = measured(members[:20], "gamma", 4)
     filter_ = bank(members)

@@ -93,9 +93,9 @@ def test_adaptive_filter_that_is_sure_of_its_noise_equals_filterpy(parameters, r
     pull = command(rng, 80)
     model = ColemanHodgdon(*parameters)
     measurement = model.response(pull, 60.0) + rng.normal(size=80) * np.sqrt(r)
-    told = ActiveModel(model, 0.1, measurement_variance=r)
-    sure = AdaptiveActiveModel(told, forgetting=1.0, first_shape=1e12)
-    expected, _ = filterpy_run(told, pull, measurement, 50.0)
+    stated = ActiveModel(model, 0.1, measurement_variance=r)
+    sure = AdaptiveActiveModel(stated, forgetting=1.0, first_shape=1e12)
+    expected, _ = filterpy_run(stated, pull, measurement, 50.0)
     estimate = sure.estimate(pull, measurement, 50.0)[0]
     np.testing.assert_allclose(estimate, expected[:, 0], rtol=1e-6, atol=1e-6)
 

@@ -12,7 +12,7 @@ from twin.evaluation.metrics import interval_indices
 
 T, Q, R, P = 0.1, (4e-3, 9e-2), 0.5, (25.0, 1.0)
 RUNS, SAMPLES = 400, 200
-TOLD = {"model": COLEMAN_HODGDON, "sample_time": T, "process_variance": Q, "initial_variance": P}
+STATED = {"model": COLEMAN_HODGDON, "sample_time": T, "process_variance": Q, "initial_variance": P}
 
 
 def world():
@@ -36,21 +36,21 @@ def world():
 @pytest.mark.parametrize("filter_", [ActiveModel, KalmanActiveModel, UnscentedActiveModel])
 def test_a_kalman_filter_is_as_sure_as_it_may_be(filter_):
     pull, measured, first, truth = world()
-    estimate, half = filter_(**TOLD, measurement_variance=R).estimate_with_interval(pull, measured, first)
+    estimate, half = filter_(**STATED, measurement_variance=R).estimate_with_interval(pull, measured, first)
     found = interval_indices((estimate - truth)[:, 1:], half[:, 1:])
     assert found["coverage95"] == pytest.approx(0.95, abs=0.01)
     assert found["nees"] == pytest.approx(1.0, abs=0.06)
-    told = filter_(**TOLD, measurement_variance=R)
+    stated = filter_(**STATED, measurement_variance=R)
     variance, start = np.full(RUNS, R), np.full(RUNS, first)
-    squares = with_innovations(told, pull.T, measured.T, start, variance, range(20, SAMPLES)).squares
+    squares = with_innovations(stated, pull.T, measured.T, start, variance, range(20, SAMPLES)).squares
     assert squares.shape == (SAMPLES - 20, RUNS)
-    assert np.isnan(squares[30:50]).all()  # what is missing surprises nobody
+    assert np.isnan(squares[30:50]).all()  # a missing measurement has no innovation
     assert np.nanmean(squares) == pytest.approx(1.0, abs=0.04)
 
 
 def test_one_stream_and_many_state_the_same_interval():
     pull, measured, first, _ = world()
-    filter_ = ActiveModel(**TOLD, measurement_variance=R)
+    filter_ = ActiveModel(**STATED, measurement_variance=R)
     assert filter_.single().plain
     _, many = filter_.estimate_with_interval(pull[:2], measured[:2], first)
     _, one = filter_.estimate_with_interval(pull[0], measured[0], first)
@@ -60,9 +60,9 @@ def test_one_stream_and_many_state_the_same_interval():
 @pytest.mark.parametrize(
     "filter_",
     [
-        BiasedActiveModel(**TOLD, measurement_variance=R),
-        RobustActiveModel(**TOLD, measurement_variance=R),
-        AdaptiveActiveModel(ActiveModel(**TOLD, measurement_variance=R)),
+        BiasedActiveModel(**STATED, measurement_variance=R),
+        RobustActiveModel(**STATED, measurement_variance=R),
+        AdaptiveActiveModel(ActiveModel(**STATED, measurement_variance=R)),
         KoopmanFilter(np.zeros((2, 3)), np.zeros((2, 3)), 0.1, R),
     ],
     ids=lambda filter_: type(filter_).__name__,

@@ -127,7 +127,7 @@ def test_named_methods_alone_are_compared_at_every_sample_time(few):
     assert list(dict.fromkeys(row["method"] for row in rows)) == FEW[1:]
     assert {row["sample_time_s"] for row in rows} == {0.1, 0.08}
     assert len(rows) == len(FEW[1:]) * NOISES * 3 * 3 * 2  # strokes, kinds of twin, sample times
-    assert not list(few.glob("T_0.1/*/*.onnx"))  # nothing is trained that nobody asked for
+    assert not list(few.glob("T_0.1/*/*.onnx"))  # nothing is trained without need
 
 
 def test_a_second_run_takes_what_is_there_and_says_the_same(few):
@@ -157,7 +157,7 @@ def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_wor
     alone = json.loads((paper / "evaluation.json").read_text())
     methods = {row["method"] for row in alone["rows"]}
     assert "RAM (twins)" in methods
-    assert not methods & {"AM", "C-H", "RAM"}  # nobody has told a model
+    assert not methods & {"AM", "C-H", "RAM"}  # no model is known
 
 
 @pytest.mark.slow

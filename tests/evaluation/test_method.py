@@ -42,15 +42,15 @@ def test_first_draws_are_one_of_each_noise_on_each_record(case, seeds):
 def test_innovations_of_the_first_draws_change_no_estimate(model, case, seeds):
     estimator = ActiveModel(model, 0.1)
     (ran,) = as_method("AM", estimator).run(case, seeds, samples_of(case))
-    told = estimator.with_sensor(case.sensor)
+    stated = estimator.with_sensor(case.sensor)
     of_case = case.pull_mm, case.measurement_deg, case.initial_bend_deg
-    bend, half_width = told.estimate_with_interval(*of_case)
+    bend, half_width = stated.estimate_with_interval(*of_case)
     np.testing.assert_allclose(ran.bend_deg, bend, rtol=0, atol=1e-9)
     np.testing.assert_allclose(ran.half_width_deg, half_width, rtol=0, atol=1e-9)
     variance = np.broadcast_to(case.sensor.variance, len(bend))
     initial = np.asarray(case.initial_bend_deg)
     squares = with_innovations(
-        told, case.pull_mm.T, case.measurement_deg.T, initial, variance, samples_of(case)
+        stated, case.pull_mm.T, case.measurement_deg.T, initial, variance, samples_of(case)
     ).squares
     np.testing.assert_allclose(ran.nis, np.nanmean(squares, axis=0)[::seeds], rtol=1e-9)
 

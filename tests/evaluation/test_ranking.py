@@ -97,10 +97,10 @@ def test_rankings_come_back_from_a_file():
 )
 def test_damaged_rankings_are_refused_in_one_line(changes, said):
     ranking = Ranking(0.1, (-1.0, 1.0), "nominal", tuple(rank_methods({"one": shared()}, (), rng())))
-    told = ranking.to_dict()
-    told["ranked"][0] |= changes
+    stated = ranking.to_dict()
+    stated["ranked"][0] |= changes
     with pytest.raises(InputError, match=said) as error:
-        rankings_of({"ranks": [told]})
+        rankings_of({"ranks": [stated]})
     assert "\n" not in str(error.value)
 
 

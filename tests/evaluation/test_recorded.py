@@ -135,8 +135,8 @@ def test_the_verb_scores_recorded_measurements_and_writes_estimates(folder, tmp_
 def test_a_recipe_is_what_tells_the_added_noise():
     episode = make_episode()
     assert recorded_variance(episode) is None
-    told = {"recipe.yaml": b"sensor: {variance_deg2: 0.5}"}
-    assert recorded_variance(dataclasses.replace(episode, attachments=told)) == 0.5
+    stated = {"recipe.yaml": b"sensor: {variance_deg2: 0.5}"}
+    assert recorded_variance(dataclasses.replace(episode, attachments=stated)) == 0.5
     for damaged in (b"\xff", b"sensor: 3", b"- 1", b"sensor: {variance_deg2: x}"):
         episode = dataclasses.replace(episode, attachments={"recipe.yaml": damaged})
         assert recorded_variance(episode) is None

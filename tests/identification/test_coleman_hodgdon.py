@@ -28,16 +28,16 @@ def test_monotone_constraint_holds_and_costs_accuracy_where_the_truth_is_not_mon
 
 
 def test_same_seed_gives_the_same_result_and_progress_never_gets_worse():
-    told = []
+    stated = []
     records = records_of(PAPER, noise_deg=0.5)
 
     def fit(seed, on_generation=None):
         return identify(records, seed, population=20, generations=15, on_generation=on_generation)
 
-    model, rmse = fit(5, lambda generation, best: told.append((generation, best)))
+    model, rmse = fit(5, lambda generation, best: stated.append((generation, best)))
     assert fit(5) == (model, rmse)
     assert fit(6) != (model, rmse)
-    generations, best = zip(*told, strict=True)
+    generations, best = zip(*stated, strict=True)
     assert generations == tuple(range(1, 16))
     assert (np.diff(best) <= 0).all()
     assert best[0] > best[-1] == rmse

@@ -63,7 +63,7 @@ def made(tmp_path_factory, few_records):
     return rows, run
 
 
-def told(run, name, seed=1):
+def stated(run, name, seed=1):
     """Settings of a training, as its file tells them."""
     path = run.folder / name / f"seed_{seed}" / ram_twins.TRAINING.file
     return read_trained_file(path).description["training"]
@@ -71,10 +71,10 @@ def told(run, name, seed=1):
 
 def test_each_differs_from_the_whole_in_what_it_says_and_in_nothing_else(made):
     _, run = made
-    whole = told(run, "whole")
-    linear = told(run, "linear-policy")
+    whole = stated(run, "whole")
+    linear = stated(run, "linear-policy")
     assert {key: of for key, of in linear.items() if whole[key] != of} == {"policy_layers": 0}
-    assert told(run, "whole", 2) == whole | {"seed": 2}
+    assert stated(run, "whole", 2) == whole | {"seed": 2}
     assert not (run.folder / "filter-alone").exists()  # the whole's files, without their parts
 
 

@@ -23,7 +23,7 @@ class ArrayForm(SingleForm[Any]):
         return self.estimator.start(np.array([pull_mm]), np.array([bend_deg]))
 
     def resume(self, trusted: Any, pull_mm: float, bend_deg: float) -> Any:
-        """Return the state of a stream that begins anew."""
+        """Return the state of a stream that restarts."""
         return self.estimator.resume(trusted, np.array([pull_mm]), np.array([bend_deg]))
 
     def step(self, state: Any, pull_mm: float, previous_pull_mm: float, measurement_deg: float) -> Any:

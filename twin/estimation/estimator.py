@@ -58,9 +58,9 @@ class Estimator(abc.ABC, Generic[State]):
         """
 
     def resume(self, trusted: State, pull_mm: Array, bend_deg: Array) -> State:
-        """Return the state of a live stream that begins anew after a fault; as at the first sample, here.
+        """Return the state of a live stream that restarts after a fault; here as at the first sample.
 
-        An estimator that learns something slowly, and could not learn it again in seconds, keeps that.
+        An estimator that learns something over minutes keeps it.
 
         Args:
             trusted: state before the fault.

@@ -23,7 +23,7 @@ class SingleForm(abc.ABC, Generic[State]):
         """Return the state at the first sample, with an initial estimate of the angle [deg]."""
 
     def resume(self, trusted: State, pull_mm: float, bend_deg: float) -> State:
-        """Return the state of a stream that begins anew after a fault; see `Estimator.resume`."""
+        """Return the state of a stream that restarts after a fault; see `Estimator.resume`."""
         return self.start(pull_mm, bend_deg)
 
     @abc.abstractmethod

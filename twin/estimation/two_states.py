@@ -20,7 +20,7 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 class TwoStates(NamedTuple):
-    """Belief of one filter, and what its last measurement told.
+    """Belief of one filter, and the innovation of its last measurement.
 
     Attributes:
         bend_deg: angle [deg].
@@ -91,7 +91,7 @@ class TwoStatesForm(SingleForm[TwoStates]):
         measurement_variance: float,
         initial_variance: tuple[float, float],
     ):
-        """Take what `ActiveModel` is told, as plain numbers."""
+        """Take the parameters of `ActiveModel` as plain numbers."""
         self.a, self.b, self.c = (
             float(np.asarray(value)) for value in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm)
         )
