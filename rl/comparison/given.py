@@ -66,7 +66,7 @@ def given_files(
                     f"{path} runs with the model that it was trained with; the full suite identifies its "
                     f"own, and trains {agent} itself"
                 )
-            own = estimator.active_model
+            own = ActiveModel.from_dict(file.description.get("active_model"))
             here = ActiveModel(model, sample_times[0], measurement_variance=own.measurement_variance)
             if own != here:
                 raise InputError(f"{path} was trained with another model or filter than the one given")
