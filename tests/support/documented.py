@@ -56,6 +56,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
         r"(endotwin control .*?)(?= --out)",
         r"\1 --physics reduced --twins 1 --seconds 3 --candidates 1 --workers 1",
     ),
+    (r"(endotwin control (?!.*--controller).*?)(?= --out)", r"\1 --controller linear members-inverse"),
     (r"--speed 4 --size 640 360 --fps 12", "--speed 8 --size 320 180 --fps 5"),
     (r"(endotwin render \S+ --out \S+\.mp4)", r"\1 --size 320 180 --speed 8 --fps 5"),
     (
