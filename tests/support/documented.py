@@ -72,7 +72,7 @@ NOT_RUN = {
     "./run_stream": "the same",
     "python docs/examples": "the same",
     "--dask tcp://": "names a cluster: tests/workers/test_dask_cluster.py runs on one",
-    "python -m scripts.studies.match_paper": "an hour: tests/calibration/test_published.py has its result",
+    "python -m scripts.studies.match_paper": "an hour: tests/studies/test_match_paper.py runs a small one",
     "python -m scripts.studies.ablation": "half an hour: tests/studies/test_ablation.py runs a small one",
 }
 """Lines that are printed and not run here, by a part of them, and why."""

@@ -17,8 +17,9 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-GENERATIONS = 40
-"""Generations of the genetic algorithms: they find the basin, and least squares goes to its bottom."""
+GENERATIONS = 40  # of the genetic algorithms: they find the basin, least squares goes to its bottom
+TWIN = "twin"
+"""Name of the twin among those that are compared."""
 
 
 def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int = 0) -> list[Array | None]:
@@ -31,21 +32,17 @@ def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int
         The error at all samples of each log (N,) [rad]; None where there is no such angle, or what was fitted
         does not move or never turns back.
     """
-    fitted = sorted({_bend(loop) for loop in loops if loop.fitted.any()})
+    bends = np.array([loop.sheath_bend or 0.0 for loop in loops])
+    fitted = np.unique([bend for bend, loop in zip(bends, loops, strict=True) if loop.fitted.any()])
     errors: list[Array | None] = [None] * len(loops)
-    if not fitted:
-        return errors
-    nearest = [min(fitted, key=lambda bend: abs(bend - _bend(loop))) for loop in loops]
-    for bend in fitted:
-        places = [place for place, one in enumerate(nearest) if one == bend]
-        found = _errors_of(name, [loops[place] for place in places], seed, plane)
-        for place, error in zip(places, found, strict=True):
-            errors[place] = error
+    if fitted.size:
+        nearest = np.abs(bends[:, None] - fitted).argmin(axis=1)
+        for group in range(len(fitted)):
+            places = np.flatnonzero(nearest == group).tolist()
+            found = _errors_of(name, [loops[place] for place in places], seed, plane)
+            for place, error in zip(places, found, strict=True):
+                errors[place] = error
     return errors
-
-
-def _bend(loop: MeasuredLoop) -> float:
-    return 0.0 if loop.sheath_bend is None else loop.sheath_bend
 
 
 def _errors_of(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int) -> list[Array | None]:
@@ -84,10 +81,9 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
     about the middle of what is fitted. A play starts from rest at zero: its model gets them as they are.
     """
     pairs = [(loop, loop.pull_in(plane), loop.bend_in(plane)) for loop in loops]
-    middle = zero = 0.0
-    if centred:
-        middle = _middle([pull[loop.fitted] for loop, pull, bend in pairs if bend.size])
-        zero = _middle([bend[loop.fitted] for loop, _, bend in pairs if bend.size])
+    fitted = [(pull[loop.fitted], bend[loop.fitted]) for loop, pull, bend in pairs if bend.size]
+    joined = np.concatenate([np.empty((2, 0)), *map(np.array, fitted)], axis=1)
+    middle, zero = (joined.max(axis=1) + joined.min(axis=1)) / 2 if centred and joined.size else (0.0, 0.0)
     return [
         Log(
             Record(
@@ -105,19 +101,10 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
     ]
 
 
-def _middle(parts: Sequence[Array]) -> float:
-    values = np.concatenate([np.empty(0), *parts])
-    return float(values.max() + values.min()) / 2 if values.size else 0.0
-
-
 def _runs(mask: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
     """Return the first sample of each run of True and the one after its last; a single sample is no run."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return tuple((int(begin), int(end)) for begin, end in edges.reshape(-1, 2) if end - begin > 1)
-
-
-TWIN = "twin"
-"""Name of the twin among those that are compared."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +134,7 @@ def compare(
     episodes = predict([preset], loops)[0]
     planes = range(max(loop.planes for loop in loops))
     pairs = [*zip(loops, episodes, strict=True)]
-    own = [[] if episode is None else bend_errors(episode, loop) for loop, episode in pairs]
+    own = [bend_errors(episode, loop) for loop, episode in pairs]
     taken_off = offsets_taken_off(own, loops)
     theirs = {name: [rival_errors(name, loops, seed, plane) for plane in planes] for name in rivals}
     found = []
@@ -157,18 +144,14 @@ def compare(
             rivals_raw = {name: of_planes[plane][place] for name, of_planes in theirs.items()}
             raw = {TWIN: own[place][plane] if own[place] else None} | rivals_raw
             offset = {TWIN: float(taken_off[place][plane])}
-            offset |= {name: _offset(error, loop) for name, error in rivals_raw.items()}
+            for name, error in rivals_raw.items():
+                offset[name] = offset_of(error, loop) if error is not None and loop.fitted.any() else 0.0
             errors.append(
                 {name: None if error is None else error - offset[name] for name, error in raw.items()}
             )
             offsets.append(offset[TWIN])
         found.append(Compared(loop, episode, tuple(errors), tuple(offsets)))
     return found
-
-
-def _offset(error: Array | None, loop: MeasuredLoop) -> float:
-    """Return the offset of a rival along a fitted log [rad], 0 of one that is only predicted."""
-    return offset_of(error, loop) if error is not None and loop.fitted.any() else 0.0
 
 
 def errors_deg(error: Array | None, loop: MeasuredLoop) -> dict[str, float | None]:

@@ -35,7 +35,7 @@ class Valley:
         return self._shifted(straight, -1.0)
 
     def within(self, straight: Array) -> Array:
-        """Return the point of the search space; one beyond its limits, as a stiffness may be, is at them."""
+        """Return the point of the search space, clipped to its limits: a stiffness may be beyond."""
         point: Array = np.clip(self.point(straight), self._free.lower, self._free.upper)
         return point
 
@@ -82,7 +82,7 @@ TOO_HIGH = 1.5
 
 
 def parameter_along(free: FreeParameters) -> str | None:
-    """Return the parameter to walk along; None if no such parameter is fitted, or no other one."""
+    """Return the parameter to walk along; None if none of these is fitted, or no other one."""
     return next((name for name in ALONG if name in free.names and len(free.names) > 1), None)
 
 
@@ -99,21 +99,10 @@ def walk(
     threads: int,
     stopped: threading.Event,
 ) -> Array:
-    """Return what a walk to one side meets, (FARTHEST, 1 + P): the cost and the point of each step.
+    """Return what a walk from a point (P,) to one side meets, (FARTHEST, 1 + P): cost and point of each step.
 
-    It ends early where the cost rises to `TOO_HIGH`, or at a limit; then the last step stands for the rest.
-
-    Args:
-        free: the fitted parameters.
-        loops: the logs.
-        cost: where it begins.
-        start: where it begins, (P,).
-        name: the parameter to walk along.
-        stride: of a step; negative for the other side.
-        steps: most steps of each descent of the others.
-        weight: of the first guess, of `prior_weight`.
-        threads: number of threads of the derivatives; 0 for one per core.
-        stopped: ends it early.
+    The other parameters descend after each stride of the named one. A walk ends early where the cost rises to
+    `TOO_HIGH`, or at a limit; then the last step stands for the rest.
     """
     here, place = start.copy(), free.names.index(name)
     others = [number for number in range(len(here)) if number != place]
@@ -150,7 +139,7 @@ def secants(
     variance: float,
     bounds: tuple[Array, Array],
 ) -> Array:
-    """Return the derivative of the residuals at a point, by secants over its uncertainty (R, P).
+    """Return the derivative of the residuals at a point (P,), by secants over its uncertainty, (R, P).
 
     Args:
         residuals: of points (P,) of the search space, (points, R).
@@ -200,22 +189,13 @@ def descend(
     threads: int,
     stopped: threading.Event,
 ) -> Array:
-    """Return the cost that least squares (SciPy's `trf`) reaches from a point, and where, (1 + P,).
+    """Return the cost that least squares (SciPy's `trf`) reaches from a point (P,), and where, (1 + P,).
 
-    Args:
-        free: the fitted parameters.
-        loops: the logs.
-        start: where it begins, (P,).
-        steps: most steps.
-        weight: of the first guess, of `prior_weight`.
-        smooth: derivatives are `secants`, and it goes to the bottom; else one-sided differences, at half the
-            cost.
-        threads: number of threads of the derivatives; 0 for one per core.
-        stopped: ends it early.
+    Derivatives are `secants` where it is to go to the bottom, else one-sided differences, at half the cost.
     """
     valley = Valley(free)
     margin = 1e-6
-    last: list[Array] = []
+    last: Array | None = None
 
     def of_one(straight: Array) -> Array:
         if stopped.is_set():
@@ -224,13 +204,12 @@ def descend(
         return residual
 
     def slope(straight: Array) -> Array:
+        nonlocal last
         numbers = valley.within(straight)
-        if not smooth:
-            return valley.slope(differences(free, loops, numbers, weight, threads=threads), numbers)
-        last[:] = [
-            smoothed_jacobian(free, loops, numbers, weight, last[0] if last else None, threads=threads)
-        ]
-        return valley.slope(last[0], numbers)
+        if smooth:
+            last = smoothed_jacobian(free, loops, numbers, weight, last, threads=threads)
+            return valley.slope(last, numbers)
+        return valley.slope(differences(free, loops, numbers, weight, threads=threads), numbers)
 
     of_cost, of_point = SMOOTH if smooth else ROUGH
     result = least_squares(
@@ -255,15 +234,9 @@ def smoothed_jacobian(
     *,
     threads: int = 0,
 ) -> Array:
-    """Return the derivative of the residuals (R, P) at a point, smoothed over its uncertainty.
+    """Return the derivative of the residuals (R, P) at a point (P,), smoothed over its uncertainty.
 
-    Args:
-        free: the fitted parameters.
-        loops: the logs.
-        numbers: the point, (P,).
-        weight: of the first guess.
-        around: the derivative nearby, which gives that scale; `differences` if not given.
-        threads: number of threads; 0 for one per core.
+    Its scale is that of the derivative nearby, `around`; of `differences` if not given.
     """
     if around is None:
         around = differences(free, loops, numbers, weight, threads=threads)

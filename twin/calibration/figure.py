@@ -1,6 +1,6 @@
 """Figure of a calibration: logs and their simulation, residuals, and tensions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +12,7 @@ from twin.report.figures import INK, MUTED, clean_axes
 
 Array = NDArray[np.float64]
 
-MOST_DRAWN = 24
-"""Largest number of logs in the figure; a picture has a largest size."""
-COLUMNS = 4
-"""Logs per row; the next ones go below."""
+MOST_DRAWN, COLUMNS = 24, 4  # logs in the figure, and in a row
 
 _MEASURED, _FITTED, _PREDICTED = "#8a939e", "#c4161c", "#1f5f99"
 _RIVALS = {
@@ -72,7 +69,6 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
 
 
 def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
-    """Draw one quantity of logs side by side; what a log does not have stays empty."""
     plane = int(row.startswith("lateral"))
     for place, axis in enumerate(axes):
         log = logs[place] if place < len(logs) else None
@@ -106,15 +102,11 @@ def _title(log: Compared, plane: int) -> str:
         return line
     bend = log.loop.sheath_bend
     bent = "" if bend is None else f", sheath {np.degrees(bend):.0f}°"
-    return f"{_plain(log.loop.name)}{bent}\n{line}"
-
-
-def _plain(name: str) -> str:
-    return name.replace("$", r"\$")  # a pair of them would be mathematics
+    name = log.loop.name.replace("$", r"\$")  # a pair of them would be mathematics
+    return f"{name}{bent}\n{line}"
 
 
 def _draw_bend(axis: Axes, log: Compared, plane: int) -> None:
-    """Draw the loop of a bending plane, measured and simulated."""
     measured = log.loop.bend_in(plane)
     pull, error = log.loop.pull_in(plane) * 1e3, _shown(log, log.errors[plane][TWIN])
     axis.plot(pull, np.degrees(measured), color=_MEASURED, lw=2.2, label="measured")
@@ -140,7 +132,6 @@ def _draw_parts(axis: Axes, log: Compared, pull: Array, values: Array) -> None:
 
 
 def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
-    """Draw the errors in a bending plane over pull: of the models that are compared, and of the twin."""
     pull = log.loop.pull_in(plane) * 1e3
     axis.axhline(0, color=_MEASURED, lw=0.8)
     parts = []
@@ -151,7 +142,8 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
         colour, line = _RIVALS.get(name, (MUTED, "-"))
         axis.plot(pull, np.degrees(shown), color=colour, lw=0.8, ls=line, label=name.title())
         initials = "-".join(part[0].upper() for part in name.split("-"))
-        parts.append(f"{initials} {_rmse_text(errors_deg(shown, log.loop))}")
+        values = [*errors_deg(shown, log.loop).values()][:2]  # fitted, predicted
+        parts.append(f"{initials} {' / '.join(f'{value:.2f}°' for value in values if value is not None)}")
     if parts:
         axis.set_title(", ".join(parts), color=INK, fontsize=7)
     twin = _shown(log, log.errors[plane][TWIN])
@@ -159,14 +151,7 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
         _draw_parts(axis, log, pull, np.degrees(twin))
 
 
-def _rmse_text(errors: Mapping[str, float | None]) -> str:
-    """Return an error where it was fitted, and where it was predicted."""
-    values = [errors[name] for name in ("rmse_deg", "held_out_rmse_deg")]
-    return " / ".join(f"{value:.2f}°" for value in values if value is not None)
-
-
 def _draw_tension(axis: Axes, log: Compared) -> None:
-    """Draw the tensions at the pulley over pull, measured and simulated."""
     pull = log.loop.pull * 1e3
     colour = _FITTED if log.loop.fitted.any() else _PREDICTED
     for index, line in enumerate(("-", (0, (4, 1.5)))[: log.loop.tension.shape[1]]):

@@ -45,8 +45,8 @@ def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int
         "seed": seed,
         "logs": [_of_log(log) for log in logs],
         "parameters": {
-            name: {"value": getattr(fit.preset, name), "standard_deviation": _finite(known.deviation[name])}
-            for name in fit.free.names
+            name: {"value": getattr(fit.preset, name), "standard_deviation": sd if np.isfinite(sd) else None}
+            for name, sd in known.deviation.items()
         },
         "warnings": [*known.warnings, *diverged],
     }
@@ -77,11 +77,7 @@ def _of_log(log: Compared) -> dict[str, Any]:
     return values
 
 
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
-
-
-_LONGEST_NAME = 100  # of a log, in letters
+_LONGEST_NAME = 100  # of a log, on one line, in letters
 
 
 def read_loops(
@@ -115,24 +111,16 @@ def read_loops(
         raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
     records, last = first_windows(records, fraction)
     unseen = last + unseen
-    if sample_time is None:
-        kept, rest = ([episode for _, episode in some] for some in (records, unseen))
-        sample_time = thinned(kept, base, pace, rest)
-    loops = [
-        measured_loop(
-            episode,
-            _name(path, episode),
-            sample_time,
-            pace=pace,
-            fraction=1.0 if file_of_window(episode) else fraction,
-        )
-        for path, episode in records
-    ]
+    kept, rest = ([episode for _, episode in some] for some in (records, unseen))
+    period = thinned(kept, base, pace, rest) if sample_time is None else sample_time
+
+    def loop_of(path: Path, episode: Episode, share: float = 1.0) -> MeasuredLoop:
+        name = printable(str(episode.metadata.get("name") or path.name))[:_LONGEST_NAME]
+        return measured_loop(episode, name, period, pace=pace, fraction=share)
+
+    loops = [loop_of(path, one, 1.0 if file_of_window(one) else fraction) for path, one in records]
     check_windows(loops)
-    held_out = [
-        measured_loop(episode, _name(path, episode), sample_time, pace=pace).only_predicted()
-        for path, episode in unseen
-    ]
+    held_out = [loop_of(path, one).only_predicted() for path, one in unseen]
     return loops, held_out, base
 
 
@@ -202,9 +190,3 @@ def log_summary(log: dict[str, Any]) -> str:
 def _sideways(log: dict[str, Any], name: str) -> str:
     lateral = log.get(f"lateral_{name}")
     return "" if lateral is None else f", sideways {lateral:.2f}"
-
-
-def _name(path: Path, episode: Episode) -> str:
-    """Return the name of a log, on one line and without what a YAML file cannot hold."""
-    name = str(episode.metadata.get("name") or path.name)
-    return printable(name)[:_LONGEST_NAME]

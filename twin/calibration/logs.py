@@ -16,21 +16,17 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 
 LEAST_MOTION = 1e-6  # [m]
-LEAST_LATERAL_MOTION = 3e-4
-"""A lateral command that moves less does not determine the sign of its angle [m]."""
-AGAINST = -0.5
-"""Correlation of command and angle below which the angle is counted the other way."""
+LEAST_LATERAL_MOTION = 3e-4  # of a lateral command: less does not determine the sign of its angle [m]
+AGAINST = -0.5  # correlation of command and angle below which the angle is counted the other way
 LEAST_TENSION = 1e-3  # [N]
 LEAST_BEND = 1e-6  # [rad]
-MOST_SAMPLES = 1_000_000  # of a log, on the grid
+FEWEST_FITTED = 10
 MOST = {"command": (10.0, "m"), "angle": (100.0, "rad"), "tension": (1e6, "N")}
 """Largest plausible values: beyond them squares of residuals overflow."""
-USUAL_SAMPLES, LONGEST_PERIODS = 900, 10
-"""Samples that a calibration compares by default; the longest time between two, in control periods,
-where as many were recorded."""
-BETWEEN, FEWEST = 4, 40
-"""Most samples that are compared for each that was recorded seldom, so that models of hysteresis step finely
-enough; fewest samples of such a log."""
+USUAL_SAMPLES = 900  # that a calibration compares by default
+LONGEST_PERIODS = 10  # between two samples, in control periods, where as many were recorded
+BETWEEN = 4  # most samples for each that was recorded seldom: models of hysteresis step finely enough then
+FEWEST = 40  # samples of such a log
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -90,17 +86,9 @@ class MeasuredLoop:
         """Number of bending planes whose angle was measured."""
         return 1 + (self.lateral_bend.size > 0)
 
-    @property
-    def tension_range(self) -> float:
-        """Range of the measured tensions [N]."""
-        return float(np.ptp(self.tension)) if self.tension.size else math.nan
-
 
 def thinned(
-    episodes: Sequence[Episode],
-    preset: Preset,
-    pace: float | None = None,
-    predicted: Sequence[Episode] = (),
+    episodes: Sequence[Episode], preset: Preset, pace: float | None = None, predicted: Sequence[Episode] = ()
 ) -> float:
     """Return the sample time at which logs have about `USUAL_SAMPLES` together, whole control periods [s].
 
@@ -144,61 +132,41 @@ def measured_loop(
         fraction: share of the log, from its start, that is fitted.
     """
     speed = _pace(episode, pace)
-    if not 0 < fraction <= 1:
-        raise InputError(f"fraction = {fraction}: must be above 0 and at most 1")
-    if not 0 < sample_time < math.inf:
-        raise InputError(f"sample time {sample_time:g} s: must be positive")
     _check_fits(episode, name)
     time = (episode.time - episode.time[0]) / speed
-    even = dataclasses.replace(episode, time=time)
-    if time[-1] / sample_time > MOST_SAMPLES:
-        raise InputError(
-            f"{name}: {time[-1]:.3g} s in samples of {sample_time:g} s are more than {MOST_SAMPLES}"
-        )
-    count = 1
-    if time[-1] >= sample_time:  # a grid has two samples at least
-        even = even.resampled(sample_time, "interpolate")
-        count = len(even.time)
-    fitted = np.arange(count) < round(fraction * count)
-    if fitted.sum() < 10:
-        raise InputError(
-            f"{name}: {fitted.sum()} samples of {sample_time:g} s, played at the pace of {speed:g}, to fit: "
-            "needs at least 10"
-        )
+    if time[-1] < sample_time:  # a grid has two samples at least
+        raise InputError(f"{name}: {time[-1]:.3g} s at the pace of {speed:g}: shorter than a sample")
+    even = dataclasses.replace(episode, time=time).resampled(sample_time, "interpolate")
+    count = len(even.time)
     seen = ~np.isnan(even.measured_bend)
-    fitted &= seen
-    if fitted.sum() < 10:
-        raise InputError(f"{name}: {fitted.sum()} measured samples to fit: needs at least 10")
+    fitted = seen & (np.arange(count) < round(fraction * count))
+    if fitted.sum() < FEWEST_FITTED:
+        raise InputError(
+            f"{name}: {fitted.sum()} measured samples of {sample_time:g} s to fit, at the pace of {speed:g}: "
+            f"needs at least {FEWEST_FITTED}"
+        )
     bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     lateral_pull, lateral_bend = even.lateral_pull, even.lateral_bend
-    for what, values in (
-        ("command", pull),
-        ("angle", bend),
-        ("tension", tension),
-        ("command", lateral_pull),
-        ("angle", lateral_bend),
+    for what, parts in (
+        ("command", (pull, lateral_pull)),
+        ("angle", (bend, lateral_bend)),
+        ("tension", (tension,)),
     ):
         limit, unit = MOST[what]
-        if values.size and not np.abs(values).max() <= limit:
-            raise InputError(f"{name}: {what} of {np.abs(values).max():.3g} {unit}: must be within {limit:g}")
+        highest = max(np.abs(values).max(initial=0.0) for values in parts)
+        if highest > limit:
+            raise InputError(f"{name}: {what} of {highest:.3g} {unit}: must be within {limit:g}")
     if episode.metadata.get("window") is None:
         check_motion(pull[fitted], name)
         check_angle(pull[fitted], bend[fitted], name)
         if lateral_pull.size and lateral_bend.size:
-            check_lateral_angle(lateral_pull[fitted], lateral_bend[fitted], name)
+            check_angle(lateral_pull[fitted], lateral_bend[fitted], name, lateral=True)
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise InputError(f"{name}: the tensions do not change: import it without them")
     sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
     return MeasuredLoop(
-        name,
-        sample_time,
-        pull,
-        bend,
-        tension,
-        sheath_bend,
-        fitted,
-        seen,
+        *(name, sample_time, pull, bend, tension, sheath_bend, fitted, seen),
         offset=episode.is_measured,
         timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
         lateral_pull=lateral_pull,
@@ -232,21 +200,18 @@ def _check_fits(episode: Episode, name: str) -> None:
         raise InputError(f"{name}: wires c and d are pulled, but the angle in their plane was not measured")
 
 
-def check_angle(pull: Array, bend: Array, name: str) -> None:
-    """Refuse an angle that does not change, or is counted against the command (both (N,))."""
-    if np.ptp(bend) < LEAST_BEND:
+def check_angle(pull: Array, bend: Array, name: str, *, lateral: bool = False) -> None:
+    """Refuse an angle (N,) that runs against its command, or does not change; a lateral one may rest."""
+    still = np.ptp(bend) < LEAST_BEND
+    if still and not lateral:
         raise InputError(f"{name}: the angle does not change: nothing to calibrate on")
-    if np.corrcoef(pull, bend)[0, 1] < AGAINST:
-        raise InputError(f"{name}: the angle falls where the command rises: import it with `reverse_angle`")
-
-
-def check_lateral_angle(pull: Array, bend: Array, name: str) -> None:
-    """Refuse a lateral angle that is counted against its command (both (N,)); it need not change."""
-    if np.ptp(pull) < LEAST_LATERAL_MOTION or np.ptp(bend) < LEAST_BEND:
+    if still or (lateral and np.ptp(pull) < LEAST_LATERAL_MOTION):
         return
     if np.corrcoef(pull, bend)[0, 1] < AGAINST:
+        which = "lateral_" * lateral
         raise InputError(
-            f"{name}: the lateral angle falls where its command rises: import it with `reverse_lateral_angle`"
+            f"{name}: the {which.replace('_', ' ')}angle falls where its command rises: "
+            f"import it with `reverse_{which}angle`"
         )
 
 
@@ -268,17 +233,14 @@ Record = tuple[Path, Episode]
 
 def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Record], list[Record]]:
     """Divide logs into those to fit, and windows that are only predicted: the last of each file."""
-    fitted, rest = [], []
+    parts: tuple[list[Record], list[Record]] = ([], [])
     windows = collections.Counter(file_of_window(episode) for _, episode in records)
     wanted = {origin: max(round(fraction * count), 1) for origin, count in windows.items()}
     for record in records:
         origin = file_of_window(record[1])
-        if origin is None or wanted[origin] > 0:
-            fitted.append(record)
-        else:
-            rest.append(record)
+        parts[origin is not None and wanted[origin] <= 0].append(record)
         wanted[origin] -= 1
-    return fitted, rest
+    return parts
 
 
 def check_windows(loops: Sequence[MeasuredLoop]) -> None:
@@ -288,23 +250,22 @@ def check_windows(loops: Sequence[MeasuredLoop]) -> None:
     """
     for places in windows_of_files(loops):
         windows = [loops[place] for place in places]
-        faults = [fault for loop in windows if (fault := _fault(loop))]
-        if len(faults) == len(windows):
-            raise faults[0]
+        if not any(_reverses(loop) for loop in windows):
+            check_motion(windows[0].pull[windows[0].fitted], windows[0].name)
         pull, bend = (_joined(windows, field) for field in ("pull", "bend"))
         check_angle(pull, bend, windows[0].name)
         if all(loop.lateral_pull.size and loop.lateral_bend.size for loop in windows):
             pull, bend = (_joined(windows, field) for field in ("lateral_pull", "lateral_bend"))
-            check_lateral_angle(pull, bend, windows[0].name)
+            check_angle(pull, bend, windows[0].name, lateral=True)
 
 
 def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
     return np.concatenate([getattr(loop, field)[loop.fitted] for loop in loops])
 
 
-def _fault(loop: MeasuredLoop) -> InputError | None:
+def _reverses(loop: MeasuredLoop) -> bool:
     try:
         check_motion(loop.pull[loop.fitted], loop.name)
-    except InputError as fault:
-        return fault
-    return None
+    except InputError:
+        return False
+    return True

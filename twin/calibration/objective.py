@@ -15,16 +15,12 @@ from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
 
-BEND_SCALE = np.radians(1.0)
-"""Scale of the angle residuals [rad]: an error of this size costs 1."""
-TENSION_SHARE = 0.1
-"""Scale of the tension residuals, relative to their range: both tensions off by this cost 1 together."""
+BEND_SCALE = np.radians(1.0)  # error of the angle that costs 1 [rad]
+TENSION_SHARE = 0.1  # of their range: both tensions off by this cost 1 together
 PRIOR = 0.12
 """Cost of a parameter at one usual distance from the first guess, as an error of the angle [deg]."""
-COMMON_COST = 0.25
-"""Cost of a fit from which on that holds; where less is left unexplained, the first guess counts less."""
-OFFSET_SPREAD = np.radians(2.0)
-"""Usual offset of an angle whose zero is not known [rad]."""
+COMMON_COST = 0.25  # of a fit: where less is left unexplained, the first guess counts less
+OFFSET_SPREAD = np.radians(2.0)  # usual offset of an angle whose zero is not known [rad]
 _HOPELESS = 1e3  # residual of a candidate whose simulation failed
 
 
@@ -84,21 +80,10 @@ def penalised(
     weight: float,
     threads: int = 0,
 ) -> Array:
-    """Return the residuals of points of the search space, with what departs from the first guess.
+    """Return the residuals of points (P,) of the search space, and their `departure` (points, R + P).
 
     Parameters that the logs hardly determine would run to their limits, where they mean nothing and predict
     badly.
-
-    Args:
-        free: the fitted parameters.
-        points: (P,) each.
-        loops: the logs.
-        physics: the twin that simulates.
-        weight: of `prior_weight`.
-        threads: number of threads; 0 for one per core.
-
-    Returns:
-        (points, R + P).
     """
     presets = [free.decode(numbers) for numbers in points]
     off = residuals(presets, loops, physics, threads, weight=weight)
@@ -114,7 +99,7 @@ def scales_of(loop: MeasuredLoop) -> Array:
     """Return the scale of each channel of a log, of its angles and then of its tensions (C,) [rad, N]."""
     if loop.scales.size:
         return loop.scales
-    force = np.sqrt(2) * TENSION_SHARE * loop.tension_range
+    force = np.sqrt(2) * TENSION_SHARE * (np.ptp(loop.tension) if loop.tension.size else 0.0)
     return np.array([BEND_SCALE] * loop.planes + [force] * loop.tension.shape[1])
 
 
@@ -134,8 +119,10 @@ def prior_weight(cost: float) -> float:
     return PRIOR * min(1.0, cost / COMMON_COST) ** 2
 
 
-def bend_errors(episode: Episode, loop: MeasuredLoop) -> list[Array]:
+def bend_errors(episode: Episode | None, loop: MeasuredLoop) -> list[Array]:
     """Return how far the simulated bend is above the measured one in each plane, (N,) [rad]."""
+    if episode is None:
+        return []
     pairs = [(episode.bend, loop.bend), (episode.lateral_bend, loop.lateral_bend)]
     return [simulated - measured for simulated, measured in pairs if measured.size]
 
@@ -152,9 +139,8 @@ def offset_of(error: Array, loop: MeasuredLoop) -> float:
 def offsets_taken_off(errors: Sequence[Sequence[Array]], loops: Sequence[MeasuredLoop]) -> list[Array]:
     """Return the offsets that fitted logs are compared less, (planes,) for each log [rad].
 
-    Args:
-        errors: of each plane of each log (N,) [rad]; none of a log that could not be simulated.
-        loops: the logs. Nothing is taken off one that is only predicted.
+    Errors are those of each plane of each log (N,) [rad], none where it could not be simulated. Nothing is
+    taken off a log that is only predicted.
     """
     offsets = [
         np.array([offset_of(error, loop) for error in of_log]) if of_log and loop.fitted.any() else None
@@ -167,11 +153,9 @@ def offsets_taken_off(errors: Sequence[Sequence[Array]], loops: Sequence[Measure
 
 
 def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop]) -> list[Array]:
-    """Return what the offsets of the windows of a file have in common, (planes,) for each log [rad].
+    """Return what the offsets (planes,) of the windows of a file have in common, for each log [rad].
 
-    Args:
-        offsets: (planes,) of each log [rad]; None of one that has none.
-        loops: the logs. One that is no window, or the only one of its file, shares nothing.
+    A log that is no window, or the only one of its file with an offset, shares nothing.
     """
     shared = [np.zeros(loop.planes) for loop in loops]
     for places in windows_of_files(loops):
@@ -184,33 +168,23 @@ def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop
 
 def _all_residuals(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop], weight: float) -> Array:
     """Return the residuals of one candidate against all logs."""
-    errors = [
-        [] if episode is None else bend_errors(episode, loop)
-        for episode, loop in zip(episodes, loops, strict=True)
-    ]
+    errors = [bend_errors(episode, loop) for episode, loop in zip(episodes, loops, strict=True)]
     taken_off = offsets_taken_off(errors, loops)
-    return np.concatenate(
-        [
-            _hopeless(loop) if episode is None else _of_log(episode, loop, of_log, offsets, weight)
-            for episode, loop, of_log, offsets in zip(episodes, loops, errors, taken_off, strict=True)
-        ]
-    )
-
-
-def _hopeless(loop: MeasuredLoop) -> Array:
-    """Return the residuals of a log that could not be simulated."""
-    count = np.count_nonzero(loop.fitted)
-    return np.full(count * len(scales_of(loop)) + loop.planes, _HOPELESS / np.sqrt(count))
+    of_logs = zip(episodes, loops, errors, taken_off, strict=True)
+    return np.concatenate([_of_log(*of_log, weight) for of_log in of_logs])
 
 
 def _of_log(
-    episode: Episode, loop: MeasuredLoop, errors: list[Array], offsets: Array, weight: float
+    episode: Episode | None, loop: MeasuredLoop, errors: list[Array], offsets: Array, weight: float
 ) -> Array:
+    count, scales = np.count_nonzero(loop.fitted), scales_of(loop)
+    if episode is None:
+        return np.full(count * len(scales) + loop.planes, _HOPELESS / np.sqrt(count))
     off = [(error - offset)[loop.fitted] for error, offset in zip(errors, offsets, strict=True)]
     if loop.tension.size:
         off += list((episode.tension[:, :2] - loop.tension)[loop.fitted].T)
-    off = [error / scale for error, scale in zip(off, scales_of(loop), strict=True)]
-    weighted: Array = np.concatenate(off) / np.sqrt(np.count_nonzero(loop.fitted))
+    off = [error / scale for error, scale in zip(off, scales, strict=True)]
+    weighted: Array = np.concatenate(off) / np.sqrt(count)
     return np.concatenate([weighted, weight * offsets / OFFSET_SPREAD])
 
 
@@ -219,12 +193,7 @@ MOST = 30.0
 
 
 def weighed(loops: Sequence[MeasuredLoop], residual: Array) -> list[MeasuredLoop]:
-    """Return logs whose samples cost the same by what a fit leaves of each channel, in sum as before.
-
-    Args:
-        loops: the logs, with their usual scales.
-        residual: what the fit leaves, of `residuals`, (R,).
-    """
+    """Return logs whose samples cost the same by what a fit leaves of each channel (R,), in sum as before."""
     places = channels(loops)
     left = np.array([float(residual[place] @ residual[place]) for of_log in places for place in of_log])
     count = np.array([place.stop - place.start for of_log in places for place in of_log])

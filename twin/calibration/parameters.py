@@ -54,8 +54,8 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
 def _kinematics(loop: MeasuredLoop) -> tuple[float, float]:
     """Return the wires' distance from the axis [m] and their stiffness [N/m], as if nothing rubbed.
 
-    What is pulled bends the section and stretches the wires: pull = r bend + (T_a - T_b) / 2 k. Where load
-    cells are missing or contradict, r is that of stiff wires, and k how fast a tension rises (0 without one).
+    pull = r bend + (T_a - T_b) / 2 k. Where load cells are missing or contradict, r is that of stiff wires,
+    and k how fast a tension rises (0 without one).
     """
     if loop.tension.size:
         difference = (loop.tension[:, 0] - loop.tension[:, 1]) / 2
@@ -70,7 +70,7 @@ def _kinematics(loop: MeasuredLoop) -> tuple[float, float]:
 def _slope(values: Array, pull: Array, least: float) -> float:
     """Return how steeply values (N,) follow a pull where it moves faster than a share of its fastest step.
 
-    A coarse sensor moves in few of these steps: what is left is the ratio of the ranges.
+    Where a coarse sensor rests in most of these steps, it is the ratio of the ranges.
     """
     steps = np.abs(np.diff(pull))
     moving = steps > least * steps.max()
@@ -151,15 +151,13 @@ class FreeParameters:
         }
 
     def _limits(self, side: int) -> Array:
-        limits = []
-        for name, start in zip(self.names, self.encode(self.base), strict=True):
+        limits, inner = [], (max, min)[side]
+        for name, start in zip(self.names, self.start, strict=True):
             limit = parameter_limits(name)[side]
             if name in SIGNED:
                 limits.append(limit / SIGNED[name])
             else:
-                physical = np.log(max(limit, 1e-12))
-                within = start + (2 * side - 1) * _FARTHEST
-                limits.append(max(physical, within) if side == 0 else min(physical, within))
+                limits.append(inner(np.log(max(limit, 1e-12)), start + (2 * side - 1) * _FARTHEST))
         return np.array(limits)
 
 

@@ -52,22 +52,17 @@ class Stages:
         self._total, self._done = total, 0
         self._lowest, self._lock = np.inf, threading.Lock()
 
-    def finish(self, cost: float) -> None:
-        """Report that a stage is done."""
-        self._done += 1
-        self._lowest = min(self._lowest, cost)
-        if self._on_progress:
-            self._on_progress(self._done, self._total, self._lowest)
-
-    def skip(self, stages: int, cost: float) -> None:
-        """Report stages that are not needed."""
+    def finish(self, cost: float, stages: int = 1) -> None:
+        """Report that stages are done, or not needed."""
         for _ in range(stages):
-            self.finish(cost)
+            self._done += 1
+            self._lowest = min(self._lowest, cost)
+            if self._on_progress:
+                self._on_progress(self._done, self._total, self._lowest)
 
     def once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
         """Return the result of a stage: as it was kept, or worked out and kept."""
-        found = self._kept.get(name)
-        if found is not None:
+        if (found := self._kept.get(name)) is not None:
             if self._state_file and found.shape != shape:
                 raise damaged_state(self._state_file)
             return found
@@ -122,19 +117,13 @@ class Fit:
     neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
 
-CORRECTIONS = 20
-"""Most corrections towards the twin in MuJoCo."""
-DAMPINGS = (1e-4, 1e-2, 1.0)
-"""Dampings of a correction that are tried, in one batch."""
+CORRECTIONS = 20  # most, towards the twin in MuJoCo
+DAMPINGS = (1e-4, 1e-2, 1.0)  # of a correction, tried in one batch
 HELPS = 0.9999
-"""Share of the cost that a correction may leave at most, or it was the last one.
-
-Of the cost that noise leaves, a thousandth is a standard deviation of a parameter.
-"""
-HALVINGS = 4
-"""Most halvings of the time step where the simulation diverges."""
-TRUSTED = 0.2
-"""Farthest that a correction moves a parameter, on the scale of the search."""
+"""Share of the cost that a correction may leave at most, or it was the last one. Of the cost of noise, a
+thousandth is a standard deviation of a parameter."""
+HALVINGS = 4  # most, of the time step where the simulation diverges
+TRUSTED = 0.2  # farthest that a correction moves a parameter, on the scale of the search
 
 
 def confirmed(
@@ -149,14 +138,8 @@ def confirmed(
 
     A Gauss-Newton step takes the residuals from MuJoCo and their derivatives from the reduced twin, which
     are the same but for MuJoCo's own step. It is damped (Levenberg and Marquardt), and kept where it helps.
-
-    Args:
-        free: the fitted parameters.
-        loops: the logs.
-        numbers: the fit, in the search space, (P,).
-        weight: of the first guess, of `prior_weight`.
-        jacobian: derivative of the residuals of the reduced twin at a point (R, P); it is given the last one.
-        counted: the logs with the scales by which costs are stated.
+    `jacobian` returns the derivative of the reduced twin's residuals at a point (P,), given the last one
+    (R, P); costs are stated by the scales of the `counted` logs.
     """
     reduced = residuals([free.decode(numbers)], counted, "reduced")[0]
     count = len(reduced)  # what follows is the departure from the first guess
@@ -199,16 +182,12 @@ def steady(preset: Preset, loops: Sequence[MeasuredLoop]) -> Preset:
     )
 
 
-SCREENED = 40
-"""Candidates that are tried for each start of least squares."""
+SCREENED = 40  # candidates that are tried for each start of least squares
 STARTS = 8
 """Starts of least squares: valleys are many, and the best one by the fitted samples is taken."""
-FINISHED = 2
-"""The best starts that are followed to the bottom."""
-LOWER = 0.9999
-"""Share of the cost below which another valley is lower."""
-TURNS = 3
-"""Most times that the first guess is given less weight, where the logs leave little unexplained."""
+FINISHED = 2  # the best starts, which are followed to the bottom
+LOWER = 0.9999  # share of the cost below which another valley is lower
+TURNS = 3  # most times that the first guess is given less weight, where the logs leave little unexplained
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
 WALK = 4  # stages of a walk: to the bottom, to either side, and to where it lands
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
@@ -231,9 +210,6 @@ def calibrate(
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
     (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks along its valley
     then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
-
-    Returns:
-        The fit.
     """
     if not loops:
         raise InputError("no log to calibrate on")
@@ -257,10 +233,11 @@ def calibrate(
             stages.finish(cost)
     if weight < PRIOR:
         for number in range(len(STRIDES)):
-            search.weigh(free, numbers)
+            left_of = residuals([free.decode(numbers)], loops, "reduced")[0]
+            search.loops = weighed(loops, left_of)
             cost, numbers = search.walk(number, which, numbers, weight)
     else:  # what the twin cannot explain outweighs what neighbouring valleys differ by
-        stages.skip(WALK * len(STRIDES), cost)
+        stages.finish(cost, WALK * len(STRIDES))
     fit = confirmed(
         free,
         search.loops,
@@ -298,14 +275,10 @@ class _Search:
     """Search of one calibration: its logs as they are weighed, and the points that its walks met."""
 
     def __init__(
-        self,
-        structures: Sequence[FreeParameters],
-        loops: Sequence[MeasuredLoop],
-        starts: int,
-        stages: Stages,
+        self, structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], starts: int, stages: Stages
     ) -> None:
         self._structures, self._starts, self._stages = structures, starts, stages
-        self.loops = self._given = list(loops)
+        self.loops = list(loops)
         self._met: list[Array] = []
 
     def screen(self, rng: np.random.Generator) -> list[tuple[int, Array]]:
@@ -354,17 +327,13 @@ class _Search:
 
         return self._stages.side_by_side(reach, range(len(begun)), lambda reached: reached[0])
 
-    def weigh(self, free: FreeParameters, numbers: Array) -> None:
-        """Weigh the channels of the logs by what a point leaves of each."""
-        self.loops = weighed(self._given, residuals([free.decode(numbers)], self._given, "reduced")[0])
-
     def walk(self, number: int, which: int, numbers: Array, weight: float) -> tuple[float, Array]:
         """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one."""
         free = self._structures[which]
         name = parameter_along(free)
         ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
         if name is None:
-            self._stages.skip(WALK - 1, cost)
+            self._stages.finish(cost, WALK - 1)
             return cost, numbers
 
         def side(stride: float, stopped: threading.Event) -> Array:
@@ -377,9 +346,8 @@ class _Search:
             )
 
         strides = (-STRIDES[number], STRIDES[number])
-        met = np.concatenate(
-            self._stages.side_by_side(side, strides, lambda points: float(points[:, 0].min()))
-        )
+        sides = self._stages.side_by_side(side, strides, lambda points: float(points[:, 0].min()))
+        met = np.concatenate(sides)
         self._met.append(met[:, 1:])
         lowest = met[met[:, 0].argmin(), 1:]
         ((reached, _, end),) = self.descend(f"landing {number}", [(which, lowest)], MOST_STEPS, weight)
@@ -412,7 +380,5 @@ def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], se
     for free in structures:
         inputs += [free.base.to_dict(), list(free.names)]
     for loop in loops:
-        inputs += [loop.name, loop.sample_time, loop.sheath_bend, loop.offset, loop.origin]
-        inputs += [loop.pull, loop.bend, loop.tension, loop.fitted, loop.lateral_pull, loop.lateral_bend]
-        inputs.append(loop.scales)
+        inputs += vars(loop).values()
     return state_key(*inputs)

@@ -1,7 +1,7 @@
 """Published figures of an instrument, as they come out in a twin: a Coleman-Hodgdon model, a filter's errors.
 
-Both are made here as `endotwin generate`, `identify` and `evaluate` make them, on several draws of the
-excitation, for many endoscopes at once.
+Both are made as `endotwin generate`, `identify` and `evaluate` make them, on several draws of the excitation,
+for many endoscopes at once; so is the roundness of the tip's path along a circle of commands.
 """
 
 import dataclasses
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin.estimation.active_model import ActiveModel
 from twin.evaluation.protocol import STEADY_SECONDS, Protocol
 from twin.hysteresis import ColemanHodgdon
+from twin.mechanics.kinematics import link_frames
 from twin.preset.preset import Preset
 from twin.reduced import simulate_batch
 from twin.signals.excitation import SIGNALS, command
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 
 FINE = 0.02  # of the commands that `generate` draws [s]
 DRAWS = 3  # of each noise
+PERIOD, TURNS, STEP = 16.0, 2.25, 0.05  # of a circle [s], number of turns, sample time [s]
 SAMPLE_TIME, WRONG_START = Protocol.sample_time_s, Protocol.initial_error_deg  # [s], [deg]
 
 
@@ -68,22 +70,25 @@ class Commands:
         episodes: tuple[int, int],
         seconds: float,
     ) -> "Commands":
-        """Draw the commands of `generate`, tests with the seed that follows.
+        """Draw the commands of `generate`, tests with the seed that follows; kinds of signals take turns.
 
         Args:
             seeds: of the excitation.
             strokes: lowest and highest pull of identification and test [m].
-            episodes: of a seed, for identification and test; kinds of signals take turns.
+            episodes: of a seed, for identification and test.
             seconds: length of each [s].
         """
+        kinds, every = list(SIGNALS), round(SAMPLE_TIME / FINE)
 
-        def drawn(which: int) -> Array:
-            of_seeds = [
-                training_commands(strokes[which], episodes[which], seconds, seed + which) for seed in seeds
+        def drawn(which: int, seed: int) -> list[Array]:
+            streams = [np.random.SeedSequence([seed, k]).spawn(1)[0] for k in range(episodes[which])]
+            rngs = map(np.random.default_rng, streams)
+            return [
+                command(kinds[k % len(kinds)], strokes[which], seconds, FINE, rng)[::every]
+                for k, rng in enumerate(rngs)
             ]
-            return np.array(of_seeds)[:, :, :: round(SAMPLE_TIME / FINE)]
 
-        return cls(drawn(0), drawn(1))
+        return cls(*(np.array([drawn(which, seed + which) for seed in seeds]) for which in (0, 1)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,16 +108,6 @@ class Outcome:
     static: Array
     steady: Array
     active: Array
-
-
-def training_commands(stroke: tuple[float, float], episodes: int, seconds: float, seed: int) -> list[Array]:
-    """Return the commands [m] of a generated dataset with that seed."""
-    kinds = list(SIGNALS)
-    streams = (np.random.SeedSequence([seed, number]).spawn(1)[0] for number in range(episodes))
-    return [
-        command(kinds[number % len(kinds)], stroke, seconds, FINE, np.random.default_rng(stream))
-        for number, stream in enumerate(streams)
-    ]
 
 
 def best_coleman_hodgdon(pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]:
@@ -210,3 +205,34 @@ def _errors(
     starts = np.broadcast_to(start, shape[:-1]).ravel()
     off = filters.estimate(pulls, measured, starts).reshape(shape) - bend
     return static, steady, np.sqrt(np.mean(off[..., 1:] ** 2, axis=(1, 3, 4))).T
+
+
+def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
+    """Return how far the tip's path, seen along the shaft, is from a circle about its middle.
+
+    Args:
+        presets: B endoscopes; what they have of a second plane is that of the first.
+        radii: of the circle of commands [m].
+
+    Returns:
+        (B, radii) share of its radius; infinity where the tip stays, or has no equilibrium.
+    """
+    angle = 0.3 + 2 * np.pi * np.arange(0, TURNS * PERIOD, STEP) / PERIOD
+    two = [
+        p.replace(bending_planes=2, lateral_initial_bend=p.initial_bend, lateral_command_zero=p.command_zero)
+        for p in presets
+    ]
+    episodes = simulate_batch(
+        [preset for preset in two for _ in radii],
+        [radius * np.cos(angle) for radius in radii] * len(two),
+        STEP,
+        lateral_pulls=[radius * np.sin(angle) for radius in radii] * len(two),
+    )
+    shares, turn = np.full(len(episodes), np.inf), slice(-round(PERIOD / STEP), None)
+    for number, episode in enumerate(episodes):
+        if episode is not None:
+            angles = episode.joint_angle[turn], episode.lateral_joint_angle[turn]
+            tip = link_frames(*angles, two[number // len(radii)].section_length).position[:, -1]
+            reach = np.hypot(*(tip - tip.mean(axis=0)).T[1:])
+            shares[number] = np.abs(reach / reach.mean() - 1).max() if reach.any() else np.inf
+    return shares.reshape(len(two), len(radii))
