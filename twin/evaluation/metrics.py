@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from twin.estimation.gaussian import DEVIATIONS_OF_95
 
@@ -45,11 +44,13 @@ def interval_indices(error_deg: Array, half_width_deg: Array) -> dict[str, float
     al. 2001), 1 where it is calibrated; `crps_deg` the mean continuous ranked probability score of that
     distribution (Gneiting and Raftery 2007, eq. 21).
     """
+    from scipy.special import ndtr  # imported when used: cards of datasets need none of it
+
     half = np.maximum(half_width_deg, NARROWEST_DEG)
     sigma = half / DEVIATIONS_OF_95
     deviations = np.abs(error_deg) / sigma
-    above = stats.norm.cdf(deviations)
-    score = sigma * (deviations * (2 * above - 1) + 2 * stats.norm.pdf(deviations) - 1 / np.sqrt(np.pi))
+    density = np.exp(-(deviations**2) / 2) / np.sqrt(2 * np.pi)
+    score = sigma * (deviations * (2 * ndtr(deviations) - 1) + 2 * density - 1 / np.sqrt(np.pi))
     return {
         "coverage95": float((np.abs(error_deg) <= half).mean()),
         "width95_deg": float(2 * half.mean()),
@@ -77,6 +78,8 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
     Returns:
         Lower and upper end; both are the value itself where there is but one or nothing varies.
     """
+    from scipy.special import stdtrit
+
     table = np.atleast_2d(np.asarray(values, dtype=float))
     mean = float(table.mean())
     means = [side for side in (table.mean(axis=0), table.mean(axis=1)) if len(side) > 1]
@@ -84,5 +87,5 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
         return mean, mean
     variance = sum(side.var(ddof=1) / len(side) for side in means)
     freedom = min(len(side) for side in means) - 1
-    half = float(stats.t.ppf((1 + confidence) / 2, freedom) * np.sqrt(variance))
+    half = float(stdtrit(freedom, (1 + confidence) / 2) * np.sqrt(variance))
     return mean - half, mean + half
