@@ -23,45 +23,35 @@ class MissingExtraError(EndoTwinError, ImportError):
     """A package of an extra of EndoTwin that is not installed."""
 
 
-EXTRA_OF = {
-    "mujoco": "sim",
-    "numba": "sim",
-    "dm_control": "sim",
-    "OpenGL": "sim",
-    "pymoo": "sim",
-    "torch": "rl",
-    "stable_baselines3": "rl",
-    "gymnasium": "rl",
-    "onnx": "rl",
-    "onnxscript": "rl",
-    "matplotlib": "viz",
-    "av": "viz",
-    "PIL": "viz",
-    "jinja2": "viz",
-    "markupsafe": "viz",
-    "distributed": "cluster",
-    "pyarrow": "parquet",
-    "tensorboard": "tensorboard",
-    "foxglove": "live",
-    "filterpy": "benchmark",
-    "cv2": "vision",
+EXTRAS = {
+    "sim": ("mujoco", "numba", "dm_control", "OpenGL", "pymoo"),
+    "rl": ("torch", "stable_baselines3", "gymnasium", "onnx", "onnxscript"),
+    "viz": ("matplotlib", "av", "PIL", "jinja2", "markupsafe"),
+    "cluster": ("distributed",),
+    "parquet": ("pyarrow",),
+    "tensorboard": ("tensorboard",),
+    "live": ("foxglove",),
+    "benchmark": ("filterpy",),
+    "vision": ("cv2",),
 }
-"""Extra of EndoTwin that installs a module, by the name that the module is imported by."""
+"""Extras of EndoTwin, and the modules that each installs, by the names that they are imported by."""
 
 
 def missing_extra(error: ImportError, what: str = "this") -> MissingExtraError | None:
     """Return an error that names the extra to install for `what`; None if the module belongs to no extra."""
-    is_missing = isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF
-    return _not_installed(str(error.name), what) if is_missing else None
+    for extra, modules in EXTRAS.items():
+        if isinstance(error, ModuleNotFoundError) and error.name in modules:
+            return _not_installed(extra, error.name, what)
+    return None
 
 
 def require_extra(extra: str, what: str = "this") -> None:
     """Refuse to begin `what` needs an extra that is not installed, before any work."""
-    for module, its_extra in EXTRA_OF.items():
-        if its_extra == extra and importlib.util.find_spec(module) is None:
-            raise _not_installed(module, what)
+    for module in EXTRAS[extra]:
+        if importlib.util.find_spec(module) is None:
+            raise _not_installed(extra, module, what)
 
 
-def _not_installed(module: str, what: str) -> MissingExtraError:
-    install = f"pip install 'endotwin[{EXTRA_OF[module]}]'"
+def _not_installed(extra: str, module: str, what: str) -> MissingExtraError:
+    install = f"pip install 'endotwin[{extra}]'"
     return MissingExtraError(f"{what} needs {module}: {install}", name=module)

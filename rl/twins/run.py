@@ -27,7 +27,7 @@ from rl.twins.records import (
 )
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
-from twin.dataset.farthest import check_reached
+from twin.dataset.recipe import check_reached
 from twin.estimation.deployment import KEY as DEPLOYMENT
 from twin.estimation.deployment import prepare_deployment
 from twin.estimation.registry import Training

@@ -74,7 +74,7 @@ def test_foreign_state_is_neither_run_nor_overwritten(problem, tmp_path, planted
     state, witness = tmp_path / ".preset.calibration", tmp_path / "it ran"
     state.write_bytes(planted(witness))
     before = state.read_bytes()
-    with pytest.raises(ValueError, match="is no calibration state of EndoTwin: move it away"):
+    with pytest.raises(ValueError, match="is no calibration state of EndoTwin"):
         calibrate(*problem, seed=3, starts=2, state_file=state)
     assert state.read_bytes() == before
     assert not witness.exists()

@@ -5,7 +5,7 @@ import pytest
 from small_dataset import SMALL, changed
 
 from twin import simulate
-from twin.dataset.farthest import farthest_pull
+from twin.dataset.recipe import farthest_pull
 
 SMOOTH = SMALL.replace(
     sheath_friction=0.0, sheath_friction_floor=0.0, joint_friction=0.0, wire_stiffening=0.01, initial_bend=0.0

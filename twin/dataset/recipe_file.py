@@ -194,13 +194,7 @@ def change_recipe(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict
 
 
 def resolve(values: Mapping[str, Any], folder: Path, origin: Path | str | None = None) -> Recipe:
-    """Turn keys and values of a file into a recipe: read the preset and the command that they name.
-
-    Args:
-        values: as in a recipe's file.
-        folder: what the paths in them are relative to.
-        origin: of the values, for messages, such as the file.
-    """
+    """Turn keys and values of a file into a recipe: read the preset and the command that they name."""
     try:
         return _resolved(validated(RecipeFile, values), folder)
     except (InputError, MissingFileError) as error:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, as_completed, wait
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from twin.dataset.card import CARD, FIGURE, card_text, shown_keys, write_figure
 from twin.dataset.episodes import VERSIONS
@@ -26,15 +26,10 @@ from twin.files.dataset_json import (
 from twin.recording import read_metadata
 from twin.recording.listing import features_of, totals
 
-AT_ONCE = 8
-"""Episodes that one worker simulates together: more are hardly faster, and each is on the disk later."""
-AT_ONCE_WITH_PICTURES = 2
-"""The same with cameras: pictures take longer than all else."""
-SAMPLES_AT_ONCE = 200_000
-"""Samples that one worker holds at a time: about 150 MB."""
-
-COUNTS = ("episodes", "seeds")
-"""Keys of a recipe that may grow while the existing episodes stay the same."""
+AT_ONCE = 8  # episodes that one worker simulates together: more are hardly faster
+AT_ONCE_WITH_PICTURES = 2  # pictures take longer than all else
+SAMPLES_AT_ONCE = 200_000  # that one worker holds: about 150 MB
+COUNTS = ("episodes", "seeds")  # keys that may grow while the existing episodes stay the same
 
 _ADVICE = "choose another `folder`, or move it"
 _OTHER = "choose another `folder` or remove it"
@@ -42,19 +37,12 @@ _OTHER = "choose another `folder` or remove it"
 OnProgress = Callable[[int, int], None]
 
 
-@dataclasses.dataclass(frozen=True)
-class Written:
-    """Result of writing a dataset.
+class Written(NamedTuple):
+    """Result of writing a dataset."""
 
-    Attributes:
-        contents: of `dataset.json`.
-        kept: number of episodes that were there already.
-        damage: what was wrong with each file that was made again, one line each.
-    """
-
-    contents: dict[str, Any]
-    kept: int
-    damage: tuple[str, ...]
+    contents: dict[str, Any]  # of `dataset.json`
+    kept: int  # episodes that were there already
+    damage: tuple[str, ...]  # what was wrong with each file that was made again
 
 
 def write_dataset(
@@ -66,22 +54,7 @@ def write_dataset(
     csv: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Written:
-    """Write the missing or damaged episodes of a dataset and, when all are whole, the files that describe it.
-
-    Args:
-        recipe: what to make.
-        folder: created if it does not exist. Workers must see it under the same path.
-        executor: where the work is done; the bytes do not depend on it.
-        workers: how many tasks it runs at a time.
-        csv: also write each episode as a table.
-        on_progress: called with how many episodes are done, and how many there are.
-
-    Raises:
-        ValueError: the recipe cannot be made, or the folder holds something else or is being written into.
-        FloatingPointError: a simulation diverged.
-        OSError: the disk is full or fails. Whole episodes stay, and the same call goes on from them.
-        BrokenExecutor: a worker was killed; the same holds.
-    """
+    """Write the missing or damaged episodes of a dataset and, when all are whole, what describes it."""
     recipe.check()
     folder = Path(os.path.realpath(folder))
     folder.mkdir(parents=True, exist_ok=True)
@@ -157,15 +130,8 @@ def _make(
 
 
 def _contents(recipe: Recipe, folder: Path, files: list[Entry]) -> dict[str, Any]:
-    """Return the contents of `dataset.json`."""
-    return {
-        "source": "simulated",
-        **VERSIONS,
-        "recipe": describe(recipe),
-        **totals(files),
-        "features": features_of(folder, files),
-        "files": files,
-    }
+    described = {"source": "simulated", **VERSIONS, "recipe": describe(recipe), **totals(files)}
+    return described | {"features": features_of(folder, files), "files": files}
 
 
 def describe(recipe: Recipe) -> dict[str, Any]:

@@ -17,20 +17,13 @@ from twin.rendering.video import write_video
 
 Array = NDArray[np.float64]
 
-OBSERVED = ("/measurement", "/tension")
-"""Topics of the columns of `observation.state`."""
-COMMANDED = ("/command",)
-"""Topics of the columns of `action`."""
-TRUE = "truth."
-"""Prefix of the names of labels and hidden states: the quantities of every other topic."""
+OBSERVED = ("/measurement", "/tension")  # topics of the columns of `observation.state`
+COMMANDED = ("/command",)  # topics of the columns of `action`
+TRUE = "truth."  # prefix of the names of labels and hidden states: the quantities of every other topic
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
-"""Those that LeRobot keeps, by its names for them."""
-EVEN = 0.01
-"""A sample may be off its place by this share of the sample time."""
-SAMPLED = 20
-"""Pictures of an episode that its statistics are of, at most."""
-
+EVEN = 0.01  # share of the sample time by which a sample may be off its place
+SAMPLED = 20  # pictures of an episode that its statistics are of, at most
 _APART = 4  # pixels in either direction between those that are counted
 _ROUND = [digit * 10**power for power in range(4) for digit in (1, 2, 5)]  # samples per second to propose
 

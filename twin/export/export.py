@@ -6,18 +6,15 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError, require_extra
 from twin.files.atomic import write_whole
-from twin.recording import Recovered, episode_files, read_episode, recover_episode, write_csv, write_episode
+from twin.recording import episode_files, read_episode, recover_episode, write_csv, write_episode
 from twin.recording.camera import Pictures, has_pictures, read_pictures
 
-FORMATS = ("parquet", "csv", "mcap")
-"""Format of an export: a LeRobot dataset, one table each, or one MCAP file each."""
-
-
+FORMATS = ("parquet", "csv", "mcap")  # a LeRobot dataset, one table each, or one MCAP file each
 _NOT_ITS_NAME = re.compile(r"\.mcap(\.partial(\.\d+)?)?$")  # a killed recording is NAME.mcap.partial
 
 
@@ -70,17 +67,6 @@ class Tally:
     pictures: int = 0
     pictures_left_out: int = 0
 
-    def count(self, episode: Episode) -> None:
-        """Add an episode that is written."""
-        self.episodes += 1
-        self.samples += len(episode.time)
-        self.seconds = round(self.seconds + len(episode.time) * episode.sample_time, 9)
-
-    def count_recovered(self, file: Path, recovered: Recovered) -> None:
-        """Add a damaged file that something is left of."""
-        samples = {"samples": recovered.samples, "samples_expected": recovered.samples_expected}
-        self.recovered.append({"file": str(file), **samples, "faults": list(recovered.faults)})
-
     @property
     def damage(self) -> str:
         """Pictures, and losses of damaged files, as the end of a sentence; empty for neither."""
@@ -124,21 +110,13 @@ def named_files(paths: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Piece:
-    """A record to write.
-
-    Attributes:
-        name: of the record.
-        episode: its samples.
-        file: where it is as it is; None where it was thinned or recovered.
-        source: file that it is from; None where that is damaged.
-    """
+class _Piece(NamedTuple):
+    """A record to write."""
 
     name: str
     episode: Episode
-    file: Path | None
-    source: Path | None
+    file: Path | None  # where it is as it is; None where it was thinned or recovered
+    source: Path | None  # file that it is from; None where that is damaged
 
 
 def export_records(
@@ -149,17 +127,9 @@ def export_records(
     on_progress: Callable[[int, int], None] | None = None,
     on_damage: Callable[[str], None] | None = None,
 ) -> Tally:
-    """Write records into a folder; one is in memory at a time.
-
-    Args:
-        files: MCAP files by the names of their records.
-        folder: an empty one; under an exception, what is in it is not complete.
-        plan: how.
-        on_progress: called with how many files are done, and how many there are.
-        on_damage: called with what is wrong with a damaged file, in one line.
-    """
+    """Write records into a folder; one is in memory at a time."""
     tally = Tally()
-    pieces = _pieces(files, plan, tally, on_progress or _ignore, on_damage or _ignore)
+    pieces = _pieces(files, plan, tally, on_progress or (lambda *_: None), on_damage or (lambda _: None))
     if plan.form == "parquet":
         from twin.export.lerobot import write_lerobot  # pyarrow may not be installed
 
@@ -206,7 +176,9 @@ def _pieces(
                 record = record.resampled(plan.sample_time)
             except ValueError as error:
                 raise InputError(f"{file}: {error}") from error
-        tally.count(record)
+        tally.episodes += 1
+        tally.samples += len(record.time)
+        tally.seconds = round(tally.seconds + len(record.time) * record.sample_time, 9)
         same = file if whole and plan.sample_time is None else None
         yield _Piece(name, record, same, file if whole else None)
     on_progress(len(files), len(files))
@@ -228,7 +200,8 @@ def _read(
         return None, False
     if not recovered.faults:
         return recovered.episode, True
-    tally.count_recovered(file, recovered)
+    samples = {"samples": recovered.samples, "samples_expected": recovered.samples_expected}
+    tally.recovered.append({"file": str(file), **samples, "faults": list(recovered.faults)})
     on_damage(f"{file}: {recovered.summary}")
     return recovered.episode, False
 
@@ -239,7 +212,3 @@ def _without_recipe(episode: Episode) -> Episode:
     facts = {name: value for name, value in episode.metadata.items() if name not in without}
     files = {name: data for name, data in episode.attachments.items() if name != "recipe.yaml"}
     return dataclasses.replace(episode, metadata=facts, attachments=files)
-
-
-def _ignore(*_: object) -> None:
-    """Do nothing."""

@@ -51,21 +51,14 @@ from twin.files.shown import in_code
 from twin.recording.camera import Pictures
 
 VERSION = "v3.0"
-FILE = "chunk-000/file-000.parquet"
-"""Frames, and descriptions of episodes, are in one file each: a row group per episode needs no more."""
-CHUNK_FILES = 1000
-"""Films in one `chunk-...` folder."""
+FILE = "chunk-000/file-000.parquet"  # frames, and descriptions of episodes, are in one file each
+CHUNK_FILES = 1000  # films in one `chunk-...` folder
 
 
 def write_lerobot(
     folder: Path, episodes: Iterable[tuple[str, Episode, Mapping[str, Pictures]]]
 ) -> dict[str, Any]:
     """Write a dataset; one episode at a time is in memory, and then one column for its statistics.
-
-    Args:
-        folder: an empty folder; under an exception, what is in it is not complete.
-        episodes: a name, a record at even samples and its pictures by the name of the camera, each with the
-            same columns, samples per second, cameras and size of the pictures.
 
     Returns:
         The contents of `info.json`.

@@ -103,16 +103,7 @@ def read_headed(
     what: str,
     most_bytes: int,
 ) -> list[Item]:
-    """Read a file of `write_headed`.
-
-    Args:
-        path: of the file.
-        prefix: of the names of the arrays.
-        heads: type of the heads.
-        item: makes an item of a head and its array; raises `ValueError` where they do not fit.
-        what: should be in the file, for messages.
-        most_bytes: limit of the file, packed and unpacked.
-    """
+    """Read a file of `write_headed`."""
     from pydantic import ValidationError
 
     arrays = read_arrays(path, most_bytes, what)

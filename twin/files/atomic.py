@@ -153,12 +153,7 @@ class PartialFile:
     """
 
     def __init__(self, path: str | Path, sign: str) -> None:
-        """Create the file, empty.
-
-        Args:
-            path: the final name.
-            sign: of such a file: one without it is not replaced (`check_overwritable`).
-        """
+        """Create the file, empty."""
         self.path = Path(path)
         self._sign = sign
         if not self.path.parent.is_dir():
@@ -245,10 +240,6 @@ def claim(folder: Path, wait_seconds: float = 0.0) -> Iterator[None]:
     """Context manager: an exclusive advisory lock on a folder, released when the process ends.
 
     Where a file system cannot lock folders (NFS, Windows), nothing keeps two runs apart.
-
-    Raises:
-        FileNotFoundError: there is no such folder, or it was removed meanwhile.
-        ValueError: another process is still writing into it after `wait_seconds`.
     """
     if os.name == "nt":  # Windows opens no folder
         yield

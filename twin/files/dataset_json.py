@@ -4,7 +4,7 @@
 Every key is required but those of a simulated recipe that have a default; no other key may be there.
 """
 
-import itertools
+import collections
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -193,18 +193,13 @@ class BenchmarkDataset(_Dataset):
 Entry = SimulatedFile | MeasuredFile | BenchmarkFile
 Dataset = SimulatedDataset | MeasuredDataset | BenchmarkDataset
 
-KINDS: dict[str, type[SimulatedDataset] | type[MeasuredDataset] | type[BenchmarkDataset]] = {
+KINDS: dict[str, type[Dataset]] = {
     "simulated": SimulatedDataset,
     "measured": MeasuredDataset,
     "benchmark": BenchmarkDataset,
 }
 """Schema of each `source`."""
 
-_REMEDIES = {
-    "simulated": "remove it, and generate the dataset again",
-    "measured": "import the logs again into another folder",
-    "benchmark": "remove its folder, and the suite makes the records again",
-}
 _REMEDY = "remove it, and generate the dataset again; measured logs, import again into another folder"
 
 
@@ -246,11 +241,10 @@ def parse_contents(text: str | bytes) -> Dataset:
     try:
         contents = KINDS[source].model_validate_json(text)
     except ValidationError as error:
-        raise InputError(f"{first_fault(KINDS[source], error)}; {_REMEDIES[source]}") from None
-    names = sorted(file.name for file in contents.files)
-    for name, following in itertools.pairwise(names):
-        if name == following:
-            raise InputError(f"files: {cut(name, 80)} is there twice; {_REMEDIES[source]}")
+        raise InputError(f"{first_fault(KINDS[source], error)}; {_REMEDY}") from None
+    name, count = collections.Counter(file.name for file in contents.files).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"files: {cut(name, 80)} is there twice; {_REMEDY}")
     return contents
 
 

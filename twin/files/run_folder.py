@@ -35,13 +35,6 @@ def open_run(
 ) -> Iterator[bool]:
     """Context manager: a run folder of this configuration, in which no other process is at work.
 
-    Args:
-        folder: created if it does not exist.
-        configuration: what the run depends on.
-        files: that the run makes, in addition to `config.yaml` and `progress.csv`.
-        grows: name of a number, as in `training.episodes`: a run that has a checkpoint and differs only in
-            less of it may become this one. It stays as it is until `write_configuration`.
-
     Yields:
         Whether it is such a shorter run.
     """
@@ -140,11 +133,7 @@ def read_progress(path: Path) -> dict[str, Any]:
 
 
 class CostFile(BaseModel):
-    """Contents of `cost.json`.
-
-    Attributes:
-        processor_s: time of one core, over all parts of a run that was stopped and went on [s].
-    """
+    """Contents of `cost.json`: time of one core, over all parts of a run that was stopped and went on [s]."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.dataset.farthest import check_reached, farthest_pull
+from twin.dataset.recipe import check_reached, farthest_pull
 from twin.episode import Episode, Record, without_holes
 from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel

@@ -10,15 +10,10 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor
 
 from twin.errors import InputError
 
-REACH_SECONDS = 2.0
-"""Timeout of the plain connection that shows whether anything listens at an address [s]."""
-SHAKE_SECONDS = 2.0
-"""Timeout of the handshake of Dask [s]."""
-CONNECT_SECONDS = 20
-"""Timeout of the connection to a Dask scheduler [s]."""
-
-_LIBRARIES = ("distributed", "tornado", "asyncio")
-"""Packages whose own logs would come before the one line about a mistake."""
+REACH_SECONDS = 2.0  # of the plain connection that shows whether anything listens at an address
+SHAKE_SECONDS = 2.0  # of the handshake of Dask
+CONNECT_SECONDS = 20  # of the connection to a Dask scheduler
+_LIBRARIES = ("distributed", "tornado", "asyncio")  # their logs would come before the line about a mistake
 
 
 @contextlib.contextmanager
@@ -26,10 +21,6 @@ def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Ite
     """Context manager: an executor on a Dask cluster, and the number of tasks that it runs at a time.
 
     A task whose worker dies is given to another one; `BrokenExecutor` if that happens again and again.
-
-    Args:
-        address: of the scheduler, such as `tcp://192.168.0.7:8786`.
-        begin: first call of each worker that is there; picklable.
     """
     host, port = check_address(address)
     try:

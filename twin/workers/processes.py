@@ -18,14 +18,7 @@ from twin.files.bounds import MOST_WORKERS, check_between
 def choose_workers(
     tasks: int, processes: int = 0, dask: str | None = None, begin: Callable[[], object] | None = None
 ) -> Iterator[tuple[Executor, int]]:
-    """Context manager: an executor, and how many tasks it runs at a time.
-
-    Args:
-        tasks: how many there are: no more processes are started.
-        processes: how many at most; 0 for one per core.
-        dask: address of a Dask scheduler, whose workers are used instead.
-        begin: first call of each worker; picklable.
-    """
+    """Context manager: an executor, and how many tasks it runs at a time."""
     check_between("workers", processes, 0, MOST_WORKERS)
     if dask is not None:
         from twin.workers.dask_cluster import dask_workers
