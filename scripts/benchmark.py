@@ -12,6 +12,10 @@ from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import InputError, require_extra
 
+SIZES = ("cycles", "draws", "known", "pairs", "steps", "episodes", "many_episodes", "frames")
+MOST = 100_000_000
+LARGEST_MM = 50.0  # of a command, more than any pulley pulls
+
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark:
@@ -42,7 +46,7 @@ class Benchmark:
     frames: int = 10_000
     """Pairs of pictures of the stereo sensor, while instruments pass before it."""
     seed: int = 0
-    """Not used: the random measurements are the same every time."""
+    """Ignored."""
     json: bool = False
     """Print the summary as one JSON object."""
 
@@ -52,28 +56,19 @@ def benchmark(args: Benchmark) -> Summary:
     require_extra("sim")
     if importlib.util.find_spec("scripts.benchmarks") is None:
         raise InputError("benchmarks are not in the package: run this in a checkout of the repository")
-    from scripts.benchmarks.learning import OF_LEARNING
-    from scripts.benchmarks.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
+    from scripts.benchmarks import datasets, estimation, learning, physics, pictures, reduced, speed  # noqa: F401
+    from scripts.benchmarks.harness import MEASUREMENTS, measure, results_table
     from twin.files.atomic import MADE_BY, write_whole
+    from twin.files.bounds import check_between
 
-    table_of_all = MEASUREMENTS | OF_LEARNING
-    names = args.only or tuple(table_of_all)
-    size = Size(
-        preset=args.preset,
-        amplitude=args.amplitude * 1e-3,
-        cycles=args.cycles,
-        draws=args.draws,
-        pairs=args.pairs,
-        known=args.known,
-        steps=args.steps,
-        episodes=args.episodes,
-        many_episodes=args.many_episodes,
-        frames=args.frames,
-    )
-    check_measurements(size, names, table_of_all)
+    check_between("amplitude", args.amplitude, 1e-3, LARGEST_MM, "mm")
+    for name in SIZES:
+        check_between(name, getattr(args, name), 1, MOST)
     table = args.out.with_suffix(".md")
     out = output_file(args.out, (".json",), '"peer_value"', companions={table.name: MADE_BY})
-    results = measure(size, names, _begin, table_of_all)
+    options = {name: getattr(args, name) for name in SIZES}
+    names = args.only or tuple(MEASUREMENTS)
+    results = measure(names, _begin, preset=args.preset, amplitude=args.amplitude * 1e-3, **options)
     contents = {name: result.to_dict() for name, result in results.items()}
     write_whole(out, json.dumps(contents, indent=2) + "\n")
     write_whole(table, f"{results_table(args.preset, results)}\n<!-- {MADE_BY} -->\n")

@@ -22,9 +22,6 @@ class Board:
     """Events of runs, each in a folder of its own in that of the run.
 
     A row is written once: a run that was stopped goes back to its checkpoint, and tells some rows again.
-
-    Raises:
-        ImportError: TensorBoard is not installed.
     """
 
     def __init__(self, folders: Sequence[Path]):

@@ -78,12 +78,7 @@ def run_calibration(args: Calibrate) -> Summary:
     )
     base = load_preset(args.preset).replace(**parse_changes(args.set)).replace(name=out.stem)
     loops, held_out, base = read_loops(
-        args.data,
-        args.predict,
-        base,
-        sample_time=args.sample_time,
-        pace=args.pace,
-        fraction=args.fraction,
+        args.data, args.predict, base, sample_time=args.sample_time, pace=args.pace, fraction=args.fraction
     )
     tried = structures(base, loops, args.free or None)
     seconds = foreseen_seconds(tried, loops, args.starts)

@@ -212,11 +212,7 @@ def say(text: str, stream: TextIO | None = None) -> bool:
 
 
 def stream_line(line: str) -> bool:
-    """Write one line of a stream to stdout; returns False where its reader has gone.
-
-    Raises:
-        OSError: it cannot be written, as on a full disk.
-    """
+    """Write one line of a stream to stdout; returns False where its reader has gone."""
     try:
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()

@@ -121,12 +121,7 @@ def control(args: Control) -> Summary:
     names = [spec.name for spec in specs]
     _check_tracking(settings, specs, conditions)
     _warn_of_training(settings)
-    files = {
-        RESULTS: '"control"',
-        TABLE: MADE_BY,
-        PAGE: MADE_BY,
-        **dict.fromkeys(FIGURES, MADE_BY),
-    }
+    files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
     files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
     out = output_folder(args.out, files)
     parts = len(names) * 2 * len(conditions)
@@ -155,9 +150,7 @@ def control(args: Control) -> Summary:
 
 
 def _check_tracking(
-    settings: "ControlSettings",
-    specs: "Sequence[ControllerSpec]",
-    conditions: "Sequence[ControlCondition]",
+    settings: "ControlSettings", specs: "Sequence[ControllerSpec]", conditions: "Sequence[ControlCondition]"
 ) -> None:
     """Refuse a policy of another loop before anything is run, and say which conditions it is left out of."""
     from twin.control.comparison import places_of
@@ -214,11 +207,7 @@ def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
 def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
     """Write the other figures of the page."""
     from twin.files.atomic import write_whole
-    from twin.report.control_page import (
-        control_errors_figure,
-        loop_comparison_figure,
-        tracking_figure_of,
-    )
+    from twin.report.control_page import control_errors_figure, loop_comparison_figure, tracking_figure_of
     from twin.report.figures import to_png_bytes
 
     shown = comparison.shown

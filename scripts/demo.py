@@ -119,11 +119,7 @@ def demo(args: Demo) -> Summary:
 
 
 def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
-    """Make the run folder, or take up the one of a demo with the same settings.
-
-    Raises:
-        ValueError: it holds a demo of other settings, or files of these names that no demo made.
-    """
+    """Make the run folder, or take up the one of a demo with the same settings."""
     folder, mark = output_folder(path), path / MARK
     held = [folder / part for part in PARTS if os.path.lexists(folder / part)]
     if not mark.is_file() or mark.is_symlink():
@@ -144,11 +140,7 @@ def _settings_of(mark: Path) -> Any:
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:
-    """Run commands at the same time and wait for all of them.
-
-    Raises:
-        ValueError: one of them failed.
-    """
+    """Run commands at the same time and wait for all of them."""
     running: list[subprocess.Popen[bytes]] = []
     try:
         for command in commands:

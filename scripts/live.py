@@ -33,18 +33,7 @@ class LiveViewer:
     def __init__(
         self, host: str = HOST, port: int = PORT, method: str = "estimator", *, controlled: bool = False
     ) -> None:
-        """Begin to listen.
-
-        Args:
-            host: address to listen on; `127.0.0.1` is closed to other machines.
-            port: port to listen on; 0 chooses a free one.
-            method: name of the estimator.
-            controlled: whether samples may contain the angle that is wanted.
-
-        Raises:
-            ImportError: foxglove-sdk is not installed.
-            ValueError: the port is no port or in use, or the host is none of this machine.
-        """
+        """Begin to listen."""
         if not 0 <= port <= 65535:
             raise InputError(f"port = {port}: must be from 0 to 65535")
         require_extra("live", "a live viewer")

@@ -7,11 +7,10 @@ import resource
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from scripts.benchmarks.harness import Result, in_turn
+from scripts.benchmarks.harness import OnProgress, Result, in_turn, measurement
 from twin.dataset.episodes import make_episodes
 from twin.dataset.files import make_files
 from twin.dataset.recipe import Recipe
@@ -22,9 +21,8 @@ from twin.recording import read_episode
 
 TURNS = 3  # of two workers and of one
 
-OnProgress = Callable[[int, int], None]
 
-
+@measurement("logging")
 def logging(preset: Preset, amplitude: float) -> Result:
     """Measure the time of sensor, statistics, file and hash against that of the simulation alone.
 
@@ -41,32 +39,15 @@ def logging(preset: Preset, amplitude: float) -> Result:
             make_files(recipe, recipe.keys, folder, {}, False)
 
         total, alone = in_turn(
-            make,
-            lambda: simulate_batch([preset] * len(pulls), pulls, recipe.sample_time_s, threads=1),
+            make, lambda: simulate_batch([preset] * len(pulls), pulls, recipe.sample_time_s, threads=1)
         )
-    return Result(
-        "logging",
-        (total - alone) / len(pulls),
-        "s per simulated minute",
-        "< 0.15 times the simulation alone",
-        total - alone < 0.15 * alone,
-        "the simulation alone",
-        alone / len(pulls),
-    )
+    each, peer, bar = (total - alone) / len(pulls), alone / len(pulls), "< 0.15 times the simulation alone"
+    return Result("logging", each, "s per simulated minute", bar, None, "the simulation alone", peer)
 
 
-def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProgress) -> dict[str, Result]:
-    """Measure rate, file size and reading time of episodes of 60 s, by two workers and by one in turn.
-
-    Args:
-        preset: the endoscope.
-        amplitude: of the commands [m].
-        episodes: number of episodes.
-        on_progress: called with the number of episodes made and their total.
-
-    Returns:
-        Results by name.
-    """
+@measurement("dataset")
+def dataset(preset: Preset, amplitude: float, episodes: int, progress: OnProgress) -> dict[str, Result]:
+    """Measure rate, file size and reading time of episodes of 60 s, by two workers and by one in turn."""
     recipe = _recipe(preset, amplitude, episodes)
     with tempfile.TemporaryDirectory() as scratch:
         folder, turns = Path(scratch) / "data", itertools.count()
@@ -74,9 +55,7 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
         def make(workers: int) -> None:
             turn = next(turns)
             shutil.rmtree(folder, ignore_errors=True)
-            _write(
-                recipe, folder, workers, lambda done, all_: on_progress(turn * all_ + done, 2 * TURNS * all_)
-            )
+            _write(recipe, folder, workers, lambda done, all_: progress(turn * all_ + done, 2 * TURNS * all_))
 
         # Starting the workers and describing the dataset is part of the work: nothing is warmed up.
         two, one = in_turn(lambda: make(2), lambda: make(1), TURNS, warm_up=False)
@@ -85,25 +64,16 @@ def dataset(preset: Preset, amplitude: float, episodes: int, on_progress: OnProg
         before = time.perf_counter()
         read = sum(len(read_episode(path).time) * recipe.sample_time_s for path in paths)
         reading = read / (time.perf_counter() - before)
+    name = f"{episodes} episodes of 60 s by two workers, logging included"
+    rates, bar, weight = (read / two, read / one), ">= 1.7 times one worker", size / 1e6 / (read / 60)
     return {
-        "dataset_two_cores": Result(
-            f"{episodes} episodes of 60 s by two workers, logging included",
-            read / two,
-            "times real time",
-            ">= 1.7 times one worker",
-            one >= 1.7 * two,
-            "one worker",
-            read / one,
-        ),
-        "dataset_size": Result(
-            "size of the files", size / 1e6 / (read / 60), "MB per simulated minute", "", peer=None
-        ),
-        "dataset_reading": Result(
-            "reading the files into arrays", reading, "times real time", ">= 100", reading >= 100
-        ),
+        "dataset_two_cores": Result(name, rates[0], "times real time", bar, None, "one worker", rates[1]),
+        "dataset_size": Result("size of the files", weight, "MB per simulated minute"),
+        "dataset_reading": Result("reading the files into arrays", reading, "times real time", ">= 100"),
     }
 
 
+@measurement("dataset_reduced")
 def by_the_reduced_twin(preset: Preset, amplitude: float, episodes: int) -> dict[str, Result]:
     """Measure the rate of episodes of 60 s made by the reduced twin, two workers, against MuJoCo's.
 
@@ -122,22 +92,13 @@ def by_the_reduced_twin(preset: Preset, amplitude: float, episodes: int) -> dict
 
         make("reduced", 1)  # what a process loads at its first dataset counts for neither
         taken = {physics: make(physics) for physics in ("reduced", "mujoco")}
-    simulated = 60.0 * episodes
-    named = f"{episodes} episodes of 60 s by the reduced twin, two workers, logging included"
-    return {
-        f"dataset_reduced{key}": Result(
-            f"{named}, {clock}",
-            simulated / ours,
-            "times real time",
-            ">= 8 times MuJoCo",
-            theirs >= 8 * ours,
-            "the twin in MuJoCo",
-            simulated / theirs,
-        )
-        for key, clock, ours, theirs in zip(
-            ("", "_processor"), ("wall time", "processor time"), *taken.values(), strict=True
-        )
-    }
+    simulated, results = 60.0 * episodes, {}
+    clocks = {"dataset_reduced": "wall time", "dataset_reduced_processor": "processor time"}
+    for (key, clock), ours, theirs in zip(clocks.items(), *taken.values(), strict=True):
+        name = f"{episodes} episodes of 60 s by the reduced twin, two workers, logging included, {clock}"
+        rate, bar, peer = simulated / ours, ">= 8 times MuJoCo", "the twin in MuJoCo"
+        results[key] = Result(name, rate, "times real time", bar, None, peer, simulated / theirs)
+    return results
 
 
 def _processor_time() -> float:
@@ -146,22 +107,17 @@ def _processor_time() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def memory(preset: Preset, amplitude: float, episodes: int = 1000) -> Result:
+@measurement("memory")
+def memory(preset: Preset, amplitude: float, many_episodes: int) -> Result:
     """Measure the peak memory of parent and worker over many episodes of 10 s, against 10 of them."""
     peaks = {}
     fresh = multiprocessing.get_context("spawn")
-    for count in (10, episodes):
+    for count in (10, many_episodes):
         with ProcessPoolExecutor(1, fresh) as alone:
             peaks[count] = alone.submit(_peak_memory, preset, amplitude, count).result()
-    return Result(
-        f"memory of making {episodes} episodes",
-        peaks[episodes],
-        "MB, parent and worker",
-        "< 1.1 times that of 10",
-        peaks[episodes] < 1.1 * peaks[10],
-        "10 episodes",
-        peaks[10],
-    )
+    few, many = peaks[10], peaks[many_episodes]
+    name, bar = f"memory of making {many_episodes} episodes", "< 1.1 times that of 10"
+    return Result(name, many, "MB, parent and worker", bar, None, "10 episodes", few)
 
 
 def _peak_memory(preset: Preset, amplitude: float, episodes: int) -> float:

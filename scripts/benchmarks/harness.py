@@ -1,15 +1,28 @@
-"""Harness of benchmarks: results with their peers, command signals, two jobs timed in turn."""
+"""Harness of benchmarks: measurements by name, results with their peers, commands, two jobs timed in turn."""
 
 import dataclasses
+import inspect
+import operator
 import os
 import platform
+import re
 import statistics
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from tabulate import tabulate
+
+from twin.errors import InputError
+from twin.preset import load_preset, load_ranges
+
+Array = NDArray[np.float64]
+OnProgress = Callable[[int, int], None]
+
+SAMPLE_TIME = 0.02
+"""Time between two samples [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,8 +33,8 @@ class Result:
         name: name of the figure.
         value: measured value, in `unit`.
         unit: unit of both values.
-        bar: required bound, in words; empty where nothing is promised.
-        holds: True if the bound holds.
+        bar: required bound: "< 2 ms" of the value, "< 2 times ..." of its ratio, or words; empty without one.
+        kept: True if a bound in words holds.
         peer: reference measured in the same run; None without one.
         peer_value: measured value of the reference, in `unit`.
     """
@@ -29,10 +42,19 @@ class Result:
     name: str
     value: float
     unit: str
-    bar: str
-    holds: bool = True
+    bar: str = ""
+    kept: bool | None = None
     peer: str | None = None
     peer_value: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value is within the bar."""
+        bound = re.match(r"([<>]=?) ([\d.e-]+)( times)?", self.bar)
+        if self.kept is not None or bound is None:
+            return self.kept is not False
+        figure = self.ratio if bound[3] else self.value
+        return figure is not None and bool(_SIGNS[bound[1]](figure, float(bound[2])))
 
     @property
     def ratio(self) -> float | None:
@@ -41,22 +63,61 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as `benchmark.json` holds it."""
-        return {
-            "value": self.value,
-            "unit": self.unit,
-            "peer": self.peer,
-            "peer_value": self.peer_value,
-            "ratio": self.ratio,
-            "bar": self.bar,
-            "holds": self.holds,
-            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        entry = {
+            name: getattr(self, name) for name in ("value", "unit", "peer", "peer_value", "ratio", "bar")
         }
+        return entry | {"holds": self.holds, "machine": f"{platform.machine()}, {os.cpu_count()} cores"}
 
 
-Array = NDArray[np.float64]
+_SIGNS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+Measurement = Callable[..., Result | dict[str, Result]]
+F = TypeVar("F", bound=Measurement)
+MEASUREMENTS: dict[str, Measurement] = {}
+"""Each measurement by its name: a result, or several."""
 
-SAMPLE_TIME = 0.02
-"""Time between two samples [s]."""
+
+def measurement(name: str) -> Callable[[F], F]:
+    """Register a function, whose parameters are options of `measure`."""
+
+    def register(function: F) -> F:
+        MEASUREMENTS[name] = function
+        return function
+
+    return register
+
+
+def measure(
+    names: tuple[str, ...], progress: Callable[[str], OnProgress], **options: Any
+) -> dict[str, Result]:
+    """Run measurements one after the other and return their results by name.
+
+    A function gets the options that it has parameters for: `preset`, its `ranges`, `amplitude` [m],
+    `progress` and the sizes.
+    """
+    if unknown := [name for name in names if name not in MEASUREMENTS]:
+        raise InputError(f"unknown measurement {unknown[0]!r}; valid: {', '.join(MEASUREMENTS)}")
+    wanted = {name: inspect.signature(MEASUREMENTS[name]).parameters for name in names}
+    known = options | {"preset": load_preset(options["preset"])}
+    if any("ranges" in parameters for parameters in wanted.values()):
+        known["ranges"] = load_ranges(options["preset"])
+    results: dict[str, Result] = {}
+    for name, parameters in wanted.items():
+        known["progress"] = progress(name)
+        result = MEASUREMENTS[name](**{key: known[key] for key in parameters})
+        results |= result if isinstance(result, dict) else {name: result}
+    return results
+
+
+def results_table(preset: str, results: Mapping[str, Result]) -> str:
+    """Return the results as a Markdown table."""
+    rows = []
+    for result in results.values():
+        ratio = "" if result.ratio is None else f"{result.ratio:.3g} times {result.peer}"
+        holds = "yes" if result.holds else "no"
+        rows.append([result.name, f"{result.value:.3g} {result.unit}", ratio, result.bar, holds])
+    headers = ["measurement", "figure", "ratio in the same run", "bar", "holds"]
+    table = tabulate(rows, headers=headers, tablefmt="github")
+    return f"Preset `{preset}`, by `endotwin benchmark`.\n\n{table}\n"
 
 
 def sinusoid(amplitude: float, period: float, cycles: float) -> Array:

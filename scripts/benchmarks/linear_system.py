@@ -2,9 +2,9 @@
 
 x' = [1 1; 0 1] x + (0, w), y = x_0 + v, with w of variance 1e-4 and T = 1 s, for 150 samples from a speed of
 1 +- 0.1 (Mortada et al. 2025; their code states the numbers). v has variance 1: normal, or of two
-widths (1.25 in 0.6 of the samples, 0.40 else), which no filter is told. On the first the Kalman filter is
+widths (1.25 in 0.6 of the samples, 0.40 else), which no filter knows. On the first the Kalman filter is
 optimal, and KalmanNet is published to reach it (Revach et al. 2022). On the second a filter that
-is told each sample's width is a bound, and one that is told the variance what a network has to beat.
+knows each sample's width is a bound, and one that knows the variance what a network has to beat.
 
 Nothing is known of where the body begins, as for our filters, which begin at the first measurement. Its speed
 is the f of the active model about the mean speed, which is the drive.
@@ -15,23 +15,19 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.learning import filter_sequences, learn_gain
 from rl.twins.records import STRIDES, Sequences
 from rl.twins.settings import SimulatedTraining
+from scripts.benchmarks.harness import Array
 from twin.estimation.gaussian import condition, propagate
-
-Array = NDArray[np.float64]
 
 SAMPLES = 150
 SPEED, SPEED_DEVIATION = 1.0, 0.1
-WALK = 1e-4
-"""Variance of what is added to the speed at each sample."""
-UNKNOWN = 1e8
-"""Variance of the place at which a body begins."""
+WALK = 1e-4  # variance of what is added to the speed at each sample
+UNKNOWN = 1e8  # variance of the place at which a body begins
 WIDE, SHARE_WIDE = 1.25, 0.6
 NARROW = float(np.sqrt((1 - SHARE_WIDE * WIDE**2) / (1 - SHARE_WIDE)))
 """Widths of the noise of two widths, such that its variance is 1."""
@@ -74,7 +70,7 @@ class LinearSource:
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
     ) -> Sequences:
-        """Return runs as sequences that a step beside a model learns from; their sample time is 1 s."""
+        """Return runs as sequences that a filter step learns from; their sample time is 1 s."""
         return sequences_of(self.run(count, samples, rng))
 
 
@@ -95,13 +91,8 @@ def sequences_of(bodies: Bodies) -> Sequences:
     )
 
 
-def kalman_filter(bodies: Bodies, *, told: bool) -> Array:
-    """Return (N, B) the estimates of the Kalman filter, which is optimal for what it is told.
-
-    Args:
-        bodies: runs of the system.
-        told: whether it is told the width of each sample; else, that the variance is 1.
-    """
+def kalman_filter(bodies: Bodies, *, knows_width: bool) -> Array:
+    """Return (N, B) the estimates of the Kalman filter that knows each sample's width, or the variance 1."""
     count = bodies.place.shape[1]
     step = np.tile(np.array([[1.0, 1.0], [0.0, 1.0]])[:, :, None], (1, 1, count))
     walk, place = np.diag([0.0, WALK]), np.array([1.0, 0.0])
@@ -111,14 +102,14 @@ def kalman_filter(bodies: Bodies, *, told: bool) -> Array:
     for measured, deviation in zip(bodies.measured, bodies.deviation, strict=True):
         mean = np.einsum("ijb,jb->ib", step, mean)
         covariance = propagate(covariance, step, walk)
-        variance = deviation**2 if told else np.ones(count)
+        variance = deviation**2 if knows_width else np.ones(count)
         mean, covariance = condition(mean, covariance, place, measured, variance)
         found.append(mean[0])
     return np.array(found)
 
 
 def learn_gains(step: FilterStep, source: LinearSource, updates: int, seed: int = 1) -> None:
-    """Train a step beside a model on the system."""
+    """Train a filter step on the system."""
     settings = SimulatedTraining(
         noises=("gaussian",), episode=SAMPLES, window=50, updates=updates, sequences=128, seed=seed
     )

@@ -25,7 +25,7 @@ PERIOD_S = 8.0
 FIRST_DEG = 60.0
 
 
-def one_sample(policy: Path) -> dict[str, Result]:
+def one_live_sample(policy: Path) -> dict[str, Result]:
     """Measure the runtime of a trained file against filterpy's predict and update alone, in turn.
 
     The endoscope is the file's own model, so that the policy is trusted, as in a deployment that goes well.
@@ -39,12 +39,10 @@ def one_sample(policy: Path) -> dict[str, Result]:
     median, peer = float(np.median(ours)), float(np.median(theirs))
     late = float(np.percentile(ours, 99))
     of = f"one sample of {runtime.method} with fallback and monitor, {100 * trusted:.0f} % of them trusted"
-    name = "filterpy's EKF, predict and update"
+    name, latest = "filterpy's EKF, predict and update", f"{of}, 99th percentile"
     return {
-        "runtime_sample": Result(of, median, "us", f"at most {name}", median <= peer, name, peer),
-        "runtime_latest": Result(
-            f"{of}, 99th percentile", late, "us", "below 5 medians", late < 5 * median, "the median", median
-        ),
+        "runtime_sample": Result(of, median, "us", "<= 1 times the peer", None, name, peer),
+        "runtime_latest": Result(latest, late, "us", "< 5 times the median", None, "the median", median),
     }
 
 
@@ -111,24 +109,11 @@ def stream(policy: Path) -> dict[str, Result]:
         delays = answer_delays(policy, sample_lines(RATE * PACED_SECONDS), Path(folder))
     rate = (SAMPLES - 1) / (whole - nothing)
     late = 1e3 * float(np.percentile(delays, 99))
+    name, peer = "`endotwin run`, live and recorded, one core", "its time to start, in samples"
+    delay, median = f"delay of 99 % of its answers at {RATE} samples/s", 1e3 * float(np.median(delays))
     return {
-        "run_rate": Result(
-            "`endotwin run`, live and recorded, samples per second of one core",
-            rate,
-            "samples/s",
-            f">= {RATE}",
-            rate >= RATE,
-            "its time to start, in samples",
-            nothing * rate,
-        ),
-        "run_delay": Result(
-            f"delay of 99 % of its answers at {RATE} samples/s for {PACED_SECONDS} s",
-            late,
-            "ms",
-            "",  # nothing is promised: it is of the machine and of what else runs there
-            peer="the median",
-            peer_value=1e3 * float(np.median(delays)),
-        ),
+        "run_rate": Result(name, rate, "samples/s", f">= {RATE}", None, peer, nothing * rate),
+        "run_delay": Result(delay, late, "ms", "", None, "the median", median),  # of the machine
     }
 
 
@@ -221,6 +206,6 @@ def control_step(policy: Path, preset: Preset) -> dict[str, Result]:
     took = took[len(took) // 10 :]  # the first ones are slower: code and memory are cold
     median, late = float(np.median(took)), float(np.percentile(took, 99))
     return {
-        "control_step": Result(of, median, "ms", "below 2 ms", median < 2),
-        "control_step_latest": Result(f"{of}, 99th percentile", late, "ms", "below 5 ms", late < 5),
+        "control_step": Result(of, median, "ms", "< 2 ms"),
+        "control_step_latest": Result(f"{of}, 99th percentile", late, "ms", "< 5 ms"),
     }

@@ -3,13 +3,12 @@
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scripts.benchmarks.harness import Result, in_turn
+from scripts.benchmarks.harness import Array, OnProgress, Result, in_turn, measurement
 from twin.episode import Episode
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -17,15 +16,9 @@ from twin.reduced import ReducedTwins
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import simulate_batch
 
-Array = NDArray[np.float64]
-OnProgress = Callable[[int, int], None]
-
-T = 0.1
-"""Sample time of all these [s]."""
-SECONDS = 20.0
-"""Length of the records that both twins make; slow commands take twice that [s]."""
-LEAST_RANGE = np.radians(45)
-"""Range that a difference is a share of at least: some drawn endoscopes hardly move [rad]."""
+T = 0.1  # sample time [s]
+SECONDS = 20.0  # length of the records that both twins make; slow commands take twice that
+LEAST_RANGE = np.radians(45)  # that a difference is a share of: some drawn endoscopes hardly move [rad]
 MEASURES = {
     "rms": "RMS of the bend",
     "largest": "largest difference of the bend",
@@ -37,21 +30,14 @@ MEASURES = {
 A section that is curved when nothing pulls it is straight in a new endoscope: it is let go, and how far it
 goes until friction holds it depends on MuJoCo's inertia, which follows its step.
 """
-FINER = 8
-AT_ONCE = 50
-MEMBERS = 32
-ONLINE_SAMPLES = 600
-INVERSE_BENDS = 2000
+FINER, AT_ONCE = 8, 50
+MEMBERS, ONLINE_SAMPLES, INVERSE_BENDS = 32, 600, 2000
 
 
 def records(preset: Preset, ranges: Ranges, amplitude: float, pairs: int) -> tuple[list[Preset], list[Array]]:
-    """Return endoscopes and commands that both twins are compared on, each along a kind of signal in turn.
+    """Return endoscopes and commands [m] to compare both twins on, each along a kind of signal in turn.
 
-    Args:
-        preset: the endoscope, which follows each kind once.
-        ranges: that others are drawn from.
-        amplitude: of the commands [m].
-        pairs: endoscopes drawn.
+    The preset itself follows each kind once, then `pairs` endoscopes that are drawn.
     """
     rng = np.random.default_rng(0)
     kinds = list(SIGNALS)
@@ -61,24 +47,17 @@ def records(preset: Preset, ranges: Ranges, amplitude: float, pairs: int) -> tup
     ]
 
 
+@measurement("reduced")
 def agreement(
-    preset: Preset, ranges: Ranges, amplitude: float, pairs: int, on_progress: OnProgress
+    preset: Preset, ranges: Ranges, amplitude: float, pairs: int, progress: OnProgress
 ) -> dict[str, Result]:
-    """Compare both twins along every kind of signal, with a sheath that moves, in two planes, and drawn.
-
-    Args:
-        preset: the endoscope.
-        ranges: that others are drawn from.
-        amplitude: of the commands [m].
-        pairs: endoscopes drawn, each along a signal of its own.
-        on_progress: called with records done and their total.
-    """
+    """Compare both twins along every kind of signal, with a sheath that moves, in two planes, and drawn."""
     presets, pulls = records(preset, ranges, amplitude, pairs)
     of_all = []
     for start in range(0, len(presets), AT_ONCE):
         some = slice(start, start + AT_ONCE)
         of_all += _differences(presets[some], pulls[some])
-        on_progress(min(start + AT_ONCE, len(presets)), len(presets))
+        progress(min(start + AT_ONCE, len(presets)), len(presets))
     moving = preset.sheath_bend * (1 + 0.8 * np.sin(np.arange(len(pulls[0])) * T / 3))
     of_all += _differences([preset], pulls[:1], sheath_bends=[moving])
     planes = preset.replace(bending_planes=2)
@@ -86,6 +65,7 @@ def agreement(
     return _agreement("reduced", "default step", of_all, (0.002, 0.01, 0.01, 0.02))
 
 
+@measurement("reduced_fine")
 def fine(preset: Preset, amplitude: float) -> dict[str, Result]:
     """Compare both twins along slow commands, MuJoCo's at an eighth of the step."""
     finer = preset.replace(time_step=preset.time_step / FINER, control_period=preset.control_period / FINER)
@@ -97,6 +77,7 @@ def fine(preset: Preset, amplitude: float) -> dict[str, Result]:
     )
 
 
+@measurement("reduced_speed")
 def speed(preset: Preset, amplitude: float) -> Result:
     """Measure simulated seconds per second of a batch on one thread, against MuJoCo's, at T = 0.1 s."""
     rng = np.random.default_rng(2)
@@ -109,17 +90,13 @@ def speed(preset: Preset, amplitude: float) -> Result:
         clock=time.process_time,
     )
     simulated = sum(len(pull) for pull in pulls) * T
-    return Result(
-        "reduced twin, a batch on one thread",
-        simulated / ours,
-        "times real time",
-        ">= 8000, and 100 times MuJoCo",
-        simulated / ours >= 8000 and theirs >= 100 * ours,
-        "MuJoCo twin",
-        simulated / theirs,
-    )
+    rate, peer, bar = simulated / ours, simulated / theirs, ">= 8000, and 100 times MuJoCo"
+    kept = rate >= max(8000, 100 * peer)
+    name = "reduced twin, a batch on one thread"
+    return Result(name, rate, "times real time", bar, kept, "MuJoCo twin", peer)
 
 
+@measurement("reduced_online")
 def online(preset: Preset, ranges: Ranges, amplitude: float) -> Result:
     """Measure the time of one sample of an ensemble that is advanced sample by sample."""
     rng = np.random.default_rng(3)
@@ -130,26 +107,25 @@ def online(preset: Preset, ranges: Ranges, amplitude: float) -> Result:
         twins.step(pull)
         taken.append(time.process_time() - start)
     milliseconds = 1e3 * float(np.median(taken))
-    return Result(
-        f"reduced twin, a sample of {MEMBERS} members", milliseconds, "ms", "<= 0.3", milliseconds <= 0.3
-    )
+    return Result(f"reduced twin, a sample of {MEMBERS} members", milliseconds, "ms", "<= 0.3")
 
 
-def draws(preset: Preset, ranges: Ranges, amplitude: float, count: int, on_progress: OnProgress) -> Result:
+@measurement("reduced_draws")
+def undecided(preset: Preset, ranges: Ranges, amplitude: float, draws: int, progress: OnProgress) -> Result:
     """Count the random endoscopes that do not find their equilibrium, each driven for 10 s."""
     rng, failed = np.random.default_rng(4), 0
-    for start in range(0, count, 500):
-        presets = [ranges.draw(preset, rng) for _ in range(min(500, count - start))]
+    for start in range(0, draws, 500):
+        presets = [ranges.draw(preset, rng) for _ in range(min(500, draws - start))]
         kinds = rng.choice(list(SIGNALS), len(presets))
         pulls = [_signal(kind, amplitude, 10.0, rng) for kind in kinds]
         records = simulate_batch(presets, pulls, T, physics="reduced")
         failed += sum(record is None for record in records)
-        on_progress(start + len(presets), count)
-    return Result(
-        f"of {count} random endoscopes, driven for 10 s", failed, "without equilibrium", "none", not failed
-    )
+        progress(start + len(presets), draws)
+    name = f"of {draws} random endoscopes, driven for 10 s"
+    return Result(name, failed, "without equilibrium", "none", not failed)
 
 
+@measurement("reduced_inverse")
 def inverse(preset: Preset, ranges: Ranges, amplitude: float) -> dict[str, Result]:
     """Measure error and time of the inverse, for bends that wander and that jump within reach."""
     rng, stroke = np.random.default_rng(5), (-amplitude, amplitude)
@@ -167,20 +143,14 @@ def inverse(preset: Preset, ranges: Ranges, amplitude: float) -> dict[str, Resul
             errors += [error] if found.reached[0] else []
             missed += not found.reached[0]
     worst, milliseconds = np.degrees(max(errors)), 1e3 * float(np.median(taken))
+    name = f"inverse, worst of {INVERSE_BENDS - missed} bends reached ({missed} flagged)"
     return {
-        "reduced_inverse": Result(
-            f"inverse, worst of {INVERSE_BENDS - missed} bends reached ({missed} flagged)",
-            float(worst),
-            "deg",
-            "<= 0.02",
-            bool(worst <= 0.02),
-        ),
-        "reduced_inverse_time": Result(
-            "inverse, median time", milliseconds, "ms", "< 0.2", milliseconds < 0.2
-        ),
+        "reduced_inverse": Result(name, float(worst), "deg", "<= 0.02"),
+        "reduced_inverse_time": Result("inverse, median time", milliseconds, "ms", "< 0.2"),
     }
 
 
+@measurement("reduced_start")
 def start(preset: Preset) -> Result:
     """Measure the processor time of a fresh process until its first sample, kernels compiled before."""
     code = (
@@ -192,13 +162,8 @@ def start(preset: Preset) -> Result:
         for _ in range(4)
     ]
     seconds = min(float(run.stdout) for run in runs[1:])
-    return Result(
-        "reduced twin, start of a process to its first sample, processor time",
-        seconds,
-        "s",
-        "< 0.5",
-        seconds < 0.5,
-    )
+    name = "reduced twin, start of a process to its first sample, processor time"
+    return Result(name, seconds, "s", "< 0.5")
 
 
 def _signal(kind: str, amplitude: float, seconds: float, rng: np.random.Generator) -> Array:
@@ -229,14 +194,9 @@ def _agreement(name: str, where: str, of_all: Sequence[Array], bars: Sequence[fl
     """Return the worst of all records and the median record as results."""
     results = {}
     for measure, values, bar in zip(MEASURES, np.transpose(of_all), bars, strict=True):
-        results[f"{name}_{measure}"] = Result(
-            f"reduced twin, {where}, {MEASURES[measure]}, worst of {len(values)} records, "
-            f"{(values > bar).sum()} beyond the bar",
-            100 * float(values.max()),
-            "% of range",
-            f"<= {100 * bar:g} %",
-            bool(values.max() <= bar),
-            "the median record",
-            100 * float(np.median(values)),
-        )
+        beyond = f"worst of {len(values)} records, {(values > bar).sum()} beyond the bar"
+        of_worst, median = 100 * float(values.max()), 100 * float(np.median(values))
+        title, most = f"reduced twin, {where}, {MEASURES[measure]}, {beyond}", f"<= {100 * bar:g} %"
+        peer = "the median record"
+        results[f"{name}_{measure}"] = Result(title, of_worst, "% of range", most, None, peer, median)
     return results

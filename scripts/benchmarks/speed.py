@@ -6,12 +6,11 @@ What one thread does is timed by its processor time, which others of the machine
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
-from scripts.benchmarks.harness import SAMPLE_TIME, Result, in_turn, sinusoid
+from scripts.benchmarks.harness import SAMPLE_TIME, OnProgress, Result, in_turn, measurement, sinusoid
 from twin.episode import Record
 from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
 from twin.estimation.adaptive import RobustActiveModel
@@ -48,6 +47,7 @@ def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
     mujoco.mj_step(model, data, round(seconds / time_step))
 
 
+@measurement("speed_one_core")
 def one_core(preset: Preset, amplitude: float) -> Result:
     """Measure simulated seconds per second of one endoscope, against a plain chain of the same nv."""
     command = sinusoid(amplitude, PERIOD, 2)
@@ -58,17 +58,12 @@ def one_core(preset: Preset, amplitude: float) -> Result:
         clock=time.process_time,
     )
     simulated = 2 * PERIOD + 1  # and the second of rest before a record
-    return Result(
-        "speed on one core",
-        simulated / ours,
-        "times real time",
-        ">= 100",
-        simulated / ours >= 100,
-        f"plain MuJoCo chain of nv = {degrees}",
-        2 * PERIOD / theirs,
-    )
+    peer = f"plain MuJoCo chain of nv = {degrees}"
+    rates = simulated / ours, 2 * PERIOD / theirs
+    return Result("speed on one core", rates[0], "times real time", ">= 100", None, peer, rates[1])
 
 
+@measurement("speed_two_threads")
 def two_threads(preset: Preset, amplitude: float) -> Result:
     """Measure simulated seconds per second of a batch on two threads, against one."""
     count = 32
@@ -78,17 +73,15 @@ def two_threads(preset: Preset, amplitude: float) -> Result:
         lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=1),
     )
     simulated = count * (2 * PERIOD + 1)
-    return Result(
+    name, bar, peer = (
         "speed of a batch on two threads",
-        simulated / two,
-        "times real time",
         ">= 1.8 times one thread",
-        one / two >= 1.8,
         "the same batch on one thread",
-        simulated / one,
     )
+    return Result(name, simulated / two, "times real time", bar, None, peer, simulated / one)
 
 
+@measurement("cost_of_vertebrae")
 def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     """Measure the time of a simulated second with 64 vertebrae, against 8."""
     command = sinusoid(amplitude, 4.0, 1)
@@ -98,15 +91,8 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
         lambda: simulate(few, command, SAMPLE_TIME),
         clock=time.process_time,
     )
-    return Result(
-        "time of 64 vertebrae",
-        slow / 5,
-        "s per simulated second",
-        "<= 8 times that of 8",
-        slow / fast <= 8,
-        "8 vertebrae",
-        fast / 5,
-    )
+    unit, bar = "s per simulated second", "<= 8 times that of 8"
+    return Result("time of 64 vertebrae", slow / 5, unit, bar, None, "8 vertebrae", fast / 5)
 
 
 MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
@@ -114,11 +100,13 @@ T, SAMPLES, SEEDS, RECORDS = 0.1, 600, 10, 5
 LINEAR = 1.15  # twice the work may take this much more than twice the time: clocks are noisy
 
 
+@measurement("cost_of_seeds")
 def cost_of_seeds(preset: Preset, amplitude: float) -> Result:
     """Measure the time of an evaluation with 40 seeds against 20."""
     return _doubled("seeds", amplitude, (2 * SEEDS, SAMPLES), (4 * SEEDS, SAMPLES))
 
 
+@measurement("cost_of_samples")
 def cost_of_samples(preset: Preset, amplitude: float) -> Result:
     """Measure the time of an evaluation of records of 120 s against 60 s."""
     return _doubled("samples", amplitude, (2 * SEEDS, SAMPLES), (2 * SEEDS, 2 * SAMPLES))
@@ -127,15 +115,8 @@ def cost_of_samples(preset: Preset, amplitude: float) -> Result:
 def _doubled(what: str, amplitude: float, one: tuple[int, int], two: tuple[int, int]) -> Result:
     taken = [[_seconds(amplitude, *size) for size in (one, two)] for _ in range(3)]
     first, second = np.min(taken, axis=0)
-    return Result(
-        f"evaluation with twice the {what}",
-        float(second),
-        "s",
-        f"<= {2 * LINEAR:g} times that with half of them",
-        bool(second <= 2 * LINEAR * first),
-        peer="half of them",
-        peer_value=float(first),
-    )
+    name, bar = f"evaluation with twice the {what}", f"<= {2 * LINEAR:g} times that with half of them"
+    return Result(name, float(second), "s", bar, None, "half of them", float(first))
 
 
 def _seconds(amplitude: float, seeds: int, samples: int) -> float:
@@ -150,8 +131,6 @@ def _seconds(amplitude: float, seeds: int, samples: int) -> float:
     return time.process_time() - begin
 
 
-IMPORT_SECONDS, HELP_SECONDS = 0.15, 0.5
-"""Processor time that `import twin` and `endotwin VERB --help` may take [s]."""
 REPEATS = 3  # the least of them: others of this machine only add to it
 
 _MEASURED = """
@@ -169,7 +148,8 @@ def processor_seconds(*words: str) -> float:
     return min(float(run.stdout) for run in runs)
 
 
-def start(on_progress: Callable[[int, int], None]) -> dict[str, Result]:
+@measurement("start")
+def start(progress: OnProgress) -> dict[str, Result]:
     """Time `import twin` beyond Python's own start, and `endotwin VERB --help` of the slowest verb."""
     listed = subprocess.run(
         [sys.executable, "-P", "-m", "twin", "--help"], check=True, capture_output=True, text=True
@@ -179,21 +159,12 @@ def start(on_progress: Callable[[int, int], None]) -> dict[str, Result]:
     imported = processor_seconds("-c", "import twin") - python
     slowest, longest = "", 0.0
     for done, verb in enumerate(verbs):
-        on_progress(done, len(verbs))
+        progress(done, len(verbs))
         seconds = processor_seconds("-m", "twin", verb, "--help")
         slowest, longest = max((slowest, longest), (verb, seconds), key=lambda pair: pair[1])
-    on_progress(len(verbs), len(verbs))
+    progress(len(verbs), len(verbs))
+    name, peer = f"`endotwin {slowest} --help`, the slowest verb", "python itself"
     return {
-        "start_import": Result(
-            "`import twin`", imported, "s", f"below {IMPORT_SECONDS:g} s", imported < IMPORT_SECONDS
-        ),
-        "start_help": Result(
-            f"`endotwin {slowest} --help`, the slowest verb",
-            longest,
-            "s",
-            f"below {HELP_SECONDS:g} s",
-            longest < HELP_SECONDS,
-            "python itself",
-            python,
-        ),
+        "start_import": Result("`import twin`", imported, "s", "< 0.15 s"),
+        "start_help": Result(name, longest, "s", "< 0.5 s", None, peer, python),
     }

@@ -2,49 +2,65 @@
 
 import pytest
 
-from scripts.benchmarks import measurements
-from scripts.benchmarks.harness import Result
-from scripts.benchmarks.measurements import MEASUREMENTS, Size, check_measurements, measure, results_table
+import scripts.benchmark
+from scripts.benchmarks.harness import MEASUREMENTS, Result, in_turn, measure, results_table
 
 
-@pytest.mark.parametrize(
-    "field", ["amplitude", "cycles", "draws", "known", "steps", "episodes", "many_episodes", "frames"]
-)
-def test_a_size_that_measures_nothing_is_refused_by_name(field):
-    with pytest.raises(ValueError, match=f"^{field} = 0: must be positive$"):
-        Size(**{field: 0})
+@pytest.mark.parametrize("word", ["amplitude", "cycles", "draws", "known", "steps", "frames"])
+def test_a_size_that_measures_nothing_is_refused_by_name(word, tmp_path, capsys):
+    flag = f"--{word}"
+    assert scripts.benchmark.main([flag, "0", "--out", str(tmp_path / "x.json")]) == 2
+    assert f"{flag} 0" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
 
 
-def test_an_unknown_measurement_is_refused_with_the_valid_ones():
-    with pytest.raises(
-        ValueError, match=r"^unknown measurement 'speed'; valid: rate_independence, .*memory$"
-    ):
-        check_measurements(Size(), ["hold", "speed"])
-    check_measurements(Size(), list(MEASUREMENTS))
+def test_an_unknown_measurement_is_refused_with_the_valid_ones(tmp_path, capsys):
+    assert scripts.benchmark.main(["--only", "speed", "--out", str(tmp_path / "new/x.json")]) == 2
+    assert "unknown measurement 'speed'; valid: " in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
 
 
-def test_each_is_measured_once_with_its_size_and_tells_how_far_it_is(monkeypatch):
-    said = []
-    one = Result("one", 1.0, "s", "below 2 s", peer="another", peer_value=2.0)
-    two = Result("two", 3.0, "s", "below 2 s", holds=False)
+def test_each_is_measured_once_with_its_options(monkeypatch):
+    shown = []
+    one = Result("one", 1.0, "s", "< 0.6 times another", peer="another", peer_value=2.0)
+    two = Result("two", 3.0, "s", "<= 2 s")
 
-    def several(preset, size, progress):
-        progress(1, size.cycles)
+    def several(cycles, progress):
+        progress(1, cycles)
         return {"a": one, "b": two}
 
-    monkeypatch.setitem(measurements.MEASUREMENTS, "several", several)
-    results = measure(
-        Size(cycles=7), ["several"], lambda name: lambda *numbers: said.append((name, *numbers))
-    )
+    monkeypatch.setitem(MEASUREMENTS, "several", several)
+    progress = lambda name: lambda *numbers: shown.append((name, *numbers))  # noqa: E731
+    results = measure(("several",), progress, preset="ureteroscope", cycles=7, steps=3)
     assert results == {"a": one, "b": two}
-    assert said == [("several", 1, 7)]
-    rows = results_table("short", results).splitlines()
-    assert rows[0] == "Preset `short`, by `endotwin benchmark`."
-    assert [cell.strip() for cell in rows[4].split("|")[1:-1]] == [
+    assert shown == [("several", 1, 7)]
+    rows = [row.split("|")[1:-1] for row in results_table("short", results).splitlines()[4:6]]
+    assert [cell.strip() for cell in rows[0]] == [
         "one",
         "1 s",
         "0.5 times another",
-        "below 2 s",
+        "< 0.6 times another",
         "yes",
     ]
-    assert rows[5].split("|")[-2].strip() == "no"
+    assert rows[1][-1].strip() == "no"
+
+
+@pytest.mark.parametrize(
+    ("bar", "holds"),
+    [("< 1 s", False), ("<= 1 s", True), (">= 2 times it", True), ("< 2 times it", False), ("", True)],
+)
+def test_a_bar_is_of_the_value_or_of_its_ratio(bar, holds):
+    assert Result("x", 1.0, "s", bar, peer="it", peer_value=0.5).holds is holds
+    assert not Result("x", 1.0, "s", bar, kept=False).holds
+
+
+def test_two_jobs_take_turns_and_the_first_turn_does_not_count():
+    done, now = [], [0.0]
+    costs = {"a": iter([100, 1, 5, 2]), "b": iter([100, 20, 10, 90])}
+
+    def job(name):
+        done.append(name)
+        now[0] += next(costs[name])
+
+    assert in_turn(lambda: job("a"), lambda: job("b"), repeats=3, clock=lambda: now[0]) == (2, 20)
+    assert done == ["a", "b"] * 4

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rl.comparison.full import FullSuite
-from scripts.benchmarks.measurements import Size
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import check_between, check_file_name
 from twin.identification import check_options
@@ -33,7 +32,6 @@ def test_a_number_is_within_its_bounds_or_refused_in_a_short_line(value, bounds)
         (Protocol, "initial_error_deg"),
         (Protocol, "sample_time_s"),
         (Protocol, "recorded_variance"),
-        (Size, "amplitude"),
         (lambda **given: FullSuite("folder", **given), "seconds"),
         (lambda **given: FullSuite("folder", **given), "initial_error_deg"),
         (lambda **given: FullSuite("folder", sample_times=tuple(given.values())), "sample_times"),
@@ -55,7 +53,6 @@ def test_no_number_that_is_not_finite_or_huge_is_taken(settings, name, wrong):
         (lambda **given: FullSuite("folder", **given), "seeds"),
         (lambda **given: check_options("bouc-wen", **given), "population"),
         (lambda **given: check_options("bouc-wen", **given), "generations"),
-        *((Size, name) for name in ("cycles", "draws", "known", "steps", "episodes", "many_episodes")),
     ],
 )
 def test_no_count_that_never_ends_is_taken(settings, name, wrong):

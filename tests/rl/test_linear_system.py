@@ -22,24 +22,26 @@ def bodies_of(two_widths, count=400):
     return LinearSource(two_widths).run(count, SAMPLES, np.random.default_rng(5))
 
 
-def test_the_noise_of_two_widths_has_the_variance_that_is_told():
+def test_the_noise_of_two_widths_has_variance_one():
     assert pytest.approx(1) == SHARE_WIDE * WIDE**2 + (1 - SHARE_WIDE) * NARROW**2
     bodies = bodies_of(True)
     assert (bodies.measured - bodies.place).var() == pytest.approx(1, rel=0.03)
     assert np.diff(bodies.place, axis=0).mean() == pytest.approx(1, abs=0.02)
 
 
-def test_the_filter_that_is_told_each_width_is_better_and_equal_under_normal_noise():
+def test_the_filter_that_knows_each_width_is_better_and_equal_under_normal_noise():
     normal, two = bodies_of(False), bodies_of(True)
-    np.testing.assert_array_equal(kalman_filter(normal, told=True), kalman_filter(normal, told=False))
-    told, untold = (decibels(kalman_filter(two, told=told), two.place) for told in (True, False))
-    assert told < untold - 2
+    np.testing.assert_array_equal(
+        kalman_filter(normal, knows_width=True), kalman_filter(normal, knows_width=False)
+    )
+    informed, other = (decibels(kalman_filter(two, knows_width=known), two.place) for known in (True, False))
+    assert informed < other - 2
 
 
 def test_the_filter_is_as_good_as_its_covariance_says():
     """Its error at the end has the variance that Riccati's equation comes to, found by another way."""
     bodies = bodies_of(False, 20_000)
-    error = (kalman_filter(bodies, told=False) - bodies.place)[-1]
+    error = (kalman_filter(bodies, knows_width=False) - bodies.place)[-1]
     P, F, Q = np.diag([1e6, 0.01]), np.array([[1.0, 1.0], [0.0, 1.0]]), np.diag([0.0, 1e-4])
     for _ in range(SAMPLES):
         P = F @ P @ F.T + Q
@@ -51,7 +53,7 @@ def test_the_filter_is_as_good_as_its_covariance_says():
 def test_a_learned_gain_comes_within_half_a_decibel_of_the_best(name):
     torch.manual_seed(1)
     step, bodies = RIVALS[name].untrained(), bodies_of(False)
-    best = decibels(kalman_filter(bodies, told=False), bodies.place)
+    best = decibels(kalman_filter(bodies, knows_width=False), bodies.place)
     untrained = decibels(learned_estimates(step, bodies)[0], bodies.place)
     learn_gains(step, LinearSource(), updates=90)
     estimates, deviations = learned_estimates(step, bodies)

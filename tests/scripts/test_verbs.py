@@ -238,10 +238,7 @@ def mistakes(workspace, tmp_path_factory):
             "--initial-error-deg nan",
         ),
         ("evaluate data/test --policy runs/ram/policy.onnx runs/ram/policy.onnx --out x", "a second policy"),
-        (
-            "evaluate data/test --model other.json --policy runs/ram/policy.onnx --out x",
-            "another model",
-        ),
+        ("evaluate data/test --model other.json --policy runs/ram/policy.onnx --out x", "another model"),
         ("generate --set wire_stifness=1 --out x", "did you mean 'wire_stiffness'?"),
         ("generate --lateral-stroke -1 1 --out x", "has one bending plane, it needs two"),
         ("generate --preset bare.yaml --randomize --out x", "bare.yaml states no ranges"),

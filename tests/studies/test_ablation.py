@@ -11,12 +11,7 @@ from small_twins import TINY, twins
 from rl.options import TrainingOptions
 from rl.twins.settings import NetworkTraining, TwinsTraining
 from scripts.studies import ablation
-from scripts.studies.ablation import (
-    VARIANTS,
-    Ablation,
-    main,
-    run_ablation,
-)
+from scripts.studies.ablation import VARIANTS, Ablation, main, run_ablation
 from twin.estimation.learned import ram_twins
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.evaluation.scenarios import scenarios, write_scenarios
