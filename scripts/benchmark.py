@@ -4,21 +4,20 @@ import dataclasses
 import importlib.util
 import json
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from scripts.command import Summary, complain, run_verb
+from scripts.command import SeedIgnored, Summary, complain, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import InputError, require_extra
 
 SIZES = ("cycles", "draws", "known", "pairs", "steps", "episodes", "many_episodes", "frames")
 MOST = 100_000_000
-LARGEST_MM = 50.0  # of a command, more than any pulley pulls
 
 
 @dataclasses.dataclass(frozen=True)
-class Benchmark:
+class Benchmark(SeedIgnored):
     """Measure physics, datasets, filters, identification and learning at full size: JSON and a table."""
 
     out: Path = Path("benchmark.json")
@@ -45,10 +44,6 @@ class Benchmark:
     """Of 10 s, while the memory is watched."""
     frames: int = 10_000
     """Pairs of pictures of the stereo sensor, while instruments pass before it."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def benchmark(args: Benchmark) -> Summary:
@@ -61,7 +56,7 @@ def benchmark(args: Benchmark) -> Summary:
     from twin.files.atomic import MADE_BY, write_whole
     from twin.files.bounds import check_between
 
-    check_between("amplitude", args.amplitude, 1e-3, LARGEST_MM, "mm")
+    check_between("amplitude", args.amplitude, 1e-3, 50.0, "mm")  # more than any pulley pulls
     for name in SIZES:
         check_between(name, getattr(args, name), 1, MOST)
     table = args.out.with_suffix(".md")
@@ -85,10 +80,7 @@ def _begin(name: str) -> Progress:
     return Progress(name)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Benchmark, benchmark, argv)
-
+main = partial(run_verb, Benchmark, benchmark)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,20 +2,20 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, command_line, complain, run_verb
+from scripts.command import Options, Summary, command_line, complain, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibrate:
+class Calibrate(Options):
     """Fit the physical parameters of a preset to logs, several bends of the sheath at once.
 
     Writes the preset, with NAME_fit.json (errors on each log, uncertainty of each parameter) and
@@ -51,8 +51,6 @@ class Calibrate:
     """Models without physics that are fitted to the same part of each log, for comparison; bouc-wen takes
     some seconds for each bend of the sheath."""
     seed: int = 0
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def run_calibration(args: Calibrate) -> Summary:
@@ -107,10 +105,7 @@ def run_calibration(args: Calibrate) -> Summary:
     return Summary(f"{out}: {errors}", {"out": str(out), **values})
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Calibrate, run_calibration, argv)
-
+main = partial(run_verb, Calibrate, run_calibration)
 
 if __name__ == "__main__":
     sys.exit(main())

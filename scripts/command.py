@@ -29,10 +29,8 @@ from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
 
 Arguments = TypeVar("Arguments")
-MISTAKE = 2
-"""Exit status where something cannot be done."""
-LONGEST_LINE = 300
-"""Characters of the line that states why."""
+MISTAKE = 2  # exit status where something cannot be done
+LONGEST_LINE = 300  # characters of the line that states why
 MODULES = {"import": "import_log"}
 """Module of each verb that cannot name one: `import` is a keyword of Python."""
 EXPECTED_ERRORS = (ValueError, OSError, ArithmeticError, MemoryError, BrokenExecutor)
@@ -53,14 +51,9 @@ _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """Summary of a verb.
+    """Summary of a verb: a sentence, or `values` as JSON; `table` stands before the sentence.
 
-    Attributes:
-        line: one sentence for a person.
-        values: the same for a program, printed as one JSON object by `--json`.
-        code: exit code of the command.
-        table: table for a person, printed before the sentence.
-        to_stderr: whether stdout is a stream of something else.
+    `to_stderr` is for a verb whose stdout is a stream.
     """
 
     line: str
@@ -68,6 +61,41 @@ class Summary:
     code: int = 0
     table: str = ""
     to_stderr: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of every verb."""
+
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeedIgnored(Options):
+    """Options of a verb that draws nothing."""
+
+    seed: int = 0
+    """Ignored."""
+
+
+def options_of(settings: type, args: Any) -> dict[str, Any]:
+    """Return the options that are fields of `settings` too, a dataclass."""
+    names = [field.name for field in dataclasses.fields(settings)]
+    return {name: getattr(args, name) for name in names if hasattr(args, name)}
+
+
+def compile_once(command: str, preset: Any = None) -> None:
+    """Compile the reduced twin for a preset, or for one bending plane, before workers would, each."""
+    import numpy as np
+
+    from twin.mechanics.kernels import on_compile
+    from twin.preset.file import load_preset
+    from twin.reduced import simulate
+
+    preset = preset or load_preset("ureteroscope")
+    with on_compile(lambda: complain(f"{command}: compiling the reduced twin, once: a minute at most")):
+        simulate(preset, np.full(2, preset.command_zeros[0]), preset.control_period)
 
 
 def run_verb(

@@ -4,10 +4,11 @@ import dataclasses
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
-from scripts.command import Summary, command_line, complain, run_verb
+from scripts.command import Options, Summary, command_line, complain, options_of, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 from twin.files.atomic import MADE_BY
@@ -21,7 +22,7 @@ PAGE = "control.html"
 
 
 @dataclasses.dataclass(frozen=True)
-class Control:
+class Control(Options):
     """Track reference bends on randomised twins, by feed-forward and by feedback.
 
     Each controller is tuned with the same number of trials on other twins than are scored, and meets the same
@@ -67,8 +68,6 @@ class Control:
     """Address of a Dask scheduler, whose workers are taken instead."""
     seed: int = 0
     """Of everything that is drawn."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def control(args: Control) -> Summary:
@@ -100,28 +99,19 @@ def control(args: Control) -> Summary:
     if args.physics == "reduced" and any(condition.tip_force for condition in conditions):
         complain("endotwin control: nothing touches the tip of a reduced twin: that condition is left out")
         conditions = tuple(condition for condition in conditions if not condition.tip_force)
-    given: dict[str, Any] = {"strokes_mm": (args.stroke,)} if args.stroke else {}
+    given = options_of(ControlSettings, args) | ({"strokes_mm": (args.stroke,)} if args.stroke else {})
     settings = ControlSettings(
-        load_preset(args.preset),
-        load_ranges(args.preset),
-        twins=args.twins,
-        seconds=args.seconds,
-        margin=args.margin,
+        **given | {"preset": load_preset(args.preset)},
+        ranges=load_ranges(args.preset),
         speed_mm_s=args.speed,
         latency_s=args.latency,
         preview_s=args.preview,
-        physics=args.physics,
-        policy=args.policy,
-        tracking_policy=args.tracking_policy,
-        candidates=args.candidates,
-        seed=args.seed,
-        **given,
     )
     specs = specs_of(settings, args.controller)
     names = [spec.name for spec in specs]
     _check_tracking(settings, specs, conditions)
     _warn_of_training(settings)
-    files = {RESULTS: '"control"', TABLE: MADE_BY, PAGE: MADE_BY, **dict.fromkeys(FIGURES, MADE_BY)}
+    files = dict.fromkeys((TABLE, PAGE, *FIGURES), MADE_BY) | {RESULTS: '"control"'}
     files |= {f"{RECORDS}/{name}.mcap": RECORD_SIGN for name in names}
     out = output_folder(args.out, files)
     parts = len(names) * 2 * len(conditions)
@@ -222,10 +212,7 @@ def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
         write_whole(out / name, to_png_bytes(figure))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Control, control, argv)
-
+main = partial(run_verb, Control, control)
 
 if __name__ == "__main__":
     sys.exit(main())

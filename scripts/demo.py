@@ -11,11 +11,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from scripts.command import Summary, run_verb, say
+from scripts.command import Options, Summary, run_verb, say
 from scripts.outputs import output_folder
 from twin import __version__
 from twin.errors import InputError
@@ -26,13 +27,12 @@ PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "
 PRESET = "ureteroscope"
 MARK = "demo.json"
 _PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
-MOST = 1_000_000
-"""Of anything that is counted, and of seconds."""
+MOST = 1_000_000  # of anything that is counted, and of seconds
 PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp4", "report.html")
 
 
 @dataclasses.dataclass(frozen=True)
-class Demo:
+class Demo(Options):
     """Dataset, identification, training, evaluation, pictures and report, each a command that is printed."""
 
     out: Path = Path("out/demo")
@@ -47,8 +47,6 @@ class Demo:
     seeds: int = 20
     """Draws of the noise under test."""
     seed: int = 1
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def demo(args: Demo) -> Summary:
@@ -119,7 +117,7 @@ def demo(args: Demo) -> Summary:
 
 
 def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
-    """Make the run folder, or take up the one of a demo with the same settings."""
+    """Make the run folder, or take up the one of a demo with the same settings; others are refused."""
     folder, mark = output_folder(path), path / MARK
     held = [folder / part for part in PARTS if os.path.lexists(folder / part)]
     if not mark.is_file() or mark.is_symlink():
@@ -140,7 +138,7 @@ def _settings_of(mark: Path) -> Any:
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:
-    """Run commands at the same time and wait for all of them."""
+    """Run commands at the same time and wait for all of them; `InputError` where one failed."""
     running: list[subprocess.Popen[bytes]] = []
     try:
         for command in commands:
@@ -167,10 +165,7 @@ def _end_with_the_parent() -> Callable[[], None] | None:
     return lambda: system.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Demo, demo, argv)
-
+main = partial(run_verb, Demo, demo)
 
 if __name__ == "__main__":
     sys.exit(main())

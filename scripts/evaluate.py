@@ -3,14 +3,15 @@
 import dataclasses
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, command_line, complain, run_verb
+from scripts.command import Options, Summary, command_line, complain, options_of, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
 
@@ -23,7 +24,7 @@ PAPER_SAMPLE_TIME = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Options):
     """Compare methods on test records under noise.
 
     The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
@@ -90,8 +91,6 @@ class Evaluate:
     """Full suite: address of a Dask scheduler, whose workers see all files under the same path."""
     seed: int = 0
     """Of everything that is drawn."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def evaluate(args: Evaluate) -> Summary:
@@ -119,29 +118,20 @@ def _full(args: Evaluate) -> Summary:
     check_between("workers", args.workers, 0, MOST_WORKERS)
     sample_times = tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True))
     where = Path.cwd() if args.dask else Path()  # other machines work elsewhere
+    given: dict[str, Any] = options_of(FullSuite, args) | {
+        "data": tuple(where / path for path in args.data),
+        "train": None if args.train is None else where / args.train,
+        "seeds": 1 if recorded else args.seeds,
+        "workers": args.workers or os.cpu_count() or 1,
+    }
     suite = FullSuite(
         folder=where / args.out,
-        data=tuple(where / path for path in args.data),
-        train=None if args.train is None else where / args.train,
-        methods=args.methods,
         method_files=tuple(where / path for path in args.method_file),
-        preset=args.preset,
         sample_times=sample_times,
         trained=given_files([where / path for path in args.policy], None, sample_times),
-        seeds=1 if recorded else args.seeds,
-        initial_error_deg=args.initial_error_deg,
-        episodes=args.episodes,
-        trainings=args.trainings,
-        members=args.members,
-        ensembles=args.ensembles,
-        member_physics=args.member_physics,
-        seconds=args.seconds,
-        workers=args.workers or os.cpu_count() or 1,
-        seed=args.seed,
         recorded_variance=_variance(args, recorded),
-        dask=args.dask,
-        suite=args.suite,
         origin=_origin(args, args.model),
+        **given,
     )
     output_folder(args.out, full_files())
     if args.data:
@@ -185,19 +175,15 @@ def _paper(args: Evaluate) -> Summary:
     variance = _variance(args, recorded or args.write_estimates)
     if recorded:
         protocol = dataclasses.replace(protocol, seeds=1, recorded_variance=variance)
+    given: dict[str, Any] = options_of(PaperSuite, args) | {"model": model}
     suite = PaperSuite(
         folder=output_folder(args.out, PAPER_FILES),
-        data=args.data,
-        model=model,
         protocol=protocol,
-        train=args.train,
         trained=trained,
-        methods=args.methods,
-        episodes=args.episodes,
         source=source,
-        write_estimates=args.write_estimates,
         recorded_variance=DEFAULT_VARIANCE if variance is None else variance,
         origin=_origin(args, Path(source) if source else None),
+        **given,
     )
     _say(of_logs)
     result = run_paper_suite(suite, Progress("evaluate", "group"), TrainingProgress)
@@ -277,10 +263,7 @@ def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":
     return None, ""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Evaluate, evaluate, argv)
-
+main = partial(run_verb, Evaluate, evaluate)
 
 if __name__ == "__main__":
     sys.exit(main())

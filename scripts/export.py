@@ -2,19 +2,19 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, complain, run_verb
+from scripts.command import SeedIgnored, Summary, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 
 
 @dataclasses.dataclass(frozen=True)
-class Export:
+class Export(SeedIgnored):
     """Write episodes as a LeRobot dataset (v3.0, Parquet), as CSV tables, or as MCAP files.
 
     The folder appears when all is written. Each file is named after its record; where records of several
@@ -35,10 +35,6 @@ class Export:
     keep their own samples. MCAP files that are thinned or recovered lose their pictures and estimates."""
     recover: bool = False
     """Take what is whole of damaged files, and state how much is missing; without it, they are refused."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def export(args: Export) -> Summary:
@@ -68,10 +64,7 @@ def _warn(line: str) -> None:
         complain(f"endotwin export: {line}")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Export, export, argv)
-
+main = partial(run_verb, Export, export)
 
 if __name__ == "__main__":
     sys.exit(main())

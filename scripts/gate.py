@@ -2,22 +2,20 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import tyro
 
-from scripts.command import Summary, command_line, run_verb
+from scripts.command import Options, Summary, command_line, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 
 VERDICT_FILE = "gate.json"
-NO_GO = 1
-"""Exit status of a no-go."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Gate:
+class Gate(Options):
     """Judge a trained policy on an endoscope: go or no-go, with reasons. Exit status 0 is go, 1 no-go.
 
     The policy is run on randomised twins that no training has seen, on your logs, on hostile inputs and on
@@ -40,8 +38,6 @@ class Gate:
     """Less of everything, for a first look; the page says so."""
     seed: int = 0
     """Of everything that is drawn."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def gate(args: Gate) -> Summary:
@@ -82,15 +78,12 @@ def gate(args: Gate) -> Summary:
     return Summary(
         f"{verdict.word}: {shown}; {out}",
         {"verdict": verdict.word, "reasons": list(verdict.reasons), "out": str(out)},
-        code=0 if verdict.go else NO_GO,
+        code=int(not verdict.go),
         table="\n".join(lines),
     )
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Gate, gate, argv)
-
+main = partial(run_verb, Gate, gate)
 
 if __name__ == "__main__":
     sys.exit(main())

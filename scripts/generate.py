@@ -3,14 +3,13 @@
 import dataclasses
 import os
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scripts.command import Summary, complain, run_verb, with_flags
-from scripts.compiling import compile_once
+from scripts.command import Options, Summary, compile_once, complain, run_verb, with_flags
 from scripts.outputs import output_folder
 from scripts.progress import Progress
 from twin.errors import require_extra
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True)
-class Generate:
+class Generate(Options):
     """Simulate episodes of an endoscope into a folder of MCAP files and a dataset.json.
 
     Run again, it makes only what is missing or damaged. Flags of the recipe go before what its file says.
@@ -91,8 +90,6 @@ class Generate:
     """Simulate this MCAP file again instead, and compare the bytes."""
     seed: int | None = None
     """0, if not given."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def generate(args: Generate) -> Summary:
@@ -236,10 +233,7 @@ def _counted(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Generate, generate, argv)
-
+main = partial(run_verb, Generate, generate)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,12 +5,13 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
-from scripts.command import Summary, run_verb
+from scripts.command import Options, Summary, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True)
-class Identify:
+class Identify(Options):
     """Fit a model of hysteresis to the measured angle of records."""
 
     data: tyro.conf.Positional[tuple[Path, ...]]
@@ -49,8 +50,6 @@ class Identify:
     """Fit a delay of the command with the model: auto does for measured logs with a clock and a command of
     more than one speed."""
     seed: int = 0
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def identify(args: Identify) -> Summary:
@@ -114,7 +113,6 @@ def identify(args: Identify) -> Summary:
 
 
 def _fitted_samples(samples: int, fraction: float) -> int:
-    """Return the number of fitted samples of a record, from its start."""
     return max(math.ceil(fraction * samples), 2)
 
 
@@ -187,10 +185,7 @@ def _text(value: Any) -> str:
     return "(" + ", ".join(map(_text, value)) + ")" if isinstance(value, list) else f"{value:.4g}"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Identify, identify, argv)
-
+main = partial(run_verb, Identify, identify)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,18 +2,18 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
-from scripts.command import Summary, complain, run_verb, with_flags
+from scripts.command import SeedIgnored, Summary, complain, options_of, run_verb, with_flags
 from scripts.outputs import output_folder
 
 
 @dataclasses.dataclass(frozen=True)
-class Import:
+class Import(SeedIgnored):
     """Read a measured log, a CSV file, into an MCAP file in the form of simulated records."""
 
     file: tyro.conf.Positional[Path]
@@ -55,10 +55,6 @@ class Import:
     without what came before them; each window becomes an MCAP file of its own, NAME_window_0000 ..."""
     name: str | None = None
     """Name of the MCAP file without its ending; that of the CSV file if not given."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def import_log(args: Import) -> Summary:
@@ -71,23 +67,7 @@ def import_log(args: Import) -> Summary:
 
     name = args.file.stem if args.name is None else args.name
     check_file_name(name)
-    form = LogFormat(
-        command_column=args.command_column,
-        command_unit=args.command_unit,
-        pulley_radius=args.pulley_radius_mm * 1e-3,
-        angle_column=args.angle_column,
-        angle_unit=args.angle_unit,
-        reverse_angle=args.reverse_angle,
-        lateral_command_column=args.lateral_command_column,
-        lateral_angle_column=args.lateral_angle_column,
-        reverse_lateral_angle=args.reverse_lateral_angle,
-        time_column=args.time_column,
-        time_unit=args.time_unit,
-        seconds_per_cycle=args.seconds_per_cycle,
-        tension_a_column=args.tension_a_column,
-        tension_b_column=args.tension_b_column,
-        sheath_bend_deg=args.sheath_bend_deg,
-    )
+    form = LogFormat(pulley_radius=args.pulley_radius_mm * 1e-3, **options_of(LogFormat, args))
     windows = args.window_column is not None
     if args.window_column is None:
         episodes = [read_measured_log(args.file, form, on_warning=_warn)]
@@ -110,33 +90,28 @@ def import_log(args: Import) -> Summary:
     lateral_deg = [float(lateral.min()), float(lateral.max())] if lateral.size else None
     sideways = f", sideways from {lateral_deg[0]:.1f} to {lateral_deg[1]:.1f} deg" if lateral_deg else ""
     what = f"{args.out}: {len(paths)} windows, " if windows else f"{paths[0]}: "
-    return Summary(
-        f"{what}{len(pull_mm)} samples{without}, {seconds:g} s at {1 / sample_time:.3g} Hz, "
-        f"pulled from {least:.3g} to {most:.3g} mm, bent from {low:.1f} to {high:.1f} deg"
-        f"{sideways}",
-        {
-            "out": str(args.out),
-            "file": str(paths[0]),
-            "samples": len(pull_mm),
-            "missing": missing,
-            "seconds": seconds,
-            "sample_time_s": sample_time,
-            "pull_mm": [least, most],
-            "bend_deg": [low, high],
-            **({"lateral_bend_deg": lateral_deg} if lateral_deg else {}),
-            **({"files": [str(path) for path in paths]} if windows else {}),
-        },
-    )
+    values = {
+        "out": str(args.out),
+        "file": str(paths[0]),
+        "samples": len(pull_mm),
+        "missing": missing,
+        "seconds": seconds,
+        "sample_time_s": sample_time,
+        "pull_mm": [least, most],
+        "bend_deg": [low, high],
+        **({"lateral_bend_deg": lateral_deg} if lateral_deg else {}),
+        **({"files": [str(path) for path in paths]} if windows else {}),
+    }
+    line = f"{what}{len(pull_mm)} samples{without}, {seconds:g} s at {1 / sample_time:.3g} Hz, "
+    line += f"pulled from {least:.3g} to {most:.3g} mm, bent from {low:.1f} to {high:.1f} deg{sideways}"
+    return Summary(line, values)
 
 
 def _warn(line: str) -> None:
     complain(f"endotwin import: warning: {with_flags(line, Import)}")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Import, import_log, argv)
-
+main = partial(run_verb, Import, import_log)
 
 if __name__ == "__main__":
     sys.exit(main())

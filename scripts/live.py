@@ -10,11 +10,7 @@ from twin.recording.container import schema_data
 from twin.recording.live import LiveMessages
 
 HOST, PORT = "127.0.0.1", 8765
-"""Address that viewers connect to by default."""
-
-BACKLOG = 1024
-"""Messages that wait for one viewer, of all topics; the oldest give way to new ones."""
-
+BACKLOG = 1024  # messages that wait for one viewer, of all topics; the oldest give way to new ones
 _LONGEST_GOODBYE_S = 1.0
 
 
@@ -24,10 +20,6 @@ class LiveViewer:
     It speaks `foxglove.sdk.v1`. It never waits for a viewer: of one that is slow or gone, the oldest messages
     are dropped beyond `BACKLOG`, and where as many control messages wait, it is disconnected. Topics
     without subscribers cost nothing. Messages of viewers are ignored.
-
-    Attributes:
-        host: address that it listens on.
-        port: port that it listens on.
     """
 
     def __init__(

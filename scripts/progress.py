@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-LOGGED_EVERY = 10.0
-"""Least time between two lines of a bar in a file: a log of hours stays short [s]."""
+LOGGED_EVERY = 10.0  # seconds between two lines of a bar in a file
 
 
 class Progress:

@@ -2,13 +2,13 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from scripts.command import Summary, run_verb
+from scripts.command import SeedIgnored, Summary, options_of, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import require_extra
@@ -20,7 +20,7 @@ COMMANDED = "commanded"
 
 
 @dataclasses.dataclass(frozen=True)
-class Render:
+class Render(SeedIgnored):
     """Draw the endoscope bending, next to its loop or reference; docs/rendering.md shows each option.
 
     A picture (.png, or .svg and .pdf with vector curves) shows four poses, or one; a film (.mp4, .gif) all of
@@ -57,10 +57,6 @@ class Render:
     """Frames per second of a film."""
     speed: float = 1.0
     """Seconds of the record per second of the film, which shows it."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def render(args: Render) -> Summary:
@@ -74,18 +70,11 @@ def render(args: Render) -> Summary:
 
     ghost = None if args.ghost in (None, COMMANDED) else Path(str(args.ghost))
     out = output_file(args.out, ENDINGS, inputs=[*args.data, *([ghost] if ghost else [])])
-    look = Look(
-        camera=args.camera,
-        background=_background(args),
-        sleeve=args.sleeve,
-        panels=args.panels,
-        size=args.size,
-        dpi=args.dpi,
-    )
+    look = Look(**options_of(Look, args) | {"background": _background(args)})
     overlays = [_overlay(path, args, number) for number, path in enumerate(args.data)]
     progress = Progress("render", "frame")
-    film: dict[str, Any] = {"speed": args.speed, "progress": progress}
-    draw(overlays, out, look=look, time=args.time, sheet=args.sheet, fps=args.fps, **film)
+    film: dict[str, Any] = {"fps": args.fps, "speed": args.speed, "progress": progress}
+    draw(overlays, out, look=look, time=args.time, sheet=args.sheet, **film)
     seconds = max(overlay.episode.time[-1] for overlay in overlays)
     return Summary(f"{out}: {seconds:g} s of {', '.join(map(str, args.data))}", {"out": str(out)})
 
@@ -121,10 +110,7 @@ def _overlay(path: Path, args: Render, number: int) -> "Overlay":
     return dataclasses.replace(overlay, title=title)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Render, render, argv)
-
+main = partial(run_verb, Render, render)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,18 +2,18 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import tyro
 
-from scripts.command import Summary, run_verb
+from scripts.command import SeedIgnored, Summary, run_verb
 from scripts.outputs import output_file
 from twin.errors import require_extra
 
 
 @dataclasses.dataclass(frozen=True)
-class Report:
+class Report(SeedIgnored):
     """Make one self-contained HTML page of a result: tables, figures, parameters, commands.
 
     Run folders (out/demo), datasets, evaluations, training runs, calibrations, gates and comparisons of
@@ -24,10 +24,6 @@ class Report:
     """Folder of the run, such as out/demo, or a calibrated preset."""
     out: Path | None = None
     """File to write; report.html in the folder, or NAME_report.html next to a preset, if not given."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def report(args: Report) -> Summary:
@@ -42,10 +38,7 @@ def report(args: Report) -> Summary:
     return Summary(f"{path}: {path.stat().st_size / 2**20:.1f} MiB", {"out": str(path)})
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Report, report, argv)
-
+main = partial(run_verb, Report, report)
 
 if __name__ == "__main__":
     sys.exit(main())

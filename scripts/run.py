@@ -2,10 +2,10 @@
 
 import contextlib
 import dataclasses
-import functools
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -210,7 +210,7 @@ def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
     from twin.live import prepare_runtime
 
     prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
-    return functools.partial(prepared, args.initial_bend_deg)
+    return partial(prepared, args.initial_bend_deg)
 
 
 def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
@@ -241,10 +241,7 @@ def _with_out(args: Run, values: dict[str, Any]) -> dict[str, Any]:
     return {"out": str(args.out), **values} if args.out else values
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Run, run, argv)
-
+main = partial(run_verb, Run, run)
 
 if __name__ == "__main__":
     sys.exit(main())

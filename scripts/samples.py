@@ -2,10 +2,10 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from scripts.command import Summary, run_verb
+from scripts.command import SeedIgnored, Summary, run_verb
 from scripts.outputs import output_folder
 from twin.errors import InputError
 from twin.files.assets import assets_folder
@@ -27,7 +27,7 @@ SAMPLES = {
 
 
 @dataclasses.dataclass(frozen=True)
-class Samples:
+class Samples(SeedIgnored):
     """Copy the sample logs and a tiny dataset that ship with EndoTwin into a folder.
 
     With them the commands of the documents can be tried as they are printed. All are simulated: none was
@@ -36,10 +36,6 @@ class Samples:
 
     out: Path = Path(".")
     """Folder to copy them into."""
-    seed: int = 0
-    """Ignored."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def samples(args: Samples) -> Summary:
@@ -72,10 +68,7 @@ def copy_samples(out: Path) -> list[Path]:
     return [out / name for name in files]
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Samples, samples, argv)
-
+main = partial(run_verb, Samples, samples)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,14 +4,14 @@ import contextlib
 import dataclasses
 import sys
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from rl.options import TrainingOptions
-from scripts.command import Summary, run_verb
-from scripts.compiling import compile_once
+from scripts.command import Options, Summary, compile_once, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import TrainingProgress
 from twin.estimation.registry import find_training, trainings
@@ -31,7 +31,7 @@ def agents_in_words(default: str = "") -> str:
 
 
 @dataclasses.dataclass(frozen=True)
-class Train:
+class Train(Options):
     """Train a learned estimator on records, or on simulated twins; a stopped run of a policy goes on.
 
     Defaults are the paper's: RAM by PPO on records, with Table I. A finished run of PPO goes on where
@@ -100,8 +100,6 @@ class Train:
     """With --seeds: address of a Dask scheduler, whose workers train and see --out under the same path."""
     tensorboard: bool = False
     """Write the learning curve for TensorBoard too, into OUT/tensorboard (extra `tensorboard`)."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def train(args: Train) -> Summary:
@@ -278,10 +276,7 @@ def _on_records(args: Train) -> "tuple[Material, str]":
     return Material(records, active_model), f"{len(records)} records"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the verb."""
-    return run_verb(Train, train, argv)
-
+main = partial(run_verb, Train, train)
 
 if __name__ == "__main__":
     sys.exit(main())

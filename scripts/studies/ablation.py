@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,7 @@ from rl.comparison.full import NewProgress
 from rl.options import LIMITS, TrainingOptions
 from rl.sweep import Shares, TrainingRun, folder_of, seeds_from, train_side_by_side
 from rl.trainers import Material, OnProgress, Simulated
-from scripts.command import Summary, command_line, run_verb
-from scripts.compiling import compile_once
+from scripts.command import Options, Summary, command_line, compile_once, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
 from twin.errors import InputError
@@ -51,19 +51,14 @@ COLOUR = "#a3195b"
 SHOWN = (("gaussian", 1.0), ("poisson", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))
 """Noises that have a column of their own: a symmetric one, skewed ones, outliers."""
 _TICKS = (0.5, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.3, 1.5, 1.7, 2, 3, 5, 7, 10)
-
-
 SYMMETRIC = ("gaussian", "uniform", "laplace", "student-t", "salt-and-pepper")
 
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """RAM (twins) with one thing changed.
+    """RAM (twins) with one thing changed, which `change` names for the table.
 
     Attributes:
-        name: of its folder.
-        change: in words, for the table.
-        agent: that is trained.
         settings: of the training run that differ from the complete method's, by name.
         parts: of its trained file that act, where nothing is trained; `twin.estimation.learned.ram_twins`.
     """
@@ -97,12 +92,9 @@ VARIANTS = (
 
 @dataclasses.dataclass(frozen=True)
 class Ablation:
-    """Settings of an ablation.
+    """Settings of an ablation; the folder keeps records and training runs, finished ones are used again.
 
     Attributes:
-        folder: of records and training runs; finished ones are used again.
-        preset: the endoscope of records and training runs.
-        ranges: that randomised twins are drawn from.
         options: of every training run, but for agent and seed.
         seeds: of the training runs of each variant.
         variants: the complete method among them.
@@ -131,8 +123,6 @@ class AblationRow:
     """Variant of a method and what it reaches; errors are geometric means of the RMSE.
 
     Attributes:
-        name: of the variant.
-        change: what differs from the whole, in words.
         by_twin_deg: by kind of twin, over noises and strokes [deg].
         by_noise_deg: by noise, over kinds of twins and strokes [deg].
         times_whole: over all of them, in units of the whole.
@@ -151,7 +141,7 @@ class AblationRow:
     trainings: int
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row as JSON holds it."""
+        """Return the row for JSON."""
         noises = [
             {"noise": kind, "level": level, "rmse_deg": error}
             for (kind, level), error in self.by_noise_deg.items()
@@ -240,7 +230,7 @@ def _rows(found: Comparison, variants: Sequence[Variant], rng: np.random.Generat
 
 
 def ablation_table(rows: Sequence[AblationRow]) -> str:
-    """Return the variants as a table in Markdown, in their order."""
+    """Return the variants as a table in Markdown."""
     twins = list(rows[0].by_twin_deg)
     noises = [noise for noise in SHOWN if noise in rows[0].by_noise_deg]
     lines = [
@@ -287,7 +277,7 @@ def ablation_figure(rows: Sequence[AblationRow]) -> Figure:
 
 
 @dataclasses.dataclass(frozen=True)
-class Ablate:
+class Ablate(Options):
     """Train RAM (twins) with one thing changed each, and compare all on the suite's records.
 
     Training runs and records are kept in the folder; a stopped run continues.
@@ -311,8 +301,6 @@ class Ablate:
     """Of records and noise; 1 is that of the frozen test set."""
     workers: int = 0
     """Processes; 0 for one per core. The results do not depend on it."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def ablate(args: Ablate) -> Summary:
@@ -331,7 +319,9 @@ def ablate(args: Ablate) -> Summary:
         args.seconds,
         args.seed,
     )
-    output_folder(args.out, {f"{NAME}.json": '"times_whole"', f"{NAME}.md": MADE_BY, f"{NAME}.png": MADE_BY})
+    files = [args.out / f"{NAME}.{ending}" for ending in ("json", "md", "png")]
+    signs = ('"times_whole"', MADE_BY, MADE_BY)
+    output_folder(args.out, {file.name: sign for file, sign in zip(files, signs, strict=True)})
     compile_once("endotwin")
     trainings = args.seeds * len(ablation.variants)
     with choose_workers(trainings, args.workers) as (executor, _), shared_table() as shares:
@@ -340,17 +330,14 @@ def ablate(args: Ablate) -> Summary:
     command = command_line("ablation", args, ("out",)).replace("endotwin ", "python -m scripts.studies.", 1)
     contents = {"rows": [row.to_dict() for row in rows], "origin": origin_of(command, [])}
     table = ablation_table(rows)
-    write_whole(args.out / f"{NAME}.json", json.dumps(contents, indent=2, allow_nan=False) + "\n")
-    write_whole(args.out / f"{NAME}.md", f"{table}\n\n<!-- {MADE_BY} -->\n")
-    write_whole(args.out / f"{NAME}.png", to_png_bytes(ablation_figure(rows)))
-    line = f"{args.out}/{NAME}.json: {len(rows)} variants, {args.seeds} trainings each"
-    return Summary(line, {"out": str(args.out / f"{NAME}.json"), "rows": len(rows)}, table=table)
+    write_whole(files[0], json.dumps(contents, indent=2, allow_nan=False) + "\n")
+    write_whole(files[1], f"{table}\n\n<!-- {MADE_BY} -->\n")
+    write_whole(files[2], to_png_bytes(ablation_figure(rows)))
+    line = f"{files[0]}: {len(rows)} variants, {args.seeds} trainings each"
+    return Summary(line, {"out": str(files[0]), "rows": len(rows)}, table=table)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the script."""
-    return run_verb(Ablate, ablate, argv)
-
+main = partial(run_verb, Ablate, ablate)
 
 if __name__ == "__main__":
     sys.exit(main())

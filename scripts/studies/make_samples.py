@@ -23,8 +23,7 @@ from twin.simulation import simulate
 Array = NDArray[np.float64]
 
 SAMPLE_TIME = 0.1
-NOISE_DEG2 = 0.2
-"""Variance of the noise of every sample's sensor [deg^2]."""
+NOISE_DEG2 = 0.2  # variance of the noise of every sample's sensor
 LOOP_BENDS_DEG = (0, 30, 90, 180)
 SEED = 19
 
@@ -111,13 +110,9 @@ def _stream(preset: Preset, generator: np.random.Generator) -> str:
     pull = 0.9 * np.sin(2 * np.pi * time / 8)
     bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
     seen, wanted = _seen(bend, generator), 6 * np.sin(2 * np.pi * (time + SAMPLE_TIME) / 10)
-    rows = zip(time, pull, seen, wanted, strict=True)
     names = ("time_s", "pull_mm", "measurement_deg", "reference_deg")
-    lines = (
-        json.dumps({name: round(float(value), 4) for name, value in zip(names, row, strict=True)})
-        for row in rows
-    )
-    return "\n".join(lines) + "\n"
+    rows = np.round(np.column_stack([time, pull, seen, wanted]), 4).tolist()
+    return "".join(json.dumps(dict(zip(names, row, strict=True))) + "\n" for row in rows)
 
 
 def _along(time: Array, turns: Sequence[tuple[float, float]]) -> Array:

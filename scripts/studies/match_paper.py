@@ -7,12 +7,13 @@ prior of what such parts can be.
 import dataclasses
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from scripts.command import Summary, complain, run_verb
+from scripts.command import Options, Summary, complain, run_verb
 from scripts.studies.published import Commands, Outcome, Published, out_of_round, outcomes
 from twin.estimation.active_model import METHOD
 from twin.evaluation.paper import paper_value
@@ -23,7 +24,6 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-MOST = 1000
 MODEL = (1.15, 22.38, 5.0)  # the paper's a [1/mm], b [deg/mm] and c [deg/mm]
 STROKES = ((2e-3, 4e-3), (-1e-3, 1e-3))  # of identification and test [m]
 SECONDS = 60.0
@@ -201,7 +201,7 @@ def _residual(outcome: Outcome | None, published: Published, point: Array) -> Ar
 
 
 @dataclasses.dataclass(frozen=True)
-class MatchPaper:
+class MatchPaper(Options):
     """Fit a preset such that C-H and the active model have the paper's parameters and errors in it."""
 
     preset: str = "ureteroscope"
@@ -216,14 +216,12 @@ class MatchPaper:
     """Most steps from each."""
     seed: int = 0
     """Of the starts."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def match_paper(args: MatchPaper) -> Summary:
     """Print the fitted parameters."""
     for name in ("seeds", "starts", "steps"):
-        check_between(name, getattr(args, name), 1, MOST)
+        check_between(name, getattr(args, name), 1, 1000)
     active = {}
     for kind, level in PAPER_CONDITIONS:
         value = paper_value(kind, level, METHOD, "rmse_deg")
@@ -255,10 +253,7 @@ def _show(preset: Preset, outcome: Outcome, cost: float) -> None:
     )
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the script."""
-    return run_verb(MatchPaper, match_paper, argv)
-
+main = partial(run_verb, MatchPaper, match_paper)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -6,13 +6,14 @@ It is run when the stereo sensor changes, and writes `assets/stereo_noise.json`.
 import dataclasses
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scripts.command import Summary, run_verb
+from scripts.command import Options, Summary, run_verb
 from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.episode import Episode
@@ -23,10 +24,7 @@ from twin.vision.sensor import StereoSensor, frame_samples
 
 Array = NDArray[np.float64]
 
-SIGN = '"hidden_s"'
-"""Sign of the file in its own keys."""
-FURTHEST_DEG = 90.0
-"""Largest bend of the grid [deg]."""
+FURTHEST_DEG = 90.0  # largest bend of the grid
 _TAPERS = (-0.5, 0.8)  # of the curvature, from the base (more) to the tip (less)
 _SAMPLE_TIME, _SWEEP_SECONDS = 0.02, 24.0
 
@@ -98,7 +96,7 @@ def _record(
 
 
 @dataclasses.dataclass(frozen=True)
-class MeasureStereo:
+class MeasureStereo(Options):
     """Measure the errors of the stereo sensor over [-90, 90] deg, and for how long instruments hide it."""
 
     out: Path
@@ -115,8 +113,6 @@ class MeasureStereo:
     """Pairs of pictures while instruments pass."""
     seed: int = 0
     """Of the first rig."""
-    json: bool = False
-    """Print the summary as one JSON object."""
 
 
 def measure_stereo(args: MeasureStereo) -> Summary:
@@ -125,7 +121,7 @@ def measure_stereo(args: MeasureStereo) -> Summary:
     from twin.files.atomic import write_whole
     from twin.preset.file import load_preset
 
-    out = output_file(args.out, (".json",), SIGN)
+    out = output_file(args.out, (".json",), '"hidden_s"')
     preset = load_preset(args.preset)
     bends = np.arange(-FURTHEST_DEG, FURTHEST_DEG + args.step / 2, args.step)
     errors = [
@@ -151,10 +147,7 @@ def measure_stereo(args: MeasureStereo) -> Summary:
     return Summary(line, {"out": str(out), "rmse_deg": rmse, "lost": int(np.isnan(errors).sum())})
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the measurement."""
-    return run_verb(MeasureStereo, measure_stereo, argv)
-
+main = partial(run_verb, MeasureStereo, measure_stereo)
 
 if __name__ == "__main__":
     sys.exit(main())
