@@ -26,7 +26,7 @@ _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 
 
 def agents_in_words(default: str = "") -> str:
-    """Return the agents that there are, each with its purpose, for the help of the command line."""
+    """Return the agents, each with its purpose, for the help of the command line."""
     return "; ".join(f"{agent}: {training.purpose}" for agent, training in trainings().items())
 
 
@@ -126,7 +126,9 @@ def train(args: Train) -> Summary:
     before = _Before([folder], agent)
     with _followed([folder], args, progress) as on_progress:
         path = trainer.run(material, options, folder, on_progress)
-    return Summary(f"{path}: {agent} trained on {source}{before.told()}", {"out": str(path), "agent": agent})
+    return Summary(
+        f"{path}: {agent} trained on {source}{before.in_words()}", {"out": str(path), "agent": agent}
+    )
 
 
 def _train_seeds(
@@ -165,13 +167,13 @@ def _train_seeds(
         on_progress = stack.enter_context(_followed(folders, args, progress))
         paths = train_seeds(material, options, seeds, folder, executor, on_progress, shares)
     which = f"seeds {seeds[0]} to {seeds[-1]}"
-    line = f"{args.out}: {options.agent} trained on {source} with {which}{before.told()}"
+    line = f"{args.out}: {options.agent} trained on {source} with {which}{before.in_words()}"
     return Summary(line, {"out": [str(path) for path in paths], "agent": options.agent}, table=table)
 
 
 @contextlib.contextmanager
 def _followed(folders: Sequence[Path], args: Train, progress: TrainingProgress) -> "Iterator[OnProgress]":
-    """Context manager: what is told of progress, and shows the curves in TensorBoard if that is asked for."""
+    """Context manager: shows progress, and the curves in TensorBoard if that is asked for."""
     if not args.tensorboard:
         yield progress
         return
@@ -196,23 +198,18 @@ class _Before:
         self.written = {name: _written(file) for name, file in self.files.items()}
         self.stopped = {folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()}
 
-    def told(self) -> str:
-        """Return in words, after the training, what of it was there."""
-        there = [name for name, written in self.written.items() if written]
-        finished = [name for name in there if _written(self.files[name]) == self.written[name]]
-        parts = {
-            "finished before": finished,
-            "went on from a shorter run": [name for name in there if name not in finished],
-            "resumed from its checkpoint": [
-                name for name in self.files if name in self.stopped and name not in there
-            ],
-        }
-        alone = len(self.files) == 1
-        return "".join(
-            f"; {word}" if alone else f"; {word}: {', '.join(names)}"
-            for word, names in parts.items()
-            if names
-        )
+    def in_words(self) -> str:
+        """Return, after the training, what of it was there."""
+        parts: dict[str, list[str]] = {}
+        for name, written in self.written.items():
+            if written:
+                same = _written(self.files[name]) == written
+                parts.setdefault("finished before" if same else "went on from a shorter run", []).append(name)
+            elif name in self.stopped:
+                parts.setdefault("resumed from its checkpoint", []).append(name)
+        if len(self.files) == 1:
+            return "".join(f"; {word}" for word in parts)
+        return "".join(f"; {word}: {', '.join(names)}" for word, names in parts.items())
 
 
 def _written(path: Path) -> int:

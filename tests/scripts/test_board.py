@@ -23,7 +23,7 @@ def scalars(folder):
     }
 
 
-def test_a_resumed_run_that_tells_rows_again_shows_them_once(tmp_path):
+def test_a_resumed_run_that_writes_rows_again_shows_them_once(tmp_path):
     for counts in ((1, 2), (1, 2, 3), (3,)):
         board = Board([tmp_path])
         for count in counts:

@@ -71,7 +71,7 @@ def late(tmp_path_factory):
 FEW = ["--population", "20", "--generations", "10", "--sample-time", "0.05"]
 
 
-def test_nuisances_of_measured_logs_are_told_and_no_part_of_the_model(late, tmp_path, monkeypatch, capsys):
+def test_nuisances_of_measured_logs_are_stated_and_no_part_of_the_model(late, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     capsys.readouterr()
     assert main([str(late), *FEW]) == 0
@@ -114,7 +114,6 @@ def test_a_phase_and_a_single_speed_have_no_delay_unless_asked_for(tmp_path, mon
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        (["--fraction", "0"], "--fraction 0: must be above 0, at most 1"),
         (["--fraction", "nan"], "--fraction nan: must be above 0, at most 1"),
         (["--fraction", "1.01"], "--fraction 1.01: must be above 0"),
         (

@@ -39,7 +39,7 @@ def test_an_output_that_is_an_input_is_refused_by_whatever_name(tmp_path):
             output_file(name, (".mp4",), inputs=[tmp_path / "nothing", data])
 
 
-def test_a_parent_that_is_a_file_is_told_in_one_line(tmp_path):
+def test_a_parent_that_is_a_file_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match=r"^cannot write to the folder .*/file/a: Not a directory$"):
         output_file(tmp_path / "file" / "a" / "model.json")

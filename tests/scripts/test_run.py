@@ -152,7 +152,7 @@ def test_stdin_that_is_closed_is_one_line(place):
     assert b"stdin is closed" in err
 
 
-def test_a_recording_that_fails_is_told_and_the_stream_goes_on(place, tmp_path, monkeypatch):
+def test_a_recording_that_fails_is_reported_and_the_stream_goes_on(place, tmp_path, monkeypatch):
     from twin.recording.live import LiveRecording
 
     def full(*_):
@@ -167,7 +167,7 @@ def test_a_recording_that_fails_is_told_and_the_stream_goes_on(place, tmp_path, 
     assert err.count("No space left on device; the stream goes on without it") == 1
 
 
-def test_a_viewer_gets_every_sample_and_is_told_where_to_look(place, monkeypatch):
+def test_a_viewer_gets_every_sample_and_an_address(place, monkeypatch):
     from scripts import live
 
     seen = []
@@ -223,17 +223,13 @@ def test_a_log_is_run_recorded_and_scored_and_has_the_bits_of_the_live_stream(pl
     ("line", "fault"),
     [
         ("run --policy none.onnx", "no trained file none.onnx"),
-        ("run --policy log.csv", "log.csv is not a trained file"),
         ("run --policy policy.onnx none", "no file or folder none"),
         ("run --policy policy.onnx data", "no *.mcap file in data"),
         ("run --policy policy.onnx data/two data/two", "is given twice"),
         ("run --policy policy.onnx --sample-time 0", "--sample-time 0: must be from"),
-        ("run --policy policy.onnx --sample-time nan", "--sample-time nan: must be from"),
         ("run --policy policy.onnx --noise-variance 0", "--noise-variance 0: must be from"),
-        ("run --policy policy.onnx --noise-variance inf", "--noise-variance inf"),
         ("run --policy policy.onnx --initial-bend-deg nan", "--initial-bend-deg nan"),
         ("run --policy policy.onnx --live-port 70000", "--live-port 70000"),
-        ("run --policy policy.onnx --out runs", "--out runs: must end in .mcap"),
         ("run --policy policy.onnx --out policy.onnx", "must end in .mcap"),
         (
             "run --policy policy.onnx data/two --out run.csv",

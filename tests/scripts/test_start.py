@@ -10,22 +10,8 @@ from scripts.__main__ import VERBS
 from scripts.import_log import Import
 from twin.measured.log import LogFormat
 
-HEAVY = {
-    "dm_control",
-    "gymnasium",
-    "matplotlib",
-    "mcap",
-    "mujoco",
-    "numpy",
-    "onnxruntime",
-    "pydantic",
-    "pymoo",
-    "scipy",
-    "stable_baselines3",
-    "torch",
-    "tqdm",
-    "yaml",
-}
+HEAVY = {"dm_control", "gymnasium", "matplotlib", "mcap", "mujoco", "numpy", "onnxruntime", "pydantic"}
+HEAVY |= {"pymoo", "scipy", "stable_baselines3", "torch", "tqdm", "yaml"}
 LISTS_METHODS = "train"
 """Its help names every learned method of the method table, whose estimators need NumPy."""
 SAID = (

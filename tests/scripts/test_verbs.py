@@ -55,7 +55,7 @@ def test_a_method_that_is_not_given_is_trained_and_kept_with_the_results(workspa
     assert not (tmp_path / "results/ram").exists()
 
 
-def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
+def test_generate_changes_draws_and_moves_what_is_given(tmp_path):
     line = (
         "generate --episodes 2 --seconds 2 --stroke -1 1 --randomize --sheath-bend-deg 0 "
         "--sheath-bend-to-deg 90 --sensor-variance 0 --set encoder_counts=400 sensor_resolution=0.01 "
@@ -73,12 +73,8 @@ def test_generate_changes_draws_and_moves_what_it_is_told(tmp_path):
 
 
 def test_a_script_runs_by_its_path_too(tmp_path):
-    ended = subprocess.run(
-        [sys.executable, REPOSITORY / "scripts" / "generate.py", "--help"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-    )
+    words = [sys.executable, REPOSITORY / "scripts" / "generate.py", "--help"]
+    ended = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
     assert ended.returncode == 0
     assert "--sheath-bend-deg" in ended.stdout
 
@@ -148,8 +144,6 @@ def mistakes(workspace, tmp_path_factory):
     (folder / "table.mcap").write_text("time_s,pull_mm\n0,1\n")
     (folder / "nan.csv").write_text("time_s,pull_mm\n0,0\n1,nan\n2,0\n")
     (folder / "log.csv").write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,30\n2,0,9\n")
-    (folder / "back.csv").write_text("time_s,command_deg,angle_deg\n0,0,0\n2,60,30\n1,0,9\n")
-    (folder / "still.csv").write_text("time_s,command_deg,angle_deg\n0,5,0\n2,5,30\n")
     (folder / "negative.yaml").write_text("wire_stiffness: -5.0\n")
     (folder / "bare.yaml").write_text("pretension: 2.0\n")
     (folder / "model.json").write_text("{}")
@@ -169,9 +163,7 @@ def mistakes(workspace, tmp_path_factory):
     [
         ("identify cut --out x.json", "cut/episode.mcap is cut off"),
         ("identify table.mcap --out x.json", "table.mcap is not an MCAP file"),
-        ("identify empty --out x.json", "empty"),
         ("generate --command-csv nan.csv --out x", "nan.csv line 3: pull_mm"),
-        ("import none.csv --out x", "endotwin import: no file none.csv"),
         ("import nan.csv --out x", "nan.csv has no column command_deg; its columns: time_s, pull_mm"),
         (
             "import nan.csv --command-column pull_mm --angle-column pull_mm --out x",
@@ -189,37 +181,24 @@ def mistakes(workspace, tmp_path_factory):
         ("import log.csv --name a/b --out x", "--name 'a/b'"),
         ("import log.csv --out data/test", "dataset.json that no import wrote"),
         ("import log.csv --out table.mcap/x", "cannot write to the folder table.mcap/x"),
-        ("import still.csv --out x", "a log without motion"),
-        ("import log.csv", "--out"),
         ("generate --preset negative.yaml --out x", "wire_stiffness = -5.0: must be positive"),
-        (
-            "generate --preset ureterscope --out x",
-            "unknown preset 'ureterscope' (did you mean 'ureteroscope'?)",
-        ),
         ("generate --out /proc/x", "cannot write to the folder /proc/x"),
         ("generate --stroke 4 2 --out x", "stroke [4, 2] mm"),
-        ("generate --signal sinus --out x", "unknown signal 'sinus'; valid: all, sine"),
         ("train data/train --model model.json --out x", "model.json is no Coleman-Hodgdon model"),
         ("train data/train --model coleman_hodgdon.json --noise-level 1 --out x", "--protocol free"),
         ("train data/train --model coleman_hodgdon.json --sample-time 0.03 --out x", "--sample-time 0.03 s"),
         ("evaluate data/test --policy table.mcap --out x", "table.mcap is not a trained file"),
-        ("evaluate data/test --suite ful --out x", "unknown suite 'ful'"),
         (
             "evaluate data/test --sample-time 0.2 --policy runs/ram/policy.onnx --out x",
             "trained at T = 0.1 s",
         ),
         ("render data/test --out x.bmp", "must end in .png or .svg or .pdf or .mp4 or .gif"),
-        ("render --out x.png", "no data given"),
         ("render data/test --camera front --out x.png", "--camera 'front': must be one of side"),
         ("render data/test --time 99 --out x.png", "--time 99: must be from 0 to"),
-        ("render data/test --ghost none.json --out x.png", "none.json"),
         ("report empty --out x.html", "empty holds no run"),
         ("generat --out x", "did you mean 'generate'?"),
-        ("generate --episodes abc --out x", "invalid literal for int() with base 10: 'abc'"),
         ("generate --out x --bogus", "--bogus"),
-        ("generate --preset ureteroscope", "--out"),
         ("generate --stroke 2 400 --out x", "pulled by at most 51.1 mm: is the unit right?"),
-        ("generate --sample-time nan --out x", "sample_time_s = nan"),
         ("generate --seed -1 --out x", "--seed -1"),
         ("generate recipe.yaml --seed 5 --out data/train", "of another recipe"),
         (
@@ -227,7 +206,6 @@ def mistakes(workspace, tmp_path_factory):
             "which is not among the one episode asked for",
         ),
         ("identify data/train --population 0 --out x.json", "population 0"),
-        ("train data/train --model coleman_hodgdon.json --clip inf --out x", "--clip inf"),
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
         ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
         ("train --protocol twins --agent gru --search --out x", "--search are for several trainings"),
@@ -239,14 +217,10 @@ def mistakes(workspace, tmp_path_factory):
         ),
         ("evaluate data/test --policy runs/ram/policy.onnx runs/ram/policy.onnx --out x", "a second policy"),
         ("evaluate data/test --model other.json --policy runs/ram/policy.onnx --out x", "another model"),
-        ("generate --set wire_stifness=1 --out x", "did you mean 'wire_stiffness'?"),
-        ("generate --lateral-stroke -1 1 --out x", "has one bending plane, it needs two"),
         ("generate --preset bare.yaml --randomize --out x", "bare.yaml states no ranges"),
         ("calibrate --out x.yaml", "no data given"),
-        ("calibrate short --free mass --out x.yaml", "unknown preset parameter 'mass'"),
         ("calibrate data/one-way --out x.yaml", "the command never reverses"),
         ("demo --out .", "which no demo made"),
-        ("demo --records 0 --out x", "--records 0"),
     ],
 )
 def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(mistakes, line, fault):
@@ -256,12 +230,5 @@ def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(mistakes, li
     assert fault in said
     assert len(said.strip().splitlines()) == 1
     assert "Traceback" not in said
-    left = [
-        folder / "x",
-        folder / "x.json",
-        folder / "x.png",
-        folder / "x.gif",
-        folder / "x.mp4",
-        folder / "x.html",
-    ]
+    left = [folder / f"x{ending}" for ending in ("", ".json", ".png", ".gif", ".mp4", ".html")]
     assert not [path for path in left if path.is_file() or (path.is_dir() and any(path.iterdir()))]

@@ -83,7 +83,7 @@ def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def core(wheel: Path, tmp_path: Path) -> Path:
     """A fresh environment with the core alone, really installed."""
-    probe = [
+    probe = (
         sys.executable,
         "-m",
         "pip",
@@ -93,7 +93,7 @@ def core(wheel: Path, tmp_path: Path) -> Path:
         "-d",
         tmp_path / "probe",
         "mcap",
-    ]
+    )
     if run(*probe, cwd=tmp_path).returncode:
         pytest.skip("no package index can be reached: pip cannot download mcap")
     return make_environment(tmp_path / "core", install=["-c", REPOSITORY / "constraints.txt", wheel])
@@ -102,14 +102,10 @@ def core(wheel: Path, tmp_path: Path) -> Path:
 def test_the_wheel_installs_two_packages_and_their_files(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert wheel.name == f"endotwin-{twin.__version__}-py3-none-any.whl"
-    assert {name.partition("/")[0] for name in names} == {
-        "twin",
-        "rl",
-        f"endotwin-{twin.__version__}.dist-info",
-    }
-    assert {"twin/py.typed", "rl/py.typed", "twin/assets/ureteroscope.yaml", "twin/scripts/command.py"} <= {
-        *names
-    }
+    tops = {"twin", "rl", f"endotwin-{twin.__version__}.dist-info"}
+    assert {name.partition("/")[0] for name in names} == tops
+    assert {"twin/py.typed", "rl/py.typed", "twin/assets/ureteroscope.yaml"} <= {*names}
+    assert "twin/scripts/command.py" in names
     assert not [name for name in names if "__pycache__" in name or name.startswith("tests")]
 
 
