@@ -96,7 +96,7 @@ def run_calibration(args: Calibrate) -> Summary:
         on_progress=lambda done, total, cost: progress(done, total, f"cost {cost:.3f}"),
     )
     given = [*args.data, *args.predict]
-    origin = origin_of(command_line("calibrate", args, ("out",)), given)
+    origin = origin_of(command_line("calibrate", args), given)
     values = write_fit(out, fit, loops, held_out, args.seed, args.rivals, origin)
     remove_state(state_file, STATE)
     for warning in values["warnings"]:

@@ -154,10 +154,8 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     box = itertools.dropwhile(_is_rule, inside)  # lines of dashes where there is no Unicode
     message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), box))
-    wrong = re.search(
-        r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])", message
-    )
-    if wrong:
+    kinds = r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])"
+    if wrong := re.search(kinds, message):
         message = "{0} {2}: must be {1}".format(*wrong.groups())
     complain(f"{name}: {one_line(message, 200)} (`{name} --help` lists the options)")
     return None
@@ -169,18 +167,16 @@ def _is_rule(line: str) -> bool:
 
 def with_flags(line: str, arguments: Any = None) -> str:
     """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
-    flags = FLAGS | {
-        field.name: "--" + field.name.replace("_", "-")
-        for field in (dataclasses.fields(arguments) if arguments else ())
-    }
+    names = [field.name for field in dataclasses.fields(arguments)] if arguments else []
+    flags = FLAGS | {name: "--" + name.replace("_", "-") for name in names}
     line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
     return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)
 
 
-def command_line(verb: str, args: Any, leave_out: typing.Collection[str] = ()) -> str:
+def command_line(verb: str, args: Any) -> str:
     """Return the command line that repeats a verb: what differs from the defaults, and the seed.
 
-    Options that no result depends on are left out, and those of `leave_out`.
+    Options that no result depends on are left out.
     """
     import tyro
 
@@ -189,7 +185,7 @@ def command_line(verb: str, args: Any, leave_out: typing.Collection[str] = ()) -
     marker = typing.get_args(tyro.conf.Positional[int])[1]
     for field in dataclasses.fields(args):
         value = getattr(args, field.name)
-        if field.name in ("workers", "dask", "json", *leave_out) or value is None:
+        if field.name in ("out", "workers", "dask", "json") or value is None:
             continue
         if marker in typing.get_args(field.type)[1:]:
             positional += _words(value)

@@ -122,11 +122,10 @@ def control(args: Control) -> Summary:
         comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))
         ours = next((spec.name for spec in specs if spec.ours), None)
         trained = [path for path in (args.policy, args.tracking_policy) if path is not None]
-        origin = origin_of(command_line("control", args, ("out",)), trained)
+        origin = origin_of(command_line("control", args), trained)
         values = control_values(comparison, settings, ours, origin)
         for name, trial in comparison.shown.items():
             write_record(out, trial, settings, name)
-        _draw_poses(comparison, out, ours)
         _draw(comparison, out, ours)
         write_tables(out, values)
         control_page(values, out).write(out / PAGE)
@@ -175,37 +174,32 @@ def _warn_of_training(settings: "ControlSettings") -> None:
         )
 
 
-def _draw_poses(comparison: "Comparison", out: Path, ours: str | None) -> None:
-    """Draw the recorded poses of the first controller behind those of ours, where there is what can draw."""
+def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
+    """Write the figures; poses, of the first controller behind ours, where there is what can draw them."""
     from twin.control.results import RECORDS
+    from twin.files.atomic import write_whole
     from twin.recording import read_episode
     from twin.rendering.overlay import Overlay
     from twin.rendering.render import render
-    from twin.report.control_page import POSES
-
-    names = list(comparison.shown)
-    before, after = (out / RECORDS / f"{name}.mcap" for name in (names[0], ours or names[-1]))
-    if before == after:
-        return
-    wanted = comparison.shown[after.stem].reference_deg
-    try:
-        render(Overlay(read_episode(after), read_episode(before), wanted), out / POSES)
-    except OSError as error:
-        complain(f"endotwin control: no poses are drawn: {error}")
-
-
-def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
-    """Write the other figures of the page."""
-    from twin.files.atomic import write_whole
-    from twin.report.control_page import control_errors_figure, loop_comparison_figure, tracking_figure_of
+    from twin.report.control_page import (
+        POSES,
+        control_errors_figure,
+        loop_comparison_figure,
+        tracking_figure_of,
+    )
     from twin.report.figures import to_png_bytes
 
-    shown = comparison.shown
-    names = list(shown)
-    first = comparison.results[0].condition
+    shown, condition = comparison.shown, comparison.results[0].condition
+    first, own = next(iter(shown)), ours or list(shown)[-1]
+    if first != own:
+        before, after = (read_episode(out / RECORDS / f"{name}.mcap") for name in (first, own))
+        try:
+            render(Overlay(after, before, shown[own].reference_deg), out / POSES)
+        except OSError as error:
+            complain(f"endotwin control: no poses are drawn: {error}")
     figures = {
-        "tracking.png": tracking_figure_of(shown, f"{first.signals[0]}, {first.name}, first twin"),
-        "loops.png": loop_comparison_figure(shown, names[0], ours or names[-1]),
+        "tracking.png": tracking_figure_of(shown, f"{condition.signals[0]}, {condition.name}, first twin"),
+        "loops.png": loop_comparison_figure(shown, first, own),
         "errors.png": control_errors_figure(comparison.results),
     }
     for name, figure in figures.items():

@@ -1,16 +1,14 @@
 """`endotwin demo`: the whole pipeline, end to end, by the commands that a user would type."""
 
-import ctypes
 import dataclasses
 import json
 import os
 import platform
 import shlex
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -26,7 +24,6 @@ from twin.files.json_text import read_json
 PACKAGES = ("mujoco", "dm-control", "numpy", "gymnasium", "stable-baselines3", "torch", "mcap")
 PRESET = "ureteroscope"
 MARK = "demo.json"
-_PR_SET_PDEATHSIG = 1  # of Linux: the signal that a process gets when its parent ends
 MOST = 1_000_000  # of anything that is counted, and of seconds
 PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp4", "report.html")
 
@@ -125,16 +122,14 @@ def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
             there = held[0].name if held else MARK
             raise InputError(f"--out {folder} holds {there}, which no demo made: choose another folder")
         write_whole(mark, json.dumps({"settings": settings}, indent=2) + "\n")
-    elif _settings_of(mark) != settings:
-        raise InputError(f"--out {folder} holds another demo: choose another folder, or remove it")
-    return folder
-
-
-def _settings_of(mark: Path) -> Any:
+        return folder
     try:
-        return read_json(mark)["settings"]
+        held_settings = read_json(mark)["settings"]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{mark} is not what a demo wrote: choose another folder, or remove it") from error
+    if held_settings != settings:
+        raise InputError(f"--out {folder} holds another demo: choose another folder, or remove it")
+    return folder
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:
@@ -145,7 +140,7 @@ def _run_side_by_side(commands: Sequence[str]) -> None:
             say(f"$ endotwin {command}", sys.stderr)
             # `-P`: not a folder called `twin` where the user happens to stand.
             words = [sys.executable, "-P", "-m", "twin", *shlex.split(command)]
-            running.append(subprocess.Popen(words, stdout=sys.stderr, preexec_fn=_end_with_the_parent()))
+            running.append(subprocess.Popen(words, stdout=sys.stderr))
         codes = [process.wait() for process in running]
     finally:
         for process in running:
@@ -155,14 +150,6 @@ def _run_side_by_side(commands: Sequence[str]) -> None:
     for command, code in zip(commands, codes, strict=True):
         if code:
             raise InputError(f"`endotwin {command}` ended with exit code {code}")
-
-
-def _end_with_the_parent() -> Callable[[], None] | None:
-    """Return what lets a child process end when this one is killed; None where the system cannot."""
-    if sys.platform != "linux":
-        return None
-    system = ctypes.CDLL(None)
-    return lambda: system.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 main = partial(run_verb, Demo, demo)

@@ -241,7 +241,7 @@ def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
 
     models = (path for path in (args.train, model) if path is not None)
     given = [*args.data, *models, *args.policy, *args.method_file]
-    return origin_of(command_line("evaluate", args, ("out",)), list(dict.fromkeys(given)))
+    return origin_of(command_line("evaluate", args), list(dict.fromkeys(given)))
 
 
 def _model(args: Evaluate) -> "tuple[HysteresisModel | None, str]":

@@ -69,7 +69,7 @@ def gate(args: Gate) -> Summary:
     )
     verdict = run_gate(material, Progress("gate"))
     given = [args.policy, *args.logs]
-    origin = origin_of(command_line("gate", args, ("out",)), given)
+    origin = origin_of(command_line("gate", args), given)
     gate_page(verdict, Origin(**origin), str(out)).write(out)
     write_verdict(verdict, out.with_name(VERDICT_FILE), origin)
     first = verdict.reasons[0]

@@ -173,8 +173,8 @@ def _stream(args: Run) -> Summary:
     line = f"{f'{args.out}: ' if args.out else ''}{runtime.method}, {ended}: {counts}"
     if not_samples:
         line += f"; {not_samples} lines that are no samples"
-    values = {**facts, "ended": ended, "not_samples": not_samples, **counts.to_dict()}
-    return Summary(line, _with_out(args, values), code or int(sinks.failed > 0), to_stderr=True)
+    values = _out(args) | {**facts, "ended": ended, "not_samples": not_samples, **counts.to_dict()}
+    return Summary(line, values, code or int(sinks.failed > 0), to_stderr=True)
 
 
 def _log(args: Run) -> Summary:
@@ -201,8 +201,8 @@ def _log(args: Run) -> Summary:
         line += f"; RMSE {scores.rmse_deg:.3f} deg against the {scores.against}"
     if scores.rmse_steady_deg is not None:
         line += f", {scores.rmse_steady_deg:.3f} deg after the first 5 s"
-    values = {**facts, "records": len(logs), **counts.to_dict(), **dataclasses.asdict(scores)}
-    return Summary(line, _with_out(args, values))
+    values = _out(args) | {**facts, "records": len(logs), **counts.to_dict(), **dataclasses.asdict(scores)}
+    return Summary(line, values)
 
 
 def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
@@ -223,8 +223,12 @@ def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
     return viewer
 
 
+def _out(args: Run) -> dict[str, Any]:
+    return {"out": str(args.out)} if args.out else {}
+
+
 def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
-    """Return what identifies the run, for recording and summary."""
+    """Return what identifies the run, for the recording."""
     from twin.files.bounded import sha256_of
 
     return {
@@ -235,10 +239,6 @@ def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
         "noise_variance_deg2": args.noise_variance,
         "initial_bend_deg": args.initial_bend_deg,
     }
-
-
-def _with_out(args: Run, values: dict[str, Any]) -> dict[str, Any]:
-    return {"out": str(args.out), **values} if args.out else values
 
 
 main = partial(run_verb, Run, run)

@@ -8,17 +8,8 @@ import sys
 import time
 
 import mujoco
-import numpy as np
 
 from scripts.benchmarks.harness import SAMPLE_TIME, OnProgress, Result, in_turn, measurement, sinusoid
-from twin.episode import Record
-from twin.estimation.active_model import ActiveModel, UnscentedActiveModel
-from twin.estimation.adaptive import RobustActiveModel
-from twin.estimation.open_loop import OpenLoop
-from twin.evaluation.compare import compare
-from twin.evaluation.method import as_method
-from twin.evaluation.protocol import Protocol
-from twin.hysteresis import ColemanHodgdon
 from twin.physics import Endoscope, simulate, simulate_batch
 from twin.preset.preset import Preset
 
@@ -93,42 +84,6 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     )
     unit, bar = "s per simulated second", "<= 8 times that of 8"
     return Result("time of 64 vertebrae", slow / 5, unit, bar, None, "8 vertebrae", fast / 5)
-
-
-MODEL = ColemanHodgdon(1.15, 22.38, 5.0)
-T, SAMPLES, SEEDS, RECORDS = 0.1, 600, 10, 5
-LINEAR = 1.15  # twice the work may take this much more than twice the time: clocks are noisy
-
-
-@measurement("cost_of_seeds")
-def cost_of_seeds(preset: Preset, amplitude: float) -> Result:
-    """Measure the time of an evaluation with 40 seeds against 20."""
-    return _doubled("seeds", amplitude, (2 * SEEDS, SAMPLES), (4 * SEEDS, SAMPLES))
-
-
-@measurement("cost_of_samples")
-def cost_of_samples(preset: Preset, amplitude: float) -> Result:
-    """Measure the time of an evaluation of records of 120 s against 60 s."""
-    return _doubled("samples", amplitude, (2 * SEEDS, SAMPLES), (2 * SEEDS, 2 * SAMPLES))
-
-
-def _doubled(what: str, amplitude: float, one: tuple[int, int], two: tuple[int, int]) -> Result:
-    taken = [[_seconds(amplitude, *size) for size in (one, two)] for _ in range(3)]
-    first, second = np.min(taken, axis=0)
-    name, bar = f"evaluation with twice the {what}", f"<= {2 * LINEAR:g} times that with half of them"
-    return Result(name, float(second), "s", bar, None, "half of them", float(first))
-
-
-def _seconds(amplitude: float, seeds: int, samples: int) -> float:
-    pull = 1e3 * amplitude * np.sin(2 * np.pi * np.arange(samples) * T / 9)
-    times = np.arange(samples, dtype=float) * T
-    record = Record(times, pull, MODEL.response(pull, 0.0), name="m", source="model")
-    kinds: tuple[type[ActiveModel], ...] = (ActiveModel, RobustActiveModel, UnscentedActiveModel)
-    methods = [as_method(kind.__name__, kind(MODEL, T)) for kind in kinds]
-    methods.append(as_method("static", OpenLoop(MODEL)))
-    begin = time.process_time()
-    compare([record] * RECORDS, methods, Protocol("full", seeds, T))
-    return time.process_time() - begin
 
 
 REPEATS = 3  # the least of them: others of this machine only add to it

@@ -327,7 +327,7 @@ def ablate(args: Ablate) -> Summary:
     with choose_workers(trainings, args.workers) as (executor, _), shared_table() as shares:
         progress = TrainingProgress(f"train {len(ablation.variants)} variants", "thousandths")
         rows = run_ablation(ablation, executor, Progress, progress, shares)
-    command = command_line("ablation", args, ("out",)).replace("endotwin ", "python -m scripts.studies.", 1)
+    command = command_line("ablation", args).replace("endotwin ", "python -m scripts.studies.", 1)
     contents = {"rows": [row.to_dict() for row in rows], "origin": origin_of(command, [])}
     table = ablation_table(rows)
     write_whole(files[0], json.dumps(contents, indent=2, allow_nan=False) + "\n")
