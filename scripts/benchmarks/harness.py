@@ -6,10 +6,13 @@ import operator
 import os
 import platform
 import re
+import shlex
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,3 +161,14 @@ def in_turn(
             if repeat >= warm_up:
                 taken.append(clock() - start)
     return statistics.median(times[0]), statistics.median(times[1])
+
+
+def processor_seconds(*words: str, stdin: BinaryIO | None = None) -> float:
+    """Return the processor time of `python words`, user and system, with its child processes [s]."""
+    command, nothing = [sys.executable, "-P", *words], subprocess.DEVNULL
+    process = subprocess.Popen(command, stdin=stdin, stdout=nothing, stderr=nothing)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"`python {shlex.join(words)}` ended with exit status {process.returncode}")
+    return used.ru_utime + used.ru_stime

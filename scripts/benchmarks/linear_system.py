@@ -34,13 +34,7 @@ NARROW = float(np.sqrt((1 - SHARE_WIDE * WIDE**2) / (1 - SHARE_WIDE)))
 
 
 class Bodies(NamedTuple):
-    """Runs of the system, time first.
-
-    Attributes:
-        place: (N, B) true place.
-        measured: (N, B) what is measured of it.
-        deviation: (N, B) standard deviation of the noise of each sample.
-    """
+    """Runs of the system, (N, B) each: the true place, what is measured of it, the deviation of its noise."""
 
     place: Array
     measured: Array
@@ -49,11 +43,7 @@ class Bodies(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class LinearSource:
-    """Source of sequences of the system.
-
-    Attributes:
-        two_widths: whether the noise has two widths; else it is normal.
-    """
+    """Source of sequences of the system, under normal noise or one of two widths."""
 
     two_widths: bool = False
 

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scripts.benchmarks.harness import Result
+from scripts.benchmarks.harness import Result, processor_seconds
 from twin.estimation.deployment import KEY, Deployment
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.preset.preset import Preset
@@ -105,7 +104,7 @@ def sample_lines(samples: int) -> list[bytes]:
 def stream(policy: Path) -> dict[str, Result]:
     """Measure `endotwin run` with a trained file, recording included."""
     with tempfile.TemporaryDirectory() as folder:
-        whole, nothing = (processor_seconds(policy, sample_lines(n), Path(folder)) for n in (SAMPLES, 1))
+        whole, nothing = (_run_seconds(policy, sample_lines(n), Path(folder)) for n in (SAMPLES, 1))
         delays = answer_delays(policy, sample_lines(RATE * PACED_SECONDS), Path(folder))
     rate = (SAMPLES - 1) / (whole - nothing)
     late = 1e3 * float(np.percentile(delays, 99))
@@ -117,26 +116,19 @@ def stream(policy: Path) -> dict[str, Result]:
     }
 
 
-def processor_seconds(policy: Path, lines: list[bytes], folder: Path) -> float:
-    """Return the processor time of a run on a stream, user and system, of all its threads [s]."""
+def _run_seconds(policy: Path, lines: list[bytes], folder: Path) -> float:
+    """Return the processor time of a run on a stream [s]."""
     samples = folder / "samples"
     samples.write_bytes(b"".join(lines))
     with samples.open("rb") as given:
-        process = subprocess.Popen(
-            _command(policy, folder), stdin=given, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"endotwin run ended with exit status {process.returncode}")
-    return used.ru_utime + used.ru_stime
+        return processor_seconds(*_command(policy, folder), stdin=given)
 
 
 def answer_delays(policy: Path, lines: list[bytes], folder: Path) -> list[float]:
     """Return the time from when each sample is due, `RATE` a second, to its answer [s]."""
-    with subprocess.Popen(
-        _command(policy, folder), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as process:
+    command = [sys.executable, "-P", *_command(policy, folder)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         source, answers = process.stdin, process.stdout
@@ -163,7 +155,7 @@ def answer_delays(policy: Path, lines: list[bytes], folder: Path) -> list[float]
 
 def _command(policy: Path, folder: Path) -> list[str]:
     recording = folder / "run.mcap"
-    return [sys.executable, "-P", "-m", "twin", "run", "--policy", str(policy), "--out", str(recording)]
+    return ["-m", "twin", "run", "--policy", str(policy), "--out", str(recording)]
 
 
 SECONDS = 60.0

@@ -1,14 +1,12 @@
 """Reduced twin against MuJoCo's: agreement, speed, convergence, inverse, start; by processor time."""
 
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from scripts.benchmarks.harness import Array, OnProgress, Result, in_turn, measurement
+from scripts.benchmarks.harness import Array, OnProgress, Result, in_turn, measurement, processor_seconds
 from twin.episode import Episode
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -154,14 +152,10 @@ def inverse(preset: Preset, ranges: Ranges, amplitude: float) -> dict[str, Resul
 def start(preset: Preset) -> Result:
     """Measure the processor time of a fresh process until its first sample, kernels compiled before."""
     code = (
-        "import time; from twin.preset.preset import Preset; from twin.reduced import ReducedTwins\n"
-        f"ReducedTwins([Preset(**{preset.to_dict()!r})]).step(1e-3); print(time.process_time())"
+        "from twin.preset.preset import Preset; from twin.reduced import ReducedTwins\n"
+        f"ReducedTwins([Preset(**{preset.to_dict()!r})]).step(1e-3)"
     )
-    runs = [
-        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-        for _ in range(4)
-    ]
-    seconds = min(float(run.stdout) for run in runs[1:])
+    seconds = min(processor_seconds("-c", code) for _ in range(4))  # the first compiles
     name = "reduced twin, start of a process to its first sample, processor time"
     return Result(name, seconds, "s", "< 0.5")
 

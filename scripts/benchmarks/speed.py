@@ -9,7 +9,15 @@ import time
 
 import mujoco
 
-from scripts.benchmarks.harness import SAMPLE_TIME, OnProgress, Result, in_turn, measurement, sinusoid
+from scripts.benchmarks.harness import (
+    SAMPLE_TIME,
+    OnProgress,
+    Result,
+    in_turn,
+    measurement,
+    processor_seconds,
+    sinusoid,
+)
 from twin.physics import Endoscope, simulate, simulate_batch
 from twin.preset.preset import Preset
 
@@ -86,23 +94,6 @@ def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     return Result("time of 64 vertebrae", slow / 5, unit, bar, None, "8 vertebrae", fast / 5)
 
 
-REPEATS = 3  # the least of them: others of this machine only add to it
-
-_MEASURED = """
-import resource, subprocess, sys
-subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(used.ru_utime + used.ru_stime)
-"""
-
-
-def processor_seconds(*words: str) -> float:
-    """Return the least processor time [s] of a few runs of `python words`, user and system."""
-    command = [sys.executable, "-P", "-c", _MEASURED, sys.executable, "-P", *words]
-    runs = [subprocess.run(command, check=True, capture_output=True, text=True) for _ in range(REPEATS)]
-    return min(float(run.stdout) for run in runs)
-
-
 @measurement("start")
 def start(progress: OnProgress) -> dict[str, Result]:
     """Time `import twin` beyond Python's own start, and `endotwin VERB --help` of the slowest verb."""
@@ -110,12 +101,12 @@ def start(progress: OnProgress) -> dict[str, Result]:
         [sys.executable, "-P", "-m", "twin", "--help"], check=True, capture_output=True, text=True
     )
     verbs = [line.split()[0] for line in listed.stdout.splitlines() if line.startswith("  ")]
-    python = processor_seconds("-c", "pass")
-    imported = processor_seconds("-c", "import twin") - python
+    python = _least("-c", "pass")
+    imported = _least("-c", "import twin") - python
     slowest, longest = "", 0.0
     for done, verb in enumerate(verbs):
         progress(done, len(verbs))
-        seconds = processor_seconds("-m", "twin", verb, "--help")
+        seconds = _least("-m", "twin", verb, "--help")
         slowest, longest = max((slowest, longest), (verb, seconds), key=lambda pair: pair[1])
     progress(len(verbs), len(verbs))
     name, peer = f"`endotwin {slowest} --help`, the slowest verb", "python itself"
@@ -123,3 +114,8 @@ def start(progress: OnProgress) -> dict[str, Result]:
         "start_import": Result("`import twin`", imported, "s", "< 0.15 s"),
         "start_help": Result(name, longest, "s", "< 0.5 s", None, peer, python),
     }
+
+
+def _least(*words: str) -> float:
+    """Return the least processor time of three runs [s]: others of this machine only add to it."""
+    return min(processor_seconds(*words) for _ in range(3))

@@ -25,7 +25,8 @@ SMALL = {
     )
 }
 SMALL_TWINS = SMALL | {
-    name: getattr(TINY, name) for name in ("members", "moving", "rank", "laws_sequences", "laws_updates")
+    name: getattr(TINY, name)
+    for name in ("members", "moving", "rank", "noise_model_sequences", "noise_model_updates")
 }
 
 
