@@ -1,6 +1,5 @@
 """The card of a dataset tells the truth about its episodes, in words, in a table and in a figure."""
 
-import dataclasses
 import io
 import shutil
 from collections.abc import Iterable
@@ -18,7 +17,6 @@ from twin.dataset.recipe import Recipe
 from twin.dataset.recipe_file import resolve
 from twin.episode import Episode
 from twin.files.dataset_json import read_contents
-from twin.preset.file import load_preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
 from twin.recording.features import FEATURES, recorded
@@ -102,18 +100,6 @@ def test_card_lists_what_varies(tmp_path):
     assert "8 episodes of 0.2 s at 50 samples per second (1.6 s in all)" in card
     assert "--replay seed_4_episode_0000.mcap" in card
     assert (tmp_path / "seed_4_episode_0000.mcap").exists()
-
-
-def test_card_lists_how_the_endoscope_and_the_sensor_differ_from_the_preset_of_that_name(tmp_path):
-    preset = load_preset("ureteroscope").replace(backlash=5e-5, sensor_period=0.04, sensor_resolution=0.01)
-    recipe = changed(TINY, preset=preset, sheath_bends_deg=((45.0, 45.0), (30.0, 170.0)), episodes=2)
-    card = card_for(dataclasses.replace(recipe, signals=("sine",)), tmp_path).splitlines()
-    assert "- other than the preset `ureteroscope` (SI units): `backlash` = 5e-05" in card
-    assert (
-        f"- sensor: white noise of {recipe.sensor_variance_deg2:g} deg² in addition to its own, "
-        "steps of 0.573 deg, a reading every 0.04 s"
-    ) in card
-    assert "- bend of the sheath: 45, 30 to 170 deg" in card
 
 
 def test_card_of_a_given_command_names_no_signal_and_no_stroke(tmp_path):

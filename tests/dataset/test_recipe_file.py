@@ -83,7 +83,7 @@ def test_recipe_of_no_keys_is_that_of_the_defaults():
         assert resolved(text) == Recipe(load_preset("ureteroscope"))
 
 
-def test_preset_and_command_are_looked_for_beside_the_recipe(folder):
+def test_paths_are_relative_to_the_recipe(folder):
     (folder / "recipe.yaml").write_text("preset: parts/mine.yaml\ncommand_csv: parts/command.csv\n")
     recipe = load_recipe(folder / "recipe.yaml")
     pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02).pull
@@ -95,7 +95,7 @@ def test_preset_and_command_are_looked_for_beside_the_recipe(folder):
     assert {recipe.conditions(number).signal for number in range(3)} == {"given"}
 
 
-def test_columns_of_a_command_are_told_beside_its_path(folder):
+def test_columns_of_a_command_are_named_with_its_path(folder):
     (folder / "parts" / "log.csv").write_text("t_ms,knob_deg,side\n0,0,0\n500,10,1\n1000,0,2\n")
     command = "{file: log.csv, command_column: knob_deg, lateral_command_column: side, time_column: t_ms}"
     text = f"preset: mine.yaml\nset: {{bending_planes: 2}}\ncommand_csv: {command}\n"
@@ -109,16 +109,14 @@ def test_columns_of_a_command_are_told_beside_its_path(folder):
     assert max(recipe.given_pull_m) == pytest.approx(np.radians(10) * recipe.preset.pulley_radius)
     assert recipe.given_lateral_pull_m[25] == pytest.approx(1e-3)
     assert resolve_alone(recipe.to_dict()) == recipe
-    with pytest.raises(ValueError, match=r"a lateral command: .* has one bending plane, it needs two"):
-        dataclasses.replace(recipe, preset=recipe.preset.replace(bending_planes=1)).check()
-    with pytest.raises(ValueError, match="lateral_stroke_mm and a recorded lateral command: choose one"):
-        dataclasses.replace(recipe, lateral_stroke_mm=(0.0, 1.0)).check()
-    with pytest.raises(ValueError, match="given_lateral_pull_m has 50 samples, given_pull_m 0"):
-        dataclasses.replace(recipe, given_pull_m=None, seconds=1.0).check()
-    with pytest.raises(ValueError, match="given_lateral_pull_m has 3 samples, given_pull_m 50"):
-        dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.0, 0.0)).check()
-    with pytest.raises(ValueError, match=r"stroke \[0, 100\] mm: this endoscope"):
-        dataclasses.replace(recipe, given_lateral_pull_m=(0.0, 0.1) * 25).check()
+    for change, fault in (
+        ({"preset": recipe.preset.replace(bending_planes=1)}, r"a lateral command: .* it needs two"),
+        ({"lateral_stroke_mm": (0.0, 1.0)}, "lateral_stroke_mm and a recorded lateral command: choose one"),
+        ({"given_lateral_pull_m": (0.0, 0.0, 0.0)}, "given_lateral_pull_m has 3 samples, given_pull_m 50"),
+        ({"given_lateral_pull_m": (0.0, 0.1) * 25}, r"stroke \[0, 100\] mm: this endoscope"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            dataclasses.replace(recipe, **change).check()
 
 
 def test_randomize_draws_from_the_ranges_of_the_preset(folder):
@@ -153,25 +151,15 @@ def test_without_a_number_of_episodes_there_is_one_of_each_combination_but_five_
     [
         ("seed: 4", "unknown key seed; valid: preset, set, randomize, ranges"),
         ("sensor: {noise: 1}", "unknown key sensor.noise; valid: variance_deg2, noise_deg"),
-        ("camera: {fps: 3}", "camera.fps = 3: "),
         ("camera: {height: 100}", "camera: 320 x 100 pixels: must be even, 80 to 1280 and 120 to 1280"),
-        ("sensor: {noise_deg: abc}", "sensor.noise_deg = 'abc': must be a valid number"),
-        ("sensor: {latency_s: -1}", "sensor_latency = -1.0: must not be negative"),
-        ("seeds: 4", "seeds = 4: must be a valid list"),
         ("seeds: [1, 1.5]", r"seeds\[1\] = 1.5: must be a valid integer"),
-        ("episodes: many", "episodes = 'many': must be a valid integer"),
         ("seconds: .inf", "seconds = inf: must be a finite number"),
         ("seconds: -1", "-1 s at a sample time of 0.02 s: needs at least two samples"),
         ("signals: [sinus]", "unknown signal 'sinus'; valid: sine, decaying-sine"),
-        ("strokes_mm: [[1, 2], [2]]", r"strokes_mm\[1\]\[1\] is missing"),
-        ("strokes_mm: [[1, a]]", r"strokes_mm\[0\]\[1\] = 'a': must be a valid number"),
-        ("sheath_bends_deg: [[1, 2, 3]]", r"sheath_bends_deg\[0\] = \[1, 2, 3\]: must be"),
         ("preset: ureter", r"unknown preset 'ureter' \(did you mean 'ureteroscope'\?\); valid: ureteroscope"),
-        ("preset: 5", "preset = 5: must be"),
         ("preset: {vertebrae: 8}", "preset: parameters need a `name` among them"),
         ("set: {vertebra: 8}", r"unknown preset parameter 'vertebra' \(did you mean 'vertebrae'\?\)"),
         ("set: {vertebrae: 8.5}", "vertebrae = 8.5: must be a whole number from 1 to 128"),
-        ("set: [pretension]", r"set = \['pretension'\]: must be"),
         ("randomize: true\npreset: {name: x}", "given by its parameters states no ranges; give `ranges`"),
         ("randomize: true\nranges: {pretension: [1, 2]}", "randomize and ranges: choose one"),
         ("ranges: {pretension: [2, 1]}", r"range of pretension = \[2, 1\]: must rise, within \[0, 500\]"),
@@ -181,8 +169,6 @@ def test_without_a_number_of_episodes_there_is_one_of_each_combination_but_five_
         ("[1, 2]", "no recipe: expected `key: value` lines"),
         ("{set: {pretension: 3}, ranges: {pretension: [1, 6]}}", "ranges: pretension is set, or bent by"),
         ("{command_csv: parts/command.csv, seconds: 3}", "command_csv and seconds: choose one"),
-        ("command_csv: {time_column: t}", "command_csv.file is missing"),
-        ("command_csv: {file: a.csv, column: t}", "unknown key command_csv.column; valid: file, command_col"),
         ("command_csv: {file: a.csv, time_unit: h}", "command_csv.time_unit = 'h': must be 's', 'ms'"),
         ("a: b: c", "not a YAML file: line 1: mapping values are not allowed"),
     ],

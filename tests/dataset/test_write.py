@@ -3,7 +3,7 @@
 import hashlib
 import json
 import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from twin.dataset.write import write_dataset
 from twin.episode import Episode
 from twin.preset.randomization import Ranges
 from twin.recording import read_episode
-from twin.signals.sensor import measure
 
 RANGES = Ranges(
     (("pretension", 1.0, 6.0), ("section_stiffness", 0.03, 0.05), ("sensor_resolution", 1e-3, 1e-2))
@@ -49,27 +48,6 @@ def test_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(folder, t
     assert contents(tmp_path) == contents(folder)
 
 
-@pytest.mark.parametrize(
-    ("episodes", "workers", "shares"), [(18, 2, [5, 5, 5, 3]), (3, 2, [2, 1]), (2, 4, [1, 1])]
-)
-def test_batches_are_even_so_that_no_worker_waits_for_the_last(tmp_path, episodes, workers, shares):
-    class Counting(ThreadPoolExecutor):
-        def submit(self, function, recipe, batch, *rest):
-            seen.append(len(batch))
-            return super().submit(function, recipe, batch, *rest)
-
-    seen: list[int] = []
-    counts: list[tuple[int, int]] = []
-    recipe = changed(seconds=0.04, episodes=episodes)
-    with Counting(1) as executor:
-        write_dataset(
-            recipe, tmp_path, executor, workers=workers, on_progress=lambda *one: counts.append(one)
-        )
-    assert seen == shares
-    assert counts[0] == (0, episodes)
-    assert counts[-1] == (episodes, episodes)
-
-
 @pytest.mark.parametrize("recipe", [PLAIN, RICH], ids=["plain", "rich"])
 def test_an_episode_is_the_same_alone_and_among_others(recipe):
     keys = [EpisodeKey(11, 2), EpisodeKey(4, 0), EpisodeKey(11, 1)]
@@ -80,12 +58,6 @@ def test_an_episode_is_the_same_alone_and_among_others(recipe):
             np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
         assert together.metadata == alone.metadata
         assert together.attachments == alone.attachments
-
-
-def test_another_seed_gives_another_signal_and_noise():
-    one, other = episode_of(PLAIN, 0), episode_of(PLAIN, 0, seed=12)
-    assert not np.array_equal(one.pull, other.pull)
-    assert not np.array_equal(one.measured_bend - one.bend, other.measured_bend - other.bend)
 
 
 def test_several_seeds_give_files_of_their_own_that_are_those_of_each_seed(tmp_path):
@@ -188,17 +160,6 @@ def test_what_is_added_to_a_recipe_leaves_the_signal_and_the_noise_as_they_were(
     differing = np.abs(other.wire_tension[:, :2] - one.wire_tension).max()
     assert differing > 0.1  # [N]; neither section moves
     np.testing.assert_allclose(other.measured_bend - other.bend, one.measured_bend - one.bend, atol=1e-15)
-
-
-def test_sensor_of_the_preset_measures():
-    sensor = SMALL.replace(sensor_period=0.04, sensor_latency=0.06, sensor_resolution=1e-3)
-    episode = episode_of(changed(preset=sensor, sensor_variance_deg2=0.0), 0)
-    last = np.maximum((np.arange(len(episode.time)) - 3) // 2, 0)  # reading three samples old or older
-    late = episode.bend[2 * last]
-    np.testing.assert_allclose(episode.measured_bend, 1e-3 * np.round(late / 1e-3), atol=1e-12)
-    np.testing.assert_array_equal(
-        episode.measured_bend, measure(sensor, episode.time, episode.bend, np.random.default_rng(0))
-    )
 
 
 def test_sensor_is_the_one_that_was_drawn():

@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 from repository import ENVIRONMENT
 
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -19,19 +18,6 @@ def exported(whole_dataset, tmp_path_factory):
     folder.mkdir()
     export_records(named_files((whole_dataset,)), folder, Plan("parquet"))
     return folder
-
-
-def head_of(folder) -> dict:
-    text = (folder / "README.md").read_text()
-    assert text.startswith("---\n")
-    return yaml.safe_load(text.split("---\n")[1])
-
-
-def test_the_head_of_a_card_is_what_hubs_read(whole_dataset, exported):
-    simulated, parquet = head_of(whole_dataset), head_of(exported)
-    assert simulated["task_categories"] == parquet["task_categories"] == ["robotics"]
-    assert "LeRobot" in parquet["tags"]
-    assert parquet["configs"] == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
 
 
 @pytest.mark.parametrize("place", ["dataset", pytest.param("export", marks=pytest.mark.slow)])

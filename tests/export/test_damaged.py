@@ -9,7 +9,7 @@ from exporting import make_records, run
 from mcap.reader import make_reader
 from recorded import make_episode
 
-from twin.recording import read_episode, write_episode
+from twin.recording import write_episode
 
 pq = pytest.importorskip("pyarrow.parquet")
 
@@ -60,13 +60,3 @@ def test_what_is_whole_of_damaged_files_is_exported_without_making_anything_up(d
     bend = pq.read_table(tmp_path / "le" / "data")["truth.bend_deg"].to_numpy()
     piece = bend[rows[3]["dataset_from_index"] : rows[3]["dataset_to_index"]]
     np.testing.assert_allclose(piece, np.degrees(full.bend[: recovered["samples"]]), rtol=1e-12)
-
-
-def test_the_summary_says_how_much_is_missing_in_all(damaged, tmp_path, capsys):
-    words = (damaged, "--out", tmp_path / "m", "--format", "mcap", "--recover")
-    code, out, _ = run(capsys, *words)
-    assert code == 0
-    kept = len(read_episode(tmp_path / "m" / "long.mcap").time)
-    wanted = f"; damaged files: 1, {kept} samples are whole of an unknown number"
-    assert out.endswith(f"{wanted}; files of which nothing is left: 1\n")
-    assert not (tmp_path / "m" / "none.mcap").exists()

@@ -170,13 +170,6 @@ def test_uneven_samples_are_no_frames_and_a_sample_time_is_named():
         frames_per_second(dataclasses.replace(make_episode(), time=drifting))
 
 
-def test_each_episode_is_one_row_group_in_order(dataset):
-    folder, episodes = dataset
-    file = pq.ParquetFile(folder / info_of(folder)["data_path"].format(chunk_index=0, file_index=0))
-    lengths = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
-    assert lengths == [len(episode.time) for episode in episodes]
-
-
 @pytest.mark.parametrize(
     ("other", "fault"),
     [

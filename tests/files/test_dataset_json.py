@@ -1,29 +1,18 @@
 """The schema of `dataset.json`: what does not fit is refused in one line that names the key and the rule."""
 
 import json
-import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from twin.files.dataset_json import (
-    KINDS,
-    BenchmarkFile,
-    BenchmarkRecipe,
-    FeatureFacts,
-    MeasuredFile,
-    SimulatedFile,
-    SimulatedRecipe,
-    Statistics,
     parse_contents,
     read_contents,
     to_json_values,
     write_contents,
 )
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "dataset.md").read_text()
 FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
 FILE = {
     "name": "a.mcap",
@@ -115,36 +104,3 @@ def test_schema_is_light_and_loaded_only_where_it_is_needed(module, unwanted):
     program = f"import sys, {module}; print(*(name.split('.')[0] for name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not unwanted & set(done.stdout.split())
-
-
-def keys_of(models: dict) -> list[tuple[str, str, str]]:
-    """Key, kinds that have it, and what it is, as the document lists them."""
-    rows: dict[tuple[str, str], list[str]] = {}
-    for kind, model in models.items():
-        for name, field in model.model_fields.items():
-            rows.setdefault((name, field.description), []).append(kind)
-    return [
-        (f"`{name}`", "all" if len(kinds) == len(models) else ", ".join(kinds), what)
-        for (name, what), kinds in rows.items()
-    ]
-
-
-@pytest.mark.parametrize(
-    ("title", "models"),
-    [
-        ("The dataset:", KINDS),
-        ("Each file", dict(zip(KINDS, (SimulatedFile, MeasuredFile, BenchmarkFile), strict=True))),
-        ("What it was made from", {"simulated": SimulatedRecipe, "benchmark": BenchmarkRecipe}),
-        ("Each quantity** in `features`", {"": FeatureFacts}),
-        ("Each quantity** in `statistics`", {"": Statistics}),
-    ],
-)
-def test_document_lists_every_key_of_the_schema_and_no_other(title, models):
-    _, found, rest = DOCUMENT.partition(f"\n**{title}")
-    assert found
-    table = re.search(r"\n\| key .*\n\|[-|]+\n((?:\|.*\n)+)", rest)[1]
-    rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in table.splitlines()]
-    wanted = keys_of(models)
-    if len(models) == 1:
-        wanted = [(key, what) for key, _, what in wanted]
-    assert rows == wanted

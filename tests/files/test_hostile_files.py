@@ -11,7 +11,7 @@ from hostile import mutated, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import BOUC_WEN, COLEMAN_HODGDON
-from scores import SCORE, track
+from scores import SCORE
 
 from twin.dataset.recipe_file import load_recipe
 from twin.errors import InputError
@@ -87,7 +87,6 @@ READERS = {
     "evaluation.json": (read_scores, {"protocol": {"suite": "paper"}, "rows": to_rows([SCORE])}),
     "dataset.json": (lambda path: read_contents(path.parent), DATASET),
 }
-TRACK = track(np.arange(4.0), np.ones(4), np.ones(4), {"RAM": np.ones(4)})
 HEAD = '[{"noise": "n", "level": 1.0, "methods": []}]'
 DESCRIPTION = {"agent": "ram", "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}
 

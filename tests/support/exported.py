@@ -33,7 +33,7 @@ def filtered_by_both(
         graph: the trained step with plain arrays in and out.
         file: the exported graph.
         names: of what it predicts by, then of its state.
-        drawn: sequences; behind their end they begin anew.
+        drawn: sequences; behind their end they begin again.
         samples: how many, in all.
         is_missing: whether the first filter has no measurement at a sample.
         precision: of torch.
@@ -58,8 +58,8 @@ def filtered_by_both(
         with torch.no_grad():
             bend, half_width, *of_torch = graph(*values, *of_torch)
         of_sample = ("measurement_deg", "variance", "sample_time", "parts")
-        told = dict(zip((*predicted_by, *of_sample), (of.numpy() for of in values), strict=True))
-        found = file.run(**told, **dict(zip(state, of_onnx, strict=True)))
+        fed = dict(zip((*predicted_by, *of_sample), (of.numpy() for of in values), strict=True))
+        found = file.run(**fed, **dict(zip(state, of_onnx, strict=True)))
         of_onnx = found[2:]
         yield np.array(found[:2]), torch.stack([bend, half_width]).numpy()
 

@@ -97,12 +97,6 @@ def test_what_is_no_address_is_refused_with_an_example(address):
         check_address(address)
 
 
-def test_an_address_has_a_host_and_a_port():
-    assert check_address("tcp://192.168.0.7:8786") == ("192.168.0.7", 8786)
-    assert check_address("tls://[::1]:1") == ("::1", 1)
-    assert check_address("tcp://node-7.cluster_a.lan:65535") == ("node-7.cluster_a.lan", 65535)
-
-
 def test_cluster_that_gives_a_task_up_names_what_to_do(cluster):
     with (
         pytest.raises(BrokenExecutor, match="lost its workers or the task; what is whole stays, the same"),

@@ -20,11 +20,3 @@ def test_two_processes_make_the_bytes_of_one_and_end_with_the_block_that_started
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
-
-
-def test_no_more_processes_than_tasks_are_started():
-    for tasks, processes, count in ((1, 4, 1), (1, 0, 1), (3, 1, 1)):
-        with choose_workers(tasks, processes) as (_, workers):
-            assert workers == count
-    with pytest.raises(ValueError, match=r"^workers = -1: must be from 0 to 1024$"), choose_workers(1, -1):
-        pass
