@@ -21,8 +21,8 @@ from tabulate import tabulate
 from rl.options import LIMITS, TrainingOptions
 from rl.trainers import Material, OnProgress, all_trainers, find_trainer
 from twin.errors import InputError
-from twin.evaluation.score import MOST_TRAININGS
 from twin.files.atomic import write_whole
+from twin.files.bounds import MOST_TRAININGS
 from twin.files.run_folder import CURVE_FILE, read_progress
 
 FOLDER, FILE = "search", "search.csv"

@@ -11,7 +11,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
-from twin.evaluation.score import MOST_TRAININGS
+from twin.files.bounds import MOST_TRAININGS
 from twin.files.run_folder import read_cost
 from twin.files.shown import cut, shown
 from twin.hysteresis import ColemanHodgdon

@@ -6,7 +6,7 @@ from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
 from twin.estimation.registry import method_specs, needed_fits
 from twin.evaluation.compare import compare
-from twin.evaluation.fitting import MODEL_NAMES, identify_models, load_fits, save_fits
+from twin.evaluation.fitting import MODEL_NAMES, identify_models, load_fits
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.hysteresis import ColemanHodgdon
@@ -57,7 +57,7 @@ def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
 
 @pytest.mark.slow
 def test_fits_come_back_from_their_file(known, tmp_path):
-    save_fits(tmp_path / "tuned.json", dict(known.fits))
+    (tmp_path / "tuned.json").write_text(json.dumps(dict(known.fits)))
     assert load_fits(tmp_path / "tuned.json") == known.fits
     assert load_fits(tmp_path / "none.json") == {}
 

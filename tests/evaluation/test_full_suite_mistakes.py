@@ -10,7 +10,7 @@ from scripts.evaluate import main
     [
         ("--policy p.onnx", "no trained file p.onnx"),
         ("--sample-time 0.03", "--sample-time 0.03 s: must be a multiple of 0.02 s"),
-        ("--members 3", "--members 3: an ensemble needs at least 8"),
+        ("--members 3", "--members 3: must be from 8 to 10000"),
         ("--ensembles 0", "--ensembles 0: must be from 1 to 100"),
         ("--episodes 0", "--episodes 0"),
         ("--trainings 0", "--trainings 0: must be from 1 to 100"),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scores import SCORE
 
-from twin.evaluation.score import Score, read_scores, to_rows
+from twin.evaluation.score import Score, read_scores
 
 WHOLE = dataclasses.replace(
     SCORE,
@@ -43,7 +43,7 @@ def write(path, rows):
 
 
 def test_a_row_comes_back_from_its_file(tmp_path):
-    scores, protocol = read_scores(write(tmp_path / "evaluation.json", to_rows([WHOLE])))
+    scores, protocol = read_scores(write(tmp_path / "evaluation.json", [WHOLE.to_dict()]))
     assert scores == [WHOLE]
     assert protocol == {"suite": "paper"}
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rl.comparison.full import FullSuite
+from rl.comparison.settings import Suite
 from twin.evaluation.protocol import Protocol
 from twin.files.bounds import check_between, check_file_name
 from twin.identification import check_options
@@ -25,6 +25,10 @@ def test_a_number_is_within_its_bounds_or_refused_in_a_short_line(value, bounds)
         check_between("pace", value, least, most, "s")
 
 
+def full_suite(**given):
+    return Suite((), "folder", **{"suite": "full", "sample_time": (0.1,), "workers": 1} | given)
+
+
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -1e300])
 @pytest.mark.parametrize(
     ("settings", "name"),
@@ -32,9 +36,9 @@ def test_a_number_is_within_its_bounds_or_refused_in_a_short_line(value, bounds)
         (Protocol, "initial_error_deg"),
         (Protocol, "sample_time_s"),
         (Protocol, "recorded_variance"),
-        (lambda **given: FullSuite("folder", **given), "seconds"),
-        (lambda **given: FullSuite("folder", **given), "initial_error_deg"),
-        (lambda **given: FullSuite("folder", sample_times=tuple(given.values())), "sample_times"),
+        (full_suite, "seconds"),
+        (full_suite, "initial_error_deg"),
+        (lambda **given: full_suite(sample_time=tuple(given.values())), "sample_time"),
     ],
 )
 def test_no_number_that_is_not_finite_or_huge_is_taken(settings, name, wrong):
@@ -47,10 +51,10 @@ def test_no_number_that_is_not_finite_or_huge_is_taken(settings, name, wrong):
     ("settings", "name"),
     [
         (Protocol, "seeds"),
-        (lambda **given: FullSuite("folder", **given), "members"),
-        (lambda **given: FullSuite("folder", **given), "episodes"),
-        (lambda **given: FullSuite("folder", **given), "workers"),
-        (lambda **given: FullSuite("folder", **given), "seeds"),
+        (full_suite, "members"),
+        (full_suite, "episodes"),
+        (full_suite, "workers"),
+        (full_suite, "seeds"),
         (lambda **given: check_options("bouc-wen", **given), "population"),
         (lambda **given: check_options("bouc-wen", **given), "generations"),
     ],

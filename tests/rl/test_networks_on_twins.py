@@ -8,7 +8,7 @@ import torch
 from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
 
-from rl.comparison.full import FullSuite
+from rl.comparison.settings import Suite
 from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_recurrent_step
@@ -70,7 +70,7 @@ def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
 
 def test_the_full_suite_has_them_only_where_they_are_named_or_given(tmp_path):
     def names(**changes):
-        return {spec.name for spec in FullSuite(tmp_path, **changes).specs}
+        return {spec.name for spec in Suite((), tmp_path, suite="full", workers=1, **changes).specs}
 
     assert names().isdisjoint(RIVALS)
     assert names(methods=("GRU (twins)", "AM")) == {"GRU (twins)", "AM"}

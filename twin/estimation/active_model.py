@@ -13,17 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.estimation.estimator import Sensor
+from twin.estimation.estimator import Sensor, SingleForm
 from twin.estimation.gaussian import Belief, GaussianFilter, condition, propagate
 from twin.estimation.registry import MethodSpec, register_method
-from twin.estimation.single import SingleForm
 from twin.estimation.two_states import TwoStatesForm
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict, model_to_dict
 
 Array = NDArray[np.float64]
-METHOD = "AM"
-"""Name of the method in tables."""
+METHOD = "AM"  # name of the method in tables
 ANGLE = np.array([1.0, 0.0])  # Omega: the sensor sees the angle
 
 
@@ -77,16 +75,12 @@ class ActiveModel(GaussianFilter):
         )
         return Belief(mean, covariance, belief.memory)
 
-    def single(self) -> SingleForm[Any]:
+    def single(self) -> SingleForm:
         """Return the filter on one stream: in plain numbers on Coleman and Hodgdon's model."""
-        variance = np.asarray(self.measurement_variance, dtype=float)
         methods = ("start", "step", "predict", "update", "bend_deg")
         is_own = all(getattr(type(self), name) is getattr(ActiveModel, name) for name in methods)
-        if not (is_own and isinstance(self.model, ColemanHodgdon) and variance.size == 1):
-            return super().single()
-        return TwoStatesForm(
-            self.model, self.sample_time, self.process_variance, variance.item(), self.initial_variance
-        )
+        is_plain = isinstance(self.model, ColemanHodgdon) and np.size(self.measurement_variance) == 1
+        return TwoStatesForm(self) if is_own and is_plain else super().single()
 
     def to_dict(self) -> dict[str, Any]:
         """Return model and variances as plain values, as a trained file holds them; R must be one number."""
@@ -130,7 +124,6 @@ class KalmanActiveModel(ActiveModel):
     """
 
     def __post_init__(self) -> None:
-        """Refuse a model that is not affine in the angle."""
         if not self.model.affine:
             raise InputError(
                 f"the model {self.model.name!r} is not affine in the angle, as a plain Kalman filter needs; "
@@ -173,7 +166,6 @@ class UnscentedActiveModel(ActiveModel):
     kappa: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse parameters without points."""
         if not (self.alpha > 0 and self.kappa > -2):
             raise InputError(
                 f"no points for alpha = {self.alpha}, kappa = {self.kappa}; valid: alpha > 0, kappa > -2"

@@ -18,12 +18,9 @@ from twin.estimation.registry import MethodSpec, register_method
 from twin.estimation.tuning import TUNED, TUNED_ON_TWINS, register_likelihood
 
 Array = NDArray[np.float64]
-HUBER_THRESHOLD = 1.345
-"""95 % as efficient as least squares where the noise is Gaussian (Huber 1964)."""
-ITERATIONS = 5
-"""Of the fixed point of R and the update."""
-BIASED_ANGLE = np.array([1.0, 0.0, 1.0])
-"""The sensor sees the sum of angle and bias."""
+HUBER_THRESHOLD = 1.345  # 95 % as efficient as least squares where the noise is Gaussian (Huber 1964)
+ITERATIONS = 5  # of the fixed point of R and the update
+BIASED_ANGLE = np.array([1.0, 0.0, 1.0])  # the sensor sees the sum of angle and bias
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,11 +56,8 @@ def huber_variance(distance: Array, spread: Array, variance: Array, threshold: f
     Reweighting sets R / w with w = k sqrt(R) / |r| where the residual r = nu R_w / (P + R_w) is too large,
     and repeats. With one scalar measurement the fixed point is R_w = |nu| sqrt(R) / k - P.
 
-    Args:
-        distance: (B,) magnitude of the innovation nu [deg]; NaN where there is no measurement.
-        spread: (B,) predicted variance of the measurement, P [deg^2].
-        variance: R, scalar or (B,) [deg^2].
-        threshold: k.
+    `distance` (B,) is |nu| [deg], NaN where there is no measurement; `spread` (B,) is P [deg^2], `variance`
+    is R, scalar or (B,), and `threshold` k.
     """
     inflated = np.nan_to_num(distance) * np.sqrt(variance) / threshold - spread
     return np.maximum(variance, inflated)
@@ -111,7 +105,6 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
     first_shape: float = 25.0
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range."""
         if not 0 < self.forgetting <= 1:
             raise InputError(f"forgetting = {self.forgetting}: must be above 0 and at most 1")
         if not self.first_shape > 0:
@@ -150,11 +143,6 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
     def bend_deg(self, state: AdaptiveBelief) -> Array:
         """Return the (B,) mean of the angle [deg]."""
         return self.active_model.bend_deg(state.state)
-
-    @property
-    def states_interval(self) -> bool:
-        """True where the filter states one."""
-        return self.active_model.states_interval
 
     def half_width_deg(self, state: AdaptiveBelief) -> Array:
         """Return half of the (B,) 95 % intervals of the filter [deg]."""
@@ -240,7 +228,6 @@ class InteractingModels(Estimator[InteractingState]):
     stays: float = 0.95
 
     def __post_init__(self) -> None:
-        """Refuse fewer than two filters, or an impossible probability."""
         if len(self.filters) < 2:
             raise InputError(f"{len(self.filters)} filters: interacting models are at least two")
         if not 0 < self.stays < 1:

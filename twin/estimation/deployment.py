@@ -22,15 +22,13 @@ from twin.hysteresis import ColemanHodgdon
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
-KEY = "deployment"
-"""Name in the description of a trained file."""
+KEY = "deployment"  # name in the description of a trained file
 CANDIDATES, BEST, ROUNDS = 64, 8, 12
 MIDDLE = np.log([1e-3, 1e-2, 100.0, 1.0])  # Q and the first P, each of angle and error
 SPREAD = np.array([4.0, 4.0, 2.0, 3.0])  # of their logarithms: the search begins wide
 LEAST_SPREAD = 0.02
 EPISODES = 8
-WIDER = 0.1
-"""Share of a range of the training by which a limit lies beyond it."""
+WIDER = 0.1  # share of a range of the training by which a limit lies beyond it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,11 +70,7 @@ class Deployment:
 
     @classmethod
     def from_dict(cls, values: Any) -> Self:
-        """Return the deployment from the values of `to_dict`.
-
-        Raises:
-            ValueError: a value is missing, not a number or out of range.
-        """
+        """Return the deployment from the values of `to_dict`."""
         if not isinstance(values, Mapping):
             raise InputError(f"{KEY} = {shown(values)}: must be its parts by name")
         from twin.files.json_text import validated
@@ -93,11 +87,7 @@ class Deployment:
 
 
 def deployment_of(file: TrainedFile) -> Deployment:
-    """Return the deployment that a trained file contains.
-
-    Raises:
-        ValueError: it contains none, or an impossible one.
-    """
+    """Return the deployment that a trained file contains."""
     if KEY not in file.description:
         raise InputError(f"{file.path} holds no fallback: an earlier version wrote it; train again")
     try:

@@ -28,18 +28,15 @@ if TYPE_CHECKING:
     from twin.signals.noise_density import NoiseDensity
 
 Array = NDArray[np.float64]
-NARROW = 0.5
-"""Beliefs narrower than this share of the noise's standard deviation are moved by the score."""
+NARROW = 0.5  # beliefs narrower than this share of the noise's standard deviation are moved by the score
 BANDWIDTH, ROUGH_BANDWIDTH = 0.7, 0.95
 """Width of a particle's kernel as a share of the ensemble's, and where the density of the noise is rough.
 
 Chosen on reduced twins that no test has: 0.5 to 0.9 are all below the linear limit, and 0.3 is above it for
 some noises, as few particles are left to count. For rough densities 0.95 is 1 to 3 % below the linear limit,
 and 0.7 level with it or above."""
-BIAS_DEVIATIONS = 1.0
-"""Standard deviation of the mean of a noise that may be skewed, in units of sqrt(R)."""
-MOST_BYTES = 1024 * MEBIBYTE
-"""Size of a file of an ensemble [bytes]: thousands of members along minutes."""
+BIAS_DEVIATIONS = 1.0  # standard deviation of the mean of a noise that may be skewed, in units of sqrt(R)
+MOST_BYTES = 1024 * MEBIBYTE  # size of a file of an ensemble [bytes]: thousands of members along minutes
 _SAME = 1e-9  # two pulls that differ by less are one [mm]
 _LEAST = 10  # samples for which a record must follow a command
 
@@ -314,8 +311,7 @@ def normalised(log_weights: Array) -> Array:
     return normalised
 
 
-FamilyState = tuple[ParticleState, ...]
-"""State of the filter of each family."""
+FamilyState = tuple[ParticleState, ...]  # state of the filter of each family
 
 
 @dataclasses.dataclass(frozen=True)
@@ -370,8 +366,7 @@ class FamilyFilter(Estimator[FamilyState]):
         return np.array([each.bend_deg(of) for each, of in zip(self.filters, state, strict=True)])
 
 
-Noise = tuple[str, float]
-"""Kind and level of a noise."""
+Noise = tuple[str, float]  # kind and level of a noise
 Build = Callable[[Array, float, Noise], Estimator[Any]]
 """Filter of members (M, N) [deg] under a noise of variance R [deg^2]."""
 
@@ -417,7 +412,7 @@ class Ensembles:
     build: Build = _known_density
 
     def __call__(self, case: Case) -> Array:
-        """Return (B, N) estimated angles [deg], as `with_interval` does."""
+        """Return (B, N) estimated angles [deg]."""
         return self.with_interval(case)[0]
 
     def with_interval(self, case: Case) -> tuple[Array, Array]:

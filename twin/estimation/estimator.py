@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
-from twin.estimation.single import SingleForm
+from twin.estimation.soundness import is_sound
 
 Array = NDArray[np.float64]
 State = TypeVar("State")
@@ -50,22 +50,13 @@ class Estimator(abc.ABC, Generic[State]):
 
     @abc.abstractmethod
     def start(self, pull_mm: Array, bend_deg: Array) -> State:
-        """Return the state at the first sample.
-
-        Args:
-            pull_mm: (B,) pulling distance there [mm].
-            bend_deg: (B,) initial estimate of the angle [deg].
-        """
+        """Return the state at the first sample, from pulls (B,) [mm] and first estimates (B,) [deg]."""
 
     def resume(self, trusted: State, pull_mm: Array, bend_deg: Array) -> State:
         """Return the state of a live stream that restarts after a fault; here as at the first sample.
 
-        An estimator that learns something over minutes keeps it.
-
-        Args:
-            trusted: state before the fault.
-            pull_mm: (B,) pulling distance now [mm].
-            bend_deg: (B,) angle that is believed now [deg].
+        An estimator that learns something over minutes keeps it from `trusted`, the state before the fault;
+        pulls [mm] and angles that are believed now [deg] are (B,).
         """
         return self.start(pull_mm, bend_deg)
 
@@ -73,29 +64,20 @@ class Estimator(abc.ABC, Generic[State]):
     def step(self, state: State, pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array) -> State:
         """Return the state one sample later; the one given is left as it is.
 
-        Args:
-            state: after the previous sample.
-            pull_mm: (B,) pulling distance at this sample, finite [mm].
-            previous_pull_mm: the same at the previous sample [mm].
-            measurement_deg: (B,) measured angle, NaN where there is none [deg].
+        Pulls at this and the previous sample are (B,) and finite [mm], the measured angle (B,) is NaN where
+        there is none [deg].
         """
 
-    def single(self) -> SingleForm[Any]:
+    def single(self) -> "SingleForm":
         """Return the estimator on one stream; on plain numbers, where it has such a form."""
-        from twin.estimation.array_form import ArrayForm  # here, as it is made of this class
-
-        return ArrayForm(self)
+        return SingleForm(self)
 
     @abc.abstractmethod
     def bend_deg(self, state: State) -> Array:
         """Return the (B,) estimate that a state holds [deg]."""
 
     def half_width_deg(self, state: State) -> Array:
-        """Return half of the (B,) 95 % intervals about the estimates [deg], where it states them.
-
-        Raises:
-            NotImplementedError: it states none.
-        """
+        """Return half of the (B,) 95 % intervals about the estimates [deg], where it states them."""
         raise NotImplementedError
 
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
@@ -105,16 +87,12 @@ class Estimator(abc.ABC, Generic[State]):
     def estimate_with_interval(
         self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
     ) -> tuple[Array, Array | None]:
-        """Filter whole records.
+        """Filter whole records: (B, N) angles and half of their 95 % intervals [deg], or None for that.
 
         Args:
             pull_mm: (N,) or (B, N) pulling distance [mm].
-            measurement_deg: (N,) or (B, N) measured angle [deg]; the first sample is not used: there the
-                estimate is given.
+            measurement_deg: (N,) or (B, N) measured angle [deg]; the first sample is not used.
             initial_bend_deg: scalar or (B,) initial estimate [deg].
-
-        Returns:
-            (B, N) estimated angle and half of its 95 % interval [deg]; None for that where it states none.
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         if measurement.shape[1] == 1 and (form := self.single()).plain:
@@ -133,8 +111,49 @@ class Estimator(abc.ABC, Generic[State]):
         return estimate.T, None if half_width is None else half_width.T
 
 
+class SingleForm:
+    """An estimator on one stream: a batch of one, or the same arithmetic on plain numbers.
+
+    NumPy takes a microsecond to begin each operation; a filter of two states needs fifty of them and
+    calculates for none of that time.
+    """
+
+    plain = False  # True where a subclass has arithmetic of its own
+
+    def __init__(self, estimator: Estimator[Any]):
+        self.estimator = estimator
+        self.states_interval = estimator.states_interval
+
+    def start(self, pull_mm: float, bend_deg: float) -> Any:
+        """Return the state at the first sample, with an initial estimate of the angle [deg]."""
+        return self.estimator.start(np.array([pull_mm]), np.array([bend_deg]))
+
+    def resume(self, trusted: Any, pull_mm: float, bend_deg: float) -> Any:
+        """Return the state of a stream that restarts after a fault; see `Estimator.resume`."""
+        return self.estimator.resume(trusted, np.array([pull_mm]), np.array([bend_deg]))
+
+    def step(self, state: Any, pull_mm: float, previous_pull_mm: float, measurement_deg: float) -> Any:
+        """Return the state one sample later; NaN is a measurement that is missing."""
+        now, before, measured = np.array([pull_mm]), np.array([previous_pull_mm]), np.array([measurement_deg])
+        with np.errstate(all="ignore"):  # what overflows is not sound
+            return self.estimator.step(state, now, before, measured)
+
+    def bend_deg(self, state: Any) -> float:
+        """Return the estimate that a state holds [deg]."""
+        return float(self.estimator.bend_deg(state)[0])
+
+    def half_width_deg(self, state: Any) -> float:
+        """Return half of its 95 % interval [deg], where it states one."""
+        return float(self.estimator.half_width_deg(state)[0])
+
+    def is_sound(self, state: Any) -> bool:
+        """Return whether every number of a state is finite and possible, and variances are positive."""
+        with np.errstate(all="ignore"):
+            return is_sound(state)
+
+
 def _estimate_one(
-    form: SingleForm[Any], pull_mm: Array, measurement_deg: Array, initial_deg: float
+    form: SingleForm, pull_mm: Array, measurement_deg: Array, initial_deg: float
 ) -> tuple[Array, Array | None]:
     """Return the (1, N) estimates of one record and half of their intervals, the same bits as on a stream."""
     pulls, state = pull_mm.tolist(), form.start(float(pull_mm[0]), initial_deg)
@@ -160,11 +179,7 @@ def time_first(
 
 
 def hold(values: Array) -> Array:
-    """Return (..., N) values with each NaN replaced by the last value before it.
-
-    Raises:
-        ValueError: the first value is NaN.
-    """
+    """Return (..., N) values with each NaN replaced by the last value before it."""
     missing = np.isnan(values)
     if not missing.any():
         return values

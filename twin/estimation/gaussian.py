@@ -49,16 +49,9 @@ def propagate(covariance: Array, transition: Array, process_covariance: Array) -
 
 
 def innovation_of(mean: Array, covariance: Array, row: Array, measurement: ArrayLike) -> tuple[Array, Array]:
-    """Return the innovation of a measurement y = H x + noise, and its predicted variance H P H^T.
+    """Return the (B,) innovation of a measurement y = H x + noise, and its variance H P H^T without noise.
 
-    Args:
-        mean: (n, B).
-        covariance: (n, n, B).
-        row: H, (n,).
-        measurement: scalar or (B,); NaN where there is none.
-
-    Returns:
-        (B,) innovation, NaN where there is no measurement, and (B,) variance without that of the noise.
+    `mean` is (n, B), `covariance` (n, n, B), H (n,); a measurement that is NaN has an innovation of NaN.
     """
     innovation = np.asarray(measurement, dtype=float) - np.einsum("i,ib->b", row, mean)
     return innovation, np.einsum("i,ijb,j->b", row, covariance, row)
@@ -70,14 +63,8 @@ def condition(
     """Return mean and covariance conditioned on one scalar measurement, the covariance in Joseph's form.
 
     (I - K H) P (I - K H)^T + K R K^T stays symmetric and positive; eq. 9 of the RAM paper as printed does
-    not. Where the measurement is NaN nothing changes: prediction without update.
-
-    Args:
-        mean: (n, B).
-        covariance: (n, n, B).
-        row: H, (n,): the measurement is H x plus noise.
-        measurement: scalar or (B,).
-        variance: R, scalar or (B,).
+    not. Where the measurement is NaN nothing changes: prediction without update. `mean` is (n, B),
+    `covariance` (n, n, B), H (n,); measurement and R are scalar or (B,).
     """
     cross = np.einsum("ijb,j->ib", covariance, row)  # P H^T
     spread = np.einsum("i,ib->b", row, cross)

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
-TrainingRecord = tuple[Array, Array]
-"""`(pull_mm (N,), truth_deg (N,))` of a training record."""
+TrainingRecord = tuple[Array, Array]  # `(pull_mm (N,), truth_deg (N,))` of a training record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,8 +144,7 @@ class Case:
     truth_deg: Array | None = None
 
 
-CaseEstimator = Callable[[Case], Array]
-"""Returns (B, N) estimated angles [deg] of a case."""
+CaseEstimator = Callable[[Case], Array]  # returns (B, N) estimated angles [deg] of a case
 
 
 @runtime_checkable

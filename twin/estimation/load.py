@@ -17,21 +17,15 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
     """Read a trained estimator of any kind: a policy, a network, a learned gain.
 
     The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); one
-    that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. Tell it the
-    noise of your sensor by `with_sensor`.
-
-    Args:
-        path: the file that training wrote, such as `policy.onnx` or `lstm.onnx`.
+    that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. `with_sensor`
+    gives it the noise of your sensor.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, or not a file that training wrote.
     """
     path = Path(path)
-    return _load(path, read_trained_file(path).agent)
-
-
-def _load(path: Path, agent: str) -> Estimator[Any]:
+    agent = read_trained_file(path).agent
     try:
         training = find_training(agent)
     except ValueError as error:
@@ -39,19 +33,9 @@ def _load(path: Path, agent: str) -> Estimator[Any]:
     return training.load(path)
 
 
-def load_estimator_at(path: Path, agent: str, sample_time: float | None) -> tuple[Any, float]:
-    """Return a trained estimator at a sample time, and that time [s].
-
-    Args:
-        path: the file that training wrote.
-        agent: that it is of, as the file itself says.
-        sample_time: T [s]; that of the training, if not given.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is damaged, not a file that training wrote, or runs at another sample time alone.
-    """
-    estimator: Any = _load(path, agent)
+def load_estimator_at(path: Path, sample_time: float | None) -> tuple[Any, float]:
+    """Return a trained estimator at a sample time, that of its training if not given, and that time [s]."""
+    estimator: Any = load_estimator(path)
     trained = float(estimator.sample_time)
     if sample_time is None or abs(sample_time - trained) < SAME_S:
         return estimator, trained
@@ -59,12 +43,7 @@ def load_estimator_at(path: Path, agent: str, sample_time: float | None) -> tupl
 
 
 def model_of(path: str | Path) -> HysteresisModel:
-    """Return the model of hysteresis that a trained file was trained with.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is damaged, or not a file that training wrote.
-    """
+    """Return the model of hysteresis that a trained file was trained with."""
     description = read_trained_file(Path(path)).description
     try:
         return ActiveModel.from_dict(description.get("active_model")).model

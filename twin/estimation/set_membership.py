@@ -130,7 +130,6 @@ class ErrorBound:
     increment_deg_per_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse negative or infinite bounds."""
         values = dataclasses.astuple(self)
         if not (np.isfinite(values).all() and min(values) >= 0):
             raise InputError(f"bounds {values} of a model's error; valid: finite numbers, none negative")

@@ -17,12 +17,7 @@ ROUNDING = 1e-9  # share of its variance that a pivot may lie below zero: lifted
 
 
 def is_sound(state: Any) -> bool:
-    """Return whether all numbers of a state are sound, however deep in tuples, records and agents they are.
-
-    Args:
-        state: numbers and arrays, tuples, lists and dictionaries of them, and objects that hold them.
-            Estimators in it (with `with_sensor`) are parameters, which do not move, and are skipped.
-    """
+    """Return whether all numbers of a state are sound, however deep in it they are."""
     if isinstance(state, np.ndarray):
         return _is_bounded(state)
     if isinstance(state, tuple):

@@ -20,16 +20,13 @@ from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
-TUNING_DRAWS = 16
-"""Training episodes, each with its own noise, that a filter is tuned on."""
+TUNING_DRAWS = 16  # training episodes, each with its own noise, that a filter is tuned on
 TWINS, SECONDS = 32, 40.0
 """Number of simulated twins that a filter is tuned on, and length of each record [s]."""
 STROKE_MM, NARROWEST_MM = (-4.0, 4.0), 1.0
 """Widest stroke of their commands, and least width of a stroke [mm]."""
-VARIANCES_DEG2 = (0.05, 8.0)
-"""Least and largest R of their measurements, drawn log-uniformly [deg^2]."""
-INITIAL_ERROR_DEG = 20.0
-"""Largest error of their first estimates [deg]."""
+VARIANCES_DEG2 = (0.05, 8.0)  # least and largest R of their measurements, drawn log-uniformly [deg^2]
+INITIAL_ERROR_DEG = 20.0  # largest error of their first estimates [deg]
 _SAMPLE_TIME = 0.02  # of the simulations [s]
 
 
@@ -308,8 +305,7 @@ def register_likelihood(name: str, fit: LikelihoodFit, kind: type[ActiveModel] =
     )
 
 
-AM_TUNED = "AM-tuned"
-"""Name of the tuned active model in tables."""
+AM_TUNED = "AM-tuned"  # name of the tuned active model in tables
 TUNED = LikelihoodFit("coleman-hodgdon", ColemanHodgdon.name)
 """Fit of the paper's active model; filters of its kind take the same variances."""
 TUNED_ON_TWINS = TwinsLikelihoodFit(f"{ColemanHodgdon.name}, on twins", ColemanHodgdon.name)

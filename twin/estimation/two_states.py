@@ -5,16 +5,20 @@ a few products. They are written out here, on floats for one stream, where NumPy
 begin as to calculate, and on arrays for the many candidates of a search.
 """
 
+import dataclasses
 import math
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimation.estimator import SingleForm
 from twin.estimation.gaussian import DEVIATIONS_OF_95
-from twin.estimation.single import SingleForm
 from twin.estimation.soundness import LARGEST, ROUNDING
 from twin.hysteresis import ColemanHodgdon
+
+if TYPE_CHECKING:
+    from twin.estimation.active_model import ActiveModel
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 
@@ -46,13 +50,7 @@ def predicted(
 ) -> tuple[Number, Number, Number]:
     """Return the covariance p, r, q one sample later: F P F^T + Q with F = [[keep, T], [0, 1]].
 
-    Args:
-        p: variance of the angle.
-        r: covariance of angle and error.
-        q: variance of the error.
-        keep: derivative of a step of the model with respect to the angle.
-        sample_time: T [s].
-        noise: diagonal of Q.
+    p is the variance of the angle, q that of the error, r their covariance; Q is diagonal.
     """
     q_bend, q_error = noise
     drift = sample_time * q
@@ -63,57 +61,41 @@ def predicted(
 def updated(
     p: Number, r: Number, q: Number, variance: float | Number
 ) -> tuple[Number, Number, Number, Number, Number, Number]:
-    """Return both gains, the covariance p, r, q behind a measurement of the angle, and S.
+    """Return both gains, the covariance p, r, q behind a measurement of the angle of this variance, and S.
 
     p R / S is p - K p without its rounding, so that no variance becomes negative.
-
-    Args:
-        p: variance of the angle.
-        r: covariance of angle and error.
-        q: variance of the error.
-        variance: R of the measurement.
     """
     expected = p + variance
     of_bend, of_error = p / expected, r / expected
     return of_bend, of_error, of_bend * variance, of_error * variance, q - of_error * r, expected
 
 
-class TwoStatesForm(SingleForm[TwoStates]):
-    """The active model on Coleman-Hodgdon, on one stream."""
+class TwoStatesForm(SingleForm):
+    """The active model on Coleman-Hodgdon, on one stream; R is one number."""
 
-    states_interval = True
+    plain = True
 
-    def __init__(
-        self,
-        model: ColemanHodgdon,
-        sample_time: float,
-        process_variance: tuple[float, float],
-        measurement_variance: float,
-        initial_variance: tuple[float, float],
-    ):
-        """Take the parameters of `ActiveModel` as plain numbers."""
-        self.a, self.b, self.c = (
-            float(np.asarray(value)) for value in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm)
-        )
-        self.sample_time = sample_time
-        self.noise = process_variance
-        self.variance = measurement_variance
-        self.first = initial_variance
+    def __init__(self, estimator: "ActiveModel"):
+        super().__init__(estimator)
+        assert isinstance(estimator.model, ColemanHodgdon)
+        self.a, self.b, self.c = (float(np.asarray(of)) for of in dataclasses.astuple(estimator.model))
+        self.sample_time = estimator.sample_time
+        self.noise = estimator.process_variance
+        self.variance = float(np.asarray(estimator.measurement_variance).item())
+        self.first = estimator.initial_variance
 
     def start(self, pull_mm: float, bend_deg: float) -> TwoStates:
         """Return the belief at the first sample, with no known error of the model."""
         return TwoStates(bend_deg, 0.0, self.first[0], 0.0, self.first[1])
 
+    def resume(self, trusted: TwoStates, pull_mm: float, bend_deg: float) -> TwoStates:
+        """Return the belief of a stream that restarts, as at the first sample."""
+        return self.start(pull_mm, bend_deg)
+
     def step(
         self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
     ) -> TwoStates:
         """Predict and update by one sample."""
-        return TwoStates(*self.numbers_after(state, pull_mm, previous_pull_mm, measurement_deg))
-
-    def numbers_after(
-        self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
-    ) -> tuple[float, float, float, float, float, float, float]:
-        """Return the numbers of the state one sample later, before they are named: names cost time."""
         bend, error, p, r, q, _, _ = state
         increment = pull_mm - previous_pull_mm
         forget = self.a * abs(increment)
@@ -121,10 +103,10 @@ class TwoStatesForm(SingleForm[TwoStates]):
         p, r, q = predicted(p, r, q, 1.0 - forget, self.sample_time, self.noise)
         innovation = measurement_deg - bend
         if innovation != innovation:  # NaN: nothing was measured
-            return bend, error, p, r, q, 0.0, p + self.variance
+            return TwoStates(bend, error, p, r, q, 0.0, p + self.variance)
         of_bend, of_error, p, r, q, expected = updated(p, r, q, self.variance)
         bend += of_bend * innovation
-        return bend, error + of_error * innovation, p, r, q, innovation, expected
+        return TwoStates(bend, error + of_error * innovation, p, r, q, innovation, expected)
 
     def bend_deg(self, state: TwoStates) -> float:
         """Return the mean of the angle [deg]."""

@@ -1,9 +1,10 @@
 """The comparison: every method on the same records under the same noise, scored against the clean truth."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -82,10 +83,6 @@ def evaluate(
 
     Returns:
         One score for each estimator, noise, stroke and kind of twin.
-
-    Raises:
-        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
-        ValueError: there is no estimator, a file is damaged, or an option is out of range.
     """
     paths = [Path(path) for path in ([data] if isinstance(data, str | Path) else data)]
     if not estimators:
@@ -106,7 +103,7 @@ def compare(
     records: Sequence[Record],
     methods: Sequence[Method],
     protocol: Protocol,
-    on_progress: Callable[[int, int], None] | None = None,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
     executor: Executor | None = None,
 ) -> Comparison:
     """Run every method under every noise of the suite.
@@ -114,31 +111,17 @@ def compare(
     Records of one stroke and one kind of twin are a group: their errors are pooled for each noise seed, and a
     row holds means over seeds. The sample at k = 0, the wrong initial estimate itself, is not scored, nor is
     one whose truth is not known.
-
-    Args:
-        records: the test set, at the protocol's sample time.
-        methods: estimators, in the order of the table; picklable, where there is an executor.
-        protocol: noises, seeds and initial error.
-        on_progress: called with the number of finished groups, and of all groups.
-        executor: runs groups in parallel; without it they run here, one after the other.
     """
     groups = group_records(records)
-    results: list[Any] = [None] * len(groups)
-    if on_progress:
-        on_progress(0, len(groups))
-    if executor is None:
-        for place, group in enumerate(groups):
-            results[place] = _compare_group(group, methods, protocol)
-            if on_progress:
-                on_progress(place + 1, len(groups))
-    else:
-        # The largest first: a long one that begins last would leave the other workers idle.
-        order = sorted(range(len(groups)), key=lambda place: -len(groups[place]))
-        futures = {executor.submit(_compare_group, groups[i], methods, protocol): i for i in order}
-        for count, future in enumerate(as_completed(futures), start=1):
-            results[futures[future]] = future.result()
-            if on_progress:
-                on_progress(count, len(groups))
+    on_progress(0, len(groups))
+    # The largest first: a long one that begins last would leave the other workers idle.
+    order = sorted(range(len(groups)), key=lambda place: -len(groups[place]))
+    run = functools.partial(_compare_group, methods=methods, protocol=protocol)
+    found: dict[int, Comparison] = {}
+    for result in (executor.map if executor else map)(run, [groups[place] for place in order]):
+        found[order[len(found)]] = result
+        on_progress(len(found), len(groups))
+    results = [found[place] for place in range(len(groups))]
     return Comparison(
         [row for result in results for row in result.scores],
         results[0].tracks,
@@ -203,14 +186,10 @@ def _compare_group(
 
 def _squares(errors: Array, known: Sequence[Mask]) -> Array:
     """Return (K, C, R, S) mean square errors of (K, R, C, S, N) errors, but for the initial estimate."""
-    found, counts = [], []
-    for place, mask in enumerate(known):
-        scored = _scored(errors[:, place], mask, 1)
-        found.append((scored**2).mean(axis=-1))
-        counts.append(scored.shape[-1])
-    weights = np.array(counts) * len(counts) / sum(counts)
-    squares: Array = np.stack(found, axis=2) * weights[:, None]
-    return squares
+    scored = [_scored(errors[:, place], mask, 1) for place, mask in enumerate(known)]
+    counts = np.array([of.shape[-1] for of in scored])
+    squares: Array = np.stack([(of**2).mean(axis=-1) for of in scored], axis=2)
+    return squares * (counts / counts.mean())[:, None]
 
 
 def _scored(values: Array, known: Mask, first: int) -> Array:
@@ -272,22 +251,13 @@ def write_estimates(
     variance: float,
     folder: Path,
     initial_error_deg: float = 20.0,
-) -> list[Path]:
+) -> None:
     """Copy each record with the estimates of methods from its recorded measurements, as `/estimate/METHOD`.
 
-    Args:
-        files: MCAP files of records, by the names of the new ones without their ending.
-        methods: oracles among them are left out.
-        sample_time: T of the estimates [s]; the record keeps its own samples.
-        variance: R of the measurements [deg^2].
-        folder: existing folder for the new files.
-        initial_error_deg: error of the initial estimate [deg].
-
-    Returns:
-        The files.
+    `files` are MCAP files by the names of the new ones without their ending; oracles among the methods are
+    left out. The record keeps its own samples; estimates are at T [s], with R = `variance` [deg^2].
     """
     protocol = Protocol("paper", 1, sample_time, initial_error_deg, recorded_variance=variance)
-    written: list[Path] = []
     for name, file in files.items():
         episode = read_episode(file)
         even = episode.resampled(sample_time)
@@ -295,8 +265,7 @@ def write_estimates(
         case = make_case([(0, record)], protocol)
         begin = len(even.time) - len(record.time)
         time = episode.time[0] + sample_time * (begin + np.arange(len(record.time)))
-        target = folder / f"{name}.mcap"
-        with EpisodeWriter(target) as writer:
+        with EpisodeWriter(folder / f"{name}.mcap") as writer:
             writer.write(episode)
             for method in methods:
                 if method.oracle:
@@ -304,5 +273,3 @@ def write_estimates(
                 topic, estimate = estimate_topic(method.name), method.estimate(case)[0]
                 for nanoseconds, bend_deg in zip(to_nanoseconds(time), estimate.tolist(), strict=True):
                     writer.add_message(topic, estimate_message(bend_deg), nanoseconds)
-        written.append(target)
-    return written

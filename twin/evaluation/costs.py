@@ -14,10 +14,8 @@ from twin.estimation.learned.trained_file import learned_parameters, read_traine
 from twin.evaluation.method import Filtering, Method
 from twin.files.run_folder import read_cost
 
-SAMPLES = 200
-"""Samples that are timed of a record."""
-VARIANCE_DEG2 = 1.0
-"""R of the noise that they have [deg^2]."""
+SAMPLES = 200  # samples that are timed of a record
+VARIANCE_DEG2 = 1.0  # R of the noise that they have [deg^2]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,20 +24,14 @@ from twin.identification import OPTIMIZERS, identify
 
 Array = NDArray[np.float64]
 Records = Sequence[tuple[Array, Array]]
-Fits = dict[str, dict[str, Any]]
-"""Numbers of each fit, by its key."""
+Fits = dict[str, dict[str, Any]]  # numbers of each fit, by its key
 
 POPULATION, GENERATIONS = 80, 150  # of the genetic algorithm
 MODEL_NAMES = (ColemanHodgdon.name, MONOTONE, BoucWen.name, PrandtlIshlinskii.name)
 
 
-def model_path(folder: Path, name: str) -> Path:
-    """Return the file of a model of a name in `MODEL_NAMES`."""
-    return folder / f"{name.replace(', ', '_').replace('-', '_')}.json"
-
-
 def identify_models(
-    measured: Records, folder: Path, seed: int, on_progress: Callable[[int, int], None] | None = None
+    measured: Records, folder: Path, seed: int, on_progress: Callable[[int, int], None] = lambda *_: None
 ) -> dict[str, HysteresisModel]:
     """Identify each model on `(pull_mm, measured_deg)` of training records, or read that of an earlier run.
 
@@ -46,29 +40,22 @@ def identify_models(
     """
     models = {}
     for count, name in enumerate(MODEL_NAMES, start=1):
-        path = model_path(folder, name)
+        path = folder / f"{name.replace(', ', '_').replace('-', '_')}.json"
         if not path.is_file():
             monotone = name == MONOTONE
             kind = ColemanHodgdon.name if monotone else name
-            model, rmse = identify(
-                measured, seed, kind, monotone=monotone, population=POPULATION, generations=GENERATIONS
-            )
-            how = OPTIMIZERS[kind].format(population=POPULATION, generations=GENERATIONS)
+            size = {"population": POPULATION, "generations": GENERATIONS}
+            model, rmse = identify(measured, seed, kind, monotone=monotone, **size)
+            how = OPTIMIZERS[kind].format(**size)
             found = IdentifiedModel(model, rmse, how, seed, "training records")
             write_whole(path, json.dumps(found.to_dict(), indent=2) + "\n")
         models[name] = load_model(path)
-        if on_progress:
-            on_progress(count, len(MODEL_NAMES))
+        on_progress(count, len(MODEL_NAMES))
     return models
 
 
-def save_fits(path: Path, fits: Fits) -> None:
-    """Write the numbers of all fits; the models have files of their own."""
-    write_whole(path, json.dumps(fits, indent=2) + "\n")
-
-
 def load_fits(path: Path) -> Fits:
-    """Read the numbers that `save_fits` wrote; none, where there is no file."""
+    """Read the numbers of all fits; none, where there is no file."""
     try:
         fits = read_json(path)
         if all(isinstance(found, dict) for found in fits.values()):

@@ -31,13 +31,7 @@ def group_records(records: Sequence[Record]) -> list[list[tuple[int, Record]]]:
 def make_case(
     records: Sequence[tuple[int, Record]], protocol: Protocol, conditions: Sequence[Condition] = ()
 ) -> Case:
-    """Return all runs of a group: records, then noises, then seeds; shorter records are padded.
-
-    Args:
-        records: each with its number in the test set, which seeds its noise.
-        protocol: noises, seeds and initial error.
-        conditions: noises, if not all of the protocol's suite.
-    """
+    """Return all runs of a group: records, then noises, then seeds; shorter records are padded."""
     conditions = conditions or protocol.conditions
     samples = max(len(record.time) for _, record in records)
     pulls, measurements, truths = [], [], []
@@ -90,12 +84,6 @@ def _bound(kind: str, level: float) -> float:
     return np.inf if kind == RECORDED else noise_bound(kind, level)
 
 
-def first_draws(case: Case, seeds: int) -> Mask:
-    """Return a mask (B,) of the first draw of each noise on each record."""
-    chosen: Mask = np.arange(len(case.pull_mm)) % seeds == 0
-    return chosen
-
-
 def runs_of(case: Case, chosen: Mask) -> Case:
     """Return the runs of a case in a mask (B,), without the truth."""
     runs = np.flatnonzero(chosen)
@@ -115,8 +103,8 @@ class Estimates(NamedTuple):
     Attributes:
         bend_deg: (B, N) [deg].
         half_width_deg: (B, N) half of the 95 % intervals [deg]; None where none are stated.
-        nis: mean squared innovation of each first draw of a noise on a record (`first_draws`), in units of
-            its stated variance, NaN where there is none; None where it is not known.
+        nis: mean squared innovation of each first draw of a noise on a record in units of its stated
+            variance, NaN where there is none; None where it is not known.
     """
 
     bend_deg: Array
@@ -141,13 +129,7 @@ class Method:
     others: tuple[CaseEstimator, ...] = ()
 
     def run(self, case: Case, seeds: int, samples: range) -> Iterator[Estimates]:
-        """Yield the estimates of each training run, those of the first with its innovations.
-
-        Args:
-            case: of runs; under each noise on each record `seeds` draws, one after the other.
-            seeds: draws.
-            samples: at which innovations are found, from 1 on.
-        """
+        """Yield the estimates of each training run, those of the first with its innovations."""
         for place, estimate in enumerate((self.estimate, *self.others)):
             if place == 0 and isinstance(estimate, Filtering):
                 yield estimate.with_innovations(case, seeds, samples)
@@ -182,7 +164,7 @@ class Filtering:
         """
         if not self.estimator.with_sensor(case.sensor).states_interval:
             return Estimates(*self.with_interval(case))
-        once = first_draws(case, seeds)
+        once = np.arange(len(case.pull_mm)) % seeds == 0  # the first draw of each noise on each record
         drawn_first = runs_of(case, once)
         variance = np.broadcast_to(np.asarray(drawn_first.sensor.variance, dtype=float), once.sum())
         found = with_innovations(

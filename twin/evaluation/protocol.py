@@ -11,10 +11,9 @@ from twin.files.bounds import (
     check_between,
 )
 
-Condition = tuple[str, float]
-"""Kind and level of a measurement noise."""
-RECORDED = "recorded"
-"""Noise of a recorded measurement, of unknown distribution."""
+Condition = tuple[str, float]  # kind and level of a measurement noise
+RECORDED = "recorded"  # noise of a recorded measurement, of unknown distribution
+RECORD_SAMPLE_TIME = 0.02  # of simulated test records [s]; coarser sampling thins them
 STEADY_SECONDS = 5.0
 """Left out of `rmse_steady_deg` [s]: the time in which the paper's AM loses the initial error."""
 
@@ -74,7 +73,6 @@ class Protocol:
     recorded_variance: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an unknown suite, and numbers out of range."""
         if self.suite not in SUITES:
             raise InputError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
         check_between("seeds", self.seeds, 1, MOST_SEEDS)

@@ -22,8 +22,7 @@ from twin.files.json_text import key_name, rule_of
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000
-INTERVAL = (2.5, 97.5)
-"""Percentiles of a 95 % interval."""
+INTERVAL = (2.5, 97.5)  # percentiles of a 95 % interval
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Place = Annotated[int, Field(ge=1, le=10_000)]
 Name = Annotated[str, Field(max_length=LONGEST_TEXT)]
@@ -147,11 +146,6 @@ def times_reference(
     groups: Sequence[Mapping[str, Array]], reference: str, rng: np.random.Generator
 ) -> dict[str, tuple[float, tuple[float, float] | None]]:
     """Return each method's error over all groups in units of that of one method, with its 95 % interval.
-
-    Args:
-        groups: of records; for each, `squares` of `rank_methods`, of the same methods.
-        reference: name of the one method.
-        rng: of the resampling. A training run is drawn once for all groups.
 
     Returns:
         By method the ratio of the geometric means over groups and noises, and its paired interval; None where

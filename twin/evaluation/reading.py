@@ -20,22 +20,15 @@ from twin.signals.sensor_errors import STEREO
 
 Array = NDArray[np.float64]
 
-STILL_MM = 1e-9
-"""Largest movement of a command at rest: hysteresis cannot be identified from it."""
-MEASUREMENTS = ("auto", "drawn", "recorded")
-"""Choices of what estimators get."""
-DEFAULT_VARIANCE = 0.1
-"""R of an unknown sensor: that of the paper's training [deg^2]."""
+STILL_MM = 1e-9  # largest movement of a command at rest: hysteresis cannot be identified from it
+MEASUREMENTS = ("auto", "drawn", "recorded")  # choices of what estimators get
+DEFAULT_VARIANCE = 0.1  # R of an unknown sensor: that of the paper's training [deg^2]
 
 
 def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
     """Read all episodes of folders and files at one sample time, simulated ones thinned, others interpolated.
 
     `measured_bend` is NaN where a measurement is missing, or a measured log has a gap.
-
-    Raises:
-        FileNotFoundError: a path does not exist or a folder holds no MCAP file.
-        ValueError: a file is damaged, or the sample time does not fit it.
     """
     episodes = [episode for path in paths for episode in read_dataset(path, hidden=False)]
     return [episode.resampled(sample_time) for episode in episodes]
@@ -83,10 +76,6 @@ def complete_ranges(episode: Episode, samples: int | None = None) -> list[tuple[
 
     An episode without missing samples is one piece. In others, a piece of one sample, or with the command at
     rest, is left out: nothing can be identified from it. Raises `ValueError` where no piece is left.
-
-    Args:
-        episode: at even samples.
-        samples: number of samples to look at, from the start; all, if not given.
     """
     pull, known = episode.pull_mm[:samples], ~np.isnan(episode.measured_bend[:samples])
     if known.all():
@@ -111,21 +100,16 @@ def recorded_variance(episode: Episode) -> float | None:
     preset = episode.metadata.get("preset")
     if episode.is_measured or not isinstance(preset, dict):
         return None
-    sensor = _sensor(episode)
+    try:
+        sensor = parse_yaml(episode.attachments.get("recipe.yaml", b""))["sensor"]
+    except (KeyError, TypeError, ValueError):
+        sensor = None
+    sensor = sensor if isinstance(sensor, dict) else {}
     if isinstance(sensor.get("stereo"), dict):  # two cameras measured it
         return noise_variance(STEREO, 0.0)
     noise, step = (float(preset.get(name, 0.0)) for name in ("sensor_noise", "sensor_resolution"))
     variance = np.degrees(noise) ** 2 + np.degrees(step) ** 2 / 12 + _added(sensor)
     return float(variance) if variance > 0 else None
-
-
-def _sensor(episode: Episode) -> Mapping[str, Any]:
-    """Return the sensor in the recipe of an episode; empty without one."""
-    try:
-        sensor = parse_yaml(episode.attachments.get("recipe.yaml", b""))["sensor"]
-    except (KeyError, TypeError, ValueError):
-        return {}
-    return sensor if isinstance(sensor, dict) else {}
 
 
 def _added(sensor: Mapping[str, Any]) -> float:
@@ -145,14 +129,9 @@ def common_variance(paths: Sequence[Path]) -> tuple[float, bool]:
 
 
 def chosen_measurements(asked: str, paths: Sequence[Path]) -> tuple[str, str]:
-    """Return the measurements that estimators get, and a line about measured logs.
+    """Return the measurements that estimators get, `drawn` or `recorded`, and a line about measured logs.
 
-    Args:
-        asked: `drawn` or `recorded`, or `auto`: recorded where every record is a measured log, else drawn.
-        paths: folders of records, or files.
-
-    Returns:
-        `drawn` or `recorded`; and the line, empty where no record is a measured log.
+    `auto` is recorded where every record is a measured log, else drawn. The line is empty without such a log.
     """
     if asked not in MEASUREMENTS:
         raise InputError(

@@ -51,27 +51,13 @@ _TRACK_HEADS = TypeAdapter(Annotated[list[TrackHead], Field(max_length=1000)])
 
 def save_runs(path: Path, scores: Sequence[Score], squares: Sequence[Array]) -> None:
     """Write the mean square errors (K, R, S) [deg^2] of each score into one `.npz`, atomically."""
-    heads = [
-        RunsHead(
-            method=score.method,
-            noise=score.noise,
-            level=score.level,
-            sample_time_s=score.sample_time_s,
-            stroke_mm=list(score.stroke_mm),
-            twin=score.twin,
-        )
-        for score in scores
-    ]
+    rows = (score.to_dict() for score in scores)
+    heads = [RunsHead(**{name: row[name] for name in RunsHead.model_fields}) for row in rows]
     write_headed(path, _RUNS, heads, [of.astype(np.float32) for of in squares])
 
 
 def load_runs(path: Path) -> list[tuple[RunsHead, Array]]:
-    """Read a file of `save_runs`: heads, each with its (K, R, S) mean square errors [deg^2].
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file holds no runs.
-    """
+    """Read a file of `save_runs`: heads, each with its (K, R, S) mean square errors [deg^2]."""
     return read_headed(
         path, _RUNS, _RUNS_HEADS, lambda head, of: (head, _errors(of)), "runs", MOST_RUNS_BYTES
     )
@@ -98,12 +84,7 @@ def save_tracks(path: Path, tracks: Mapping[Condition, Record]) -> None:
 
 
 def load_tracks(path: Path) -> dict[Condition, Record]:
-    """Read a file of `save_tracks`: records with their estimates, by noise; their command is not in it.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file holds no tracks.
-    """
+    """Read a file of `save_tracks`: records with their estimates, by noise; their command is not in it."""
     return dict(read_headed(path, _TRACKS, _TRACK_HEADS, _track, "tracks", MOST_TRACKS_BYTES))
 
 

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from twin.dataset.episodes import VERSIONS
 from twin.episode import Episode, Record
 from twin.errors import DivergedError, InputError
+from twin.evaluation.protocol import RECORD_SAMPLE_TIME
 from twin.files.assets import assets_folder
 from twin.files.dataset_json import NAME, BenchmarkDataset, read_contents, to_json_values, write_contents
 from twin.preset import Preset, Ranges, load_preset, preset_names
@@ -28,19 +29,15 @@ from twin.simulation import simulate, simulate_batch
 
 Array = NDArray[np.float64]
 
+SAMPLE_TIME = RECORD_SAMPLE_TIME  # [s]
 STROKES_MM = ((-1.0, 1.0), (2.0, 4.0), (-4.0, 4.0))
-SAMPLE_TIME = 0.02  # of the records; coarser sampling thins them
 RANDOMIZED = 20
 BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
 
-WIDER, WIDE = 1.5, 10
-"""Factor of the ranges of twins that no training meets, and number of such twins."""
-MOVES_AT, MOVES_FOR_S = 0.4, 0.5
-"""Share of a record after which the sheath moves suddenly, and duration [s]."""
-TOUCHED, TOUCH_N = (0.3, 0.7), 0.1
-"""Shares of a record between which the tip is touched, and the force [N]."""
-FARTHER = 2.5
-"""Factor of the widest stroke for another endoscope: `vio_com` does not bend below some mm."""
+WIDER, WIDE = 1.5, 10  # factor of the ranges of twins that no training meets, and number of such twins
+MOVES_AT, MOVES_FOR_S = 0.4, 0.5  # share of a record after which the sheath moves suddenly, and duration [s]
+TOUCHED, TOUCH_N = (0.3, 0.7), 0.1  # shares of a record between which the tip is touched, and the force [N]
+FARTHER = 2.5  # factor of the widest stroke for another endoscope: `vio_com` does not bend below some mm
 
 FINGERPRINT_FILE = "frozen_test_set.json"
 TOLERANCE_DEG = 0.05
@@ -71,30 +68,22 @@ class Scenario:
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
-    """Return the test records of the suite `full`, stroke by stroke.
-
-    Args:
-        preset: the nominal twin.
-        ranges: that the randomised twins are drawn from.
-        seconds: length of a record.
-        seed: of commands and twins.
-    """
+    """Return the test records of the suite `full`, stroke by stroke."""
     twins = [ranges.draw(preset, random_stream(seed, SeedUse.BENCHMARK_TWINS, k)) for k in range(RANDOMIZED)]
     drives = []
     for stroke in STROKES_MM:
         for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
             bend = np.linspace(*BENDING, len(pull))
-            mine = twins[place :: len(SIGNALS)]
             drives += [
                 Scenario("nominal", preset, signal, stroke, pull),
                 Scenario("bending sheath", preset, signal, stroke, pull, bend),
-                *(Scenario("randomized", twin, signal, stroke, pull) for twin in mine),
+                *(Scenario("randomized", of, signal, stroke, pull) for of in twins[place :: len(SIGNALS)]),
             ]
     return drives
 
 
 def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
-    """Return the test records of the suite `untrained`: twins that no training meets; arguments as above.
+    """Return the test records of the suite `untrained`: twins that no training meets.
 
     On the commands of the full suite, on its narrowest and its widest stroke: the preset, for sensors that
     have a fault (`twin/signals/sensor_errors.py`); a sheath that moves by half a turn within half a second; a
@@ -103,7 +92,6 @@ def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: in
     """
     wide = ranges.wider(WIDER)
     twins = [wide.draw(preset, random_stream(seed, SeedUse.BENCHMARK_WIDE_TWINS, k)) for k in range(WIDE)]
-    others = [load_preset(name) for name in preset_names() if name != preset.name]
     drives = []
     for stroke in (STROKES_MM[0], STROKES_MM[2]):
         for place, (signal, pull) in enumerate(commands(stroke, seconds, seed).items()):
@@ -114,35 +102,27 @@ def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: in
                 Scenario("nominal", preset, signal, stroke, pull),
                 Scenario("sheath moves suddenly", preset, signal, stroke, pull, moved),
                 Scenario("tip touched", preset, signal, stroke, pull, tip_force=touched.astype(float)),
-                *(
-                    Scenario("wider ranges", twin, signal, stroke, pull)
-                    for twin in twins[place :: len(SIGNALS)]
-                ),
+                *(Scenario("wider ranges", of, signal, stroke, pull) for of in twins[place :: len(SIGNALS)]),
             ]
-    low, high = STROKES_MM[2]
-    farther = (FARTHER * low, FARTHER * high)
-    for other in others:
-        drives += [
-            Scenario("another endoscope", other, signal, farther, FARTHER * pull)
-            for signal, pull in commands(STROKES_MM[2], seconds, seed).items()
-        ]
+    farther = (FARTHER * STROKES_MM[2][0], FARTHER * STROKES_MM[2][1])
+    drives += [
+        Scenario("another endoscope", load_preset(name), signal, farther, FARTHER * pull)
+        for name in preset_names()
+        if name != preset.name
+        for signal, pull in commands(STROKES_MM[2], seconds, seed).items()
+    ]
     return drives
 
 
 def commands(stroke_mm: tuple[float, float], seconds: float, seed: int) -> dict[str, Array]:
     """Return one command (N,) [m] of each kind of signal on a stroke."""
-    metres = (stroke_mm[0] * 1e-3, stroke_mm[1] * 1e-3)
+    low, high = stroke_mm[0] * 1e-3, stroke_mm[1] * 1e-3
     place = STROKES_MM.index(stroke_mm)
-    return {
-        signal: command(
-            signal,
-            metres,
-            seconds,
-            SAMPLE_TIME,
-            random_stream(seed, SeedUse.BENCHMARK_COMMANDS, place, number),
-        )
-        for number, signal in enumerate(SIGNALS)
-    }
+    drawn = {}
+    for number, signal in enumerate(SIGNALS):
+        rng = random_stream(seed, SeedUse.BENCHMARK_COMMANDS, place, number)
+        drawn[signal] = command(signal, (low, high), seconds, SAMPLE_TIME, rng)
+    return drawn
 
 
 def members(
@@ -151,28 +131,19 @@ def members(
     pull: Array,
     count: int,
     seed: int,
-    stroke_mm: tuple[float, float] = (0, 0),
     first: int = 0,
 ) -> list[Scenario]:
-    """Return the drives of an ensemble along one command: other draws from the ranges of the test's twins.
+    """Return the drives of an ensemble along a command (N,) [m]: other draws from the ranges of the test.
 
-    Every second one has its sheath bent on during the record, from one drawn angle to another.
-
-    Args:
-        preset: the parameters that do not vary.
-        ranges: of those that do.
-        pull: (N,) command [m].
-        count: number of members.
-        seed: of the draws.
-        stroke_mm: recorded with each.
-        first: number of the first draw, so that ensembles need have no member in common.
+    Every second one has its sheath bent on during the record, from one drawn angle to another. `first` is the
+    number of the first draw, so that ensembles need have no member in common.
     """
     drives = []
     for number in range(first, first + count):
         rng = random_stream(seed, SeedUse.BENCHMARK_MEMBERS, number)
         drawn, other = ranges.draw(preset, rng), ranges.draw(preset, rng)
         bend = np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None
-        drives.append(Scenario("member", drawn, "given", stroke_mm, pull, bend))
+        drives.append(Scenario("member", drawn, "given", (0, 0), pull, bend))
     return drives
 
 
@@ -192,21 +163,17 @@ def simulate_drives(
     )
 
 
-def simulate_pushed(drive: Scenario) -> Episode | None:
-    """Simulate a drive whose tip is pushed, in MuJoCo; None where it diverged."""
+def simulate_pushed(drive: Scenario) -> Episode:
+    """Simulate a drive whose tip is pushed, in MuJoCo."""
     forces = iter([] if drive.tip_force is None else drive.tip_force.tolist())
 
     def push(endoscope: Any) -> None:
         endoscope.push_tip(next(forces, 0.0))
 
-    try:
-        return simulate(drive.preset, drive.pull, SAMPLE_TIME, sheath_bend=drive.sheath_bend, on_sample=push)
-    except DivergedError:
-        return None
+    return simulate(drive.preset, drive.pull, SAMPLE_TIME, sheath_bend=drive.sheath_bend, on_sample=push)
 
 
 def _simulate_all(drives: Sequence[Scenario]) -> list[Episode | None]:
-    """Simulate drives of any endoscopes, those of one preset in one batch."""
     episodes: list[Episode | None] = [None] * len(drives)
     together: dict[str, list[int]] = {}
     for place, drive in enumerate(drives):
@@ -231,18 +198,7 @@ def write_scenarios(
     """Simulate the test records into a folder of MCAP files, or find those of an earlier run.
 
     Raises `ValueError` where the folder holds another test set, `FloatingPointError` where a simulation
-    diverged.
-
-    Args:
-        folder: of the records.
-        preset: the nominal twin.
-        ranges: that twins are drawn from.
-        seconds: length of a record.
-        seed: of commands and twins.
-        make: returns the drives; `scenarios`, or those of another suite.
-
-    Returns:
-        The files, in the order of the drives.
+    diverged. `make` returns the drives: `scenarios`, or those of another suite. The files are in their order.
     """
     folder.mkdir(parents=True, exist_ok=True)
     drives = make(preset, ranges, seconds, seed)
@@ -255,15 +211,20 @@ def write_scenarios(
         "seed": seed,
     }
     if (folder / NAME).is_file():
-        _refuse_another_benchmark(folder, recipe)
+        held = read_contents(folder)
+        same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
+        if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
+            raise InputError(
+                f"{folder} holds the records of another benchmark: choose another `folder` or remove it"
+            )
         return paths
     files = []
     for path, drive, episode in zip(paths, drives, _simulate_all(drives), strict=True):
         if episode is None:
             raise DivergedError(f"the simulation of {path.name} ({drive.twin}) diverged")
         conditions = {"twin": drive.twin, "signal": drive.signal, "stroke_mm": list(drive.stroke_mm)}
-        origin = {**conditions, "seed": seed}
-        write_episode(path, dataclasses.replace(episode, metadata=episode.metadata | origin))
+        metadata = episode.metadata | conditions | {"seed": seed}
+        write_episode(path, dataclasses.replace(episode, metadata=metadata))
         files.append({**describe_episode(path, episode), **conditions})
     contents = {
         "source": "benchmark",
@@ -275,16 +236,6 @@ def write_scenarios(
     }
     write_contents(folder, contents)
     return paths
-
-
-def _refuse_another_benchmark(folder: Path, recipe: dict[str, Any]) -> None:
-    """Refuse a folder whose records were made from something else, or by another version."""
-    held = read_contents(folder)
-    same = isinstance(held, BenchmarkDataset) and to_json_values(held.recipe) == recipe
-    if not same or any(getattr(held, name) != version for name, version in VERSIONS.items()):
-        raise InputError(
-            f"{folder} holds the records of another benchmark: choose another `folder` or remove it"
-        )
 
 
 class Fingerprint(BaseModel):

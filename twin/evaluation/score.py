@@ -11,20 +11,16 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from twin.errors import InputError, MissingFileError
 from twin.evaluation.metrics import geometric_mean
 from twin.files.bounded import MEBIBYTE
+from twin.files.bounds import MOST_TRAININGS
 from twin.files.json_text import key_name, read_json, rule_of, validated
 from twin.files.shown import shown
 
-MOST_BYTES = 32 * MEBIBYTE
-"""Limit of a file of results, which the full suite stays far below."""
+MOST_BYTES = 32 * MEBIBYTE  # limit of a file of results, which the full suite stays far below
 MOST_ROWS = 100_000
-MOST_TRAININGS = 100
-"""Training runs of one method that are compared as one row."""
 LONGEST_TEXT = 200
-LARGEST = 1e12
-"""Magnitude of a figure that no evaluation comes near, in any of the units."""
+LARGEST = 1e12  # magnitude of a figure that no evaluation comes near, in any of the units
 
-Group = tuple[tuple[float, ...], str]
-"""Stroke [mm] and kind of twin."""
+Group = tuple[tuple[float, ...], str]  # stroke [mm] and kind of twin
 Text = Annotated[str, Field(max_length=LONGEST_TEXT, strict=True)]
 Figure = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False, strict=True)]
 Interval = tuple[Figure, Figure]
@@ -153,12 +149,7 @@ def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
 
 
 def read_evaluation(path: Path) -> tuple[list[Score], dict[str, Any]]:
-    """Return the scores of an `evaluation.json`, and all that it holds.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no such file, or a row is damaged.
-    """
+    """Return the scores of an `evaluation.json`, and all that it holds."""
     try:
         contents = read_json(path, MOST_BYTES)
         file = validated(EvaluationFile, contents)
@@ -174,11 +165,6 @@ def read_evaluation(path: Path) -> tuple[list[Score], dict[str, Any]]:
         except ValueError as error:
             raise InputError(f"{path}: row {number}: {error}") from None
     return scores, contents
-
-
-def to_rows(scores: Sequence[Score]) -> list[dict[str, Any]]:
-    """Return the rows of `evaluation.json`."""
-    return [score.to_dict() for score in scores]
 
 
 def rmse_by(scores: Sequence[Score], kind_of: Callable[[Score], Kind]) -> dict[Kind, float]:

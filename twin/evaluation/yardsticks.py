@@ -35,7 +35,7 @@ def make_ensembles(
     seed: int,
     first: int = 0,
     physics: str = "reduced",
-    on_progress: Callable[[int, int], None] | None = None,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Path]:
     """Simulate an ensemble along each command, or find the one of an earlier run.
 
@@ -43,23 +43,19 @@ def make_ensembles(
         preset: parameters that the members have in common.
         ranges: that the others are drawn from.
         pulls: commands (N,) at `SAMPLE_TIME` [m].
-        folder: of the ensembles, each named by a hash of all that made it.
+        folder: of the ensembles, each named by a hash of all that made it: one `.npz` for each command, with
+            `pull_mm` (N,), `bend_deg` (members, N) and `sample_time` [s].
         count: members of each; one that diverges is left out.
         seed: of the draws.
         first: number of the first draw.
-        physics: the twin that members are, `reduced` or `mujoco`: the same bends to some hundredths of a
-            degree, and a hundred times the wait.
+        physics: of the members, `reduced` or `mujoco`: the same bends to some hundredths of a degree.
         on_progress: called with the number of finished ensembles, and of all.
-
-    Returns:
-        One `.npz` for each command, with `pull_mm` (N,), `bend_deg` (members, N) and `sample_time` [s].
     """
     folder.mkdir(parents=True, exist_ok=True)
     origin = [__version__, preset.to_dict(), ranges.to_dict(), count, seed, first, SAMPLE_TIME, physics]
     key = json.dumps(origin).encode()
     paths = []
-    if on_progress:
-        on_progress(0, len(pulls))
+    on_progress(0, len(pulls))
     for finished, pull in enumerate(pulls, start=1):
         name = hashlib.sha256(key + np.ascontiguousarray(pull).tobytes()).hexdigest()[:16]
         path = folder / f"{name}.npz"
@@ -71,8 +67,7 @@ def make_ensembles(
             np.savez(buffer, pull_mm=pull * 1e3, bend_deg=bend, sample_time=SAMPLE_TIME)
             write_whole(path, buffer.getvalue())
         paths.append(path)
-        if on_progress:
-            on_progress(finished, len(pulls))
+        on_progress(finished, len(pulls))
     return paths
 
 
@@ -100,15 +95,9 @@ def bounds(
             posterior_bound(ensembles.along(record.pull_mm), information, record.known)[1:] ** 2
             for record in commands.values()
         ]
-        rows.append(
-            {
-                "noise": kind,
-                "level": level,
-                "sample_time_s": sample_time,
-                "stroke_mm": list(stroke),
-                "rmse_deg": float(np.sqrt(np.concatenate(squares).mean())),
-            }
-        )
+        rmse = float(np.sqrt(np.concatenate(squares).mean()))
+        place = {"noise": kind, "level": level, "sample_time_s": sample_time, "stroke_mm": list(stroke)}
+        rows.append({**place, "rmse_deg": rmse})
     return rows
 
 

@@ -11,6 +11,8 @@ MOST_WORKERS = 1024
 """Largest number of processes, more than any machine has cores."""
 SAMPLE_TIMES = (1e-6, 1000.0)
 """Shortest and longest time between two samples [s]."""
+MOST_TRAININGS = 100
+"""Training runs of one method that are compared as one row."""
 LARGEST_ERROR_DEG = 10_000.0
 """Largest error of an initial estimate [deg]."""
 LARGEST_VARIANCE_DEG2 = 1e9

@@ -338,7 +338,7 @@ def gather(
     file = read_trained_file(path)
     if sample_time is not None:
         check_between("sample_time", sample_time, *SAMPLE_TIMES, "s")
-    estimator, T = load_estimator_at(path, file.agent, sample_time)
+    estimator, T = load_estimator_at(path, sample_time)
     check_members([preset])
     check_sample_time(preset, T)
     logs, sheath_bends = [], []

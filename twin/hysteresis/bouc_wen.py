@@ -25,8 +25,7 @@ from twin.hysteresis.reading import numbers
 
 Array = NDArray[np.float64]
 
-HALLEY_STEPS = 3
-"""Iterations of Halley's method: they reach 1e-14 for all n from 1 to 10 and any increment."""
+HALLEY_STEPS = 3  # iterations of Halley's method: they reach 1e-14 for all n from 1 to 10 and any increment
 
 
 @dataclasses.dataclass(frozen=True)

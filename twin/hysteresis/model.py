@@ -18,8 +18,7 @@ from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 Array = NDArray[np.float64]
 
-MOST_BYTES = MEBIBYTE
-"""Size of a model's file [bytes]."""
+MOST_BYTES = MEBIBYTE  # size of a model's file [bytes]
 
 
 class HysteresisModel(Protocol):
@@ -106,12 +105,7 @@ class IdentifiedModel:
 
 
 def load_model(path: Path) -> HysteresisModel:
-    """Read an identified model; a file that names no model is one of Coleman and Hodgdon.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: the file holds no model that we know, or parameters that cannot be.
-    """
+    """Read an identified model; a file that names no model is one of Coleman and Hodgdon."""
     try:
         values = read_json(path, MOST_BYTES)
     except MissingFileError as error:

@@ -6,8 +6,7 @@ from typing import Any
 from twin.errors import InputError
 from twin.files.shown import shown
 
-LARGEST = 1e9
-"""Magnitude of a parameter that no endoscope comes near, in any of the units."""
+LARGEST = 1e9  # magnitude of a parameter that no endoscope comes near, in any of the units
 MOST_ENTRIES = 1000
 
 

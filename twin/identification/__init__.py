@@ -14,12 +14,9 @@ from twin.identification.search import NEVER_REVERSES, OnGeneration, Records, me
 
 __all__ = ["NEVER_REVERSES", "OPTIMIZERS", "Records", "check_options", "identify", "mean_square_error"]
 
-POPULATIONS = (4, 10_000)
-"""Smallest and largest population of a genetic algorithm."""
-MOST_GENERATIONS = 100_000
-"""Largest number of generations of a genetic algorithm."""
-MOST_THRESHOLDS = 1000
-"""Largest number of plays of a Prandtl-Ishlinskii model."""
+POPULATIONS = (4, 10_000)  # smallest and largest population of a genetic algorithm
+MOST_GENERATIONS = 100_000  # largest number of generations of a genetic algorithm
+MOST_THRESHOLDS = 1000  # largest number of plays of a Prandtl-Ishlinskii model
 
 OPTIMIZERS = {
     ColemanHodgdon.name: "pymoo GA, population {population}, generations {generations}",
@@ -54,10 +51,6 @@ def identify(
 
     Returns:
         The best model and its RMSE over all samples [deg].
-
-    Raises:
-        ValueError: there is no such model or it has no such option; there is no record, a command does not
-            move or never reverses, or a value is not finite.
     """
     size: dict[str, int] = {"population": population, "generations": generations}
     check_options(name, monotone=monotone, thresholds_mm=thresholds_mm, **size)

@@ -30,10 +30,8 @@ BOUC_WEN_LOWER = np.array(
 )  # kappa_x [deg/mm], kappa_w [deg], rho [1/mm], sigma, n
 BOUC_WEN_UPPER = np.array([80.0, 60.0, 20.0, 5.0, 10.0])
 LOGARITHMIC = np.array([False, False, True, False, True])
-DIFFERENCE = 1e-6
-"""Step of the finite differences, to either side, on the scale of the unit cube."""
-PLAYS = 8
-"""Number of plays where no thresholds are given."""
+DIFFERENCE = 1e-6  # step of the finite differences, to either side, on the scale of the unit cube
+PLAYS = 8  # number of plays where no thresholds are given
 
 
 def identify_coleman_hodgdon(
@@ -141,10 +139,6 @@ def identify_prandtl_ishlinskii(
     The first angle of a record is measured with noise that a play never forgets, so the level of each record
     is free in the fit. The returned error is that of the response from the measured first angle, as for other
     models.
-
-    Args:
-        records: of the fit.
-        thresholds_mm: of the plays; if not given, `spread_thresholds`.
 
     Returns:
         The best model and its RMSE over all samples [deg].

@@ -21,14 +21,11 @@ from twin.identification.search import Records, Stack
 
 Array = NDArray[np.float64]
 
-LARGEST_DELAY_S = 0.5
-"""Largest delay of a command [s]: a longer one is no controller's."""
-LARGEST_OFFSET_DEG = 180.0
-"""Magnitude of the largest offset of an angle [deg]."""
+LARGEST_DELAY_S = 0.5  # largest delay of a command [s]: a longer one is no controller's
+LARGEST_OFFSET_DEG = 180.0  # magnitude of the largest offset of an angle [deg]
 LEAST_SPREAD = 0.25
 """Standard deviation of a command's speed, over its mean, that determines a delay; a sine has 0.48."""
-FIRST_DELAYS_S = (0.0, 0.1, 0.3)
-"""Delays that the fit begins from: its error has a kink at each sample time."""
+FIRST_DELAYS_S = (0.0, 0.1, 0.3)  # delays that the fit begins from: its error has a kink at each sample time
 FIRST_STEPS, MOST_STEPS = 6, 60
 """Largest number of steps of least squares from each of them, and from the best result."""
 

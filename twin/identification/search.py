@@ -19,8 +19,7 @@ OnGeneration = Callable[[int, float], None]
 """Called with the number of the generation and the best RMSE so far [deg]."""
 
 NEVER_REVERSES = "the command never reverses: a loop needs at least one reversal to identify hysteresis"
-DIVERGED = 1e12
-"""Mean square error of a response that is not finite [deg^2]."""
+DIVERGED = 1e12  # mean square error of a response that is not finite [deg^2]
 
 
 def check(records: Records) -> None:

@@ -250,7 +250,7 @@ def prepare_runtime(
     if noise_variance is None:
         noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
     noise_variance = _positive("noise_variance", noise_variance)
-    estimator, T = load_estimator_at(path, file.agent, sample_time)
+    estimator, T = load_estimator_at(path, sample_time)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)

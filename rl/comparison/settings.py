@@ -1,0 +1,181 @@
+"""Settings of a comparison, as `endotwin evaluate` takes them, and the suite that is resolved from them."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+
+from rl.options import LIMITS, TrainingOptions
+from twin.errors import InputError
+from twin.estimation.methods import Presentation
+from twin.estimation.registry import MethodSpec, find_method, method_specs
+from twin.evaluation.protocol import RECORD_SAMPLE_TIME, Condition, Protocol
+from twin.files.bounds import LONGEST_SECONDS, MOST_TRAININGS, MOST_WORKERS, check_between
+
+if TYPE_CHECKING:
+    from twin.episode import Record
+    from twin.evaluation.score import Score
+    from twin.hysteresis import ColemanHodgdon
+
+EVERY = ("all",)  # value of `methods` for every method
+MOST_MEMBERS, MOST_ENSEMBLES = 10_000, 100
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluate:
+    """Compare methods on test records under noise.
+
+    The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
+    --train and kept with the results; without --train it is left out.
+
+    The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
+    twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
+    """
+
+    data: tyro.conf.Positional[tuple[Path, ...]]
+    """Test set: folders of MCAP files, or files. The full suite simulates its own without them."""
+    out: Path
+    """Folder for evaluation.json, tables, figures and tracks."""
+    model: Path | None = None
+    """Reference model, as `endotwin identify` writes it; if not given, coleman_hodgdon.json, or the model
+    that the first policy was trained with. The full suite identifies its own."""
+    train: Path | None = None
+    """Training set, to train what is not given and to tune the yardsticks."""
+    policy: tuple[Path, ...] = ()
+    """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ... One that was
+    trained at one sample time runs at that one alone (--sample-time). Several of one method that differ in
+    their seed alone are one row: the mean over them, and their spread."""
+    methods: tuple[str, ...] = ()
+    """Names of the methods to compare, as in the tables; all of the suite, if not given. In the full suite,
+    `all` has those too that it otherwise has on request, and trains what is not given."""
+    method_file: tuple[Path, ...] = ()
+    """Python files that register estimators of your own (`register_method`), to compare them too; each is
+    run."""
+    suite: str = "paper"
+    """paper: its five noises, and the Poisson ones with dither; paper-only: its five; full;
+    untrained: as full, with faults of the sensor and twins that no training meets."""
+    measurements: Literal["auto", "drawn", "recorded"] = "auto"
+    """drawn: the truth with drawn noise; recorded: what the sensor of the record saw, once. auto:
+    recorded where all records are measured logs, else drawn; the full suite draws, unless given."""
+    sensor_variance: float | None = None
+    """R of recorded measurements [deg^2]; if not given, as the records state it, else 0.1."""
+    write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Also write each record into OUT/estimates with /estimate/METHOD: what methods make of its recorded
+    measurements."""
+    seeds: int = 20
+    """Draws of the noise."""
+    sample_time: tuple[float, ...] = ()
+    """T [s]; records are thinned to it. Without it, 0.1, and in the full suite 0.1 and 0.02."""
+    initial_error_deg: float = 20.0
+    """Error of the initial estimate [deg]."""
+    episodes: int = TrainingOptions.episodes
+    """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at others)."""
+    preset: str = "ureteroscope"
+    """Full suite: the twin of records and ensembles, and the ranges that they are drawn from."""
+    trainings: int = 1
+    """Full suite: trainings of each learned method that is not given, with --seed and those that follow; a
+    row is the mean over them, with the spread."""
+    members: int = 256
+    """Full suite: twins in an ensemble."""
+    ensembles: int = 1
+    """Full suite: ensembles of other twins, each; their rows are means over them, with the spread."""
+    member_physics: Literal["reduced", "mujoco"] = "reduced"
+    """Full suite: what they are; the records are always of the twin in MuJoCo."""
+    seconds: float = 60.0
+    """Full suite: length of the records that it simulates."""
+    workers: int = 0
+    """Full suite: processes; 0 for one per core. The results do not depend on it."""
+    dask: str | None = None
+    """Full suite: address of a Dask scheduler, whose workers see all files under the same path."""
+    seed: int = 0
+    """Of everything that is drawn."""
+    json: bool = False
+    """Print the summary as one JSON object."""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether missing records, models and ensembles are made."""
+        return self.suite in ("full", "untrained")
+
+
+@dataclasses.dataclass(frozen=True)
+class Suite(Evaluate):
+    """A comparison with all that its settings refer to.
+
+    Attributes:
+        trained: trained files of each given agent, one for each training run of it.
+        reference: reference model of the paper's suite; without it, only methods that need none are compared.
+        recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
+        origin: command, versions and hashes of the data, for `evaluation.json`.
+    """
+
+    trained: dict[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
+    reference: "ColemanHodgdon | None" = None
+    recorded_variance: float | None = None
+    origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for T in self.sample_time:
+            self.protocol(T)
+            steps = T / RECORD_SAMPLE_TIME
+            if self.is_full and (steps < 1 or abs(steps - round(steps)) > 1e-9):
+                raise InputError(f"sample_time = {T:g} s: must be a multiple of {RECORD_SAMPLE_TIME:g} s")
+        check_between("members", self.members, 8, MOST_MEMBERS)
+        check_between("ensembles", self.ensembles, 1, MOST_ENSEMBLES)
+        check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
+        check_between("episodes", self.episodes, *LIMITS["episodes"])
+        check_between("trainings", self.trainings, 1, MOST_TRAININGS)
+        check_between("workers", self.workers, 1, MOST_WORKERS)
+        if self.is_full and self.train and os.path.realpath(self.train) in map(os.path.realpath, self.data):
+            raise InputError(
+                f"training set {self.train} is test data too: what is trained there proves nothing"
+            )
+        for name in () if self.methods == EVERY and self.is_full else self.methods:
+            find_method(name)
+
+    @property
+    def specs(self) -> list[MethodSpec]:
+        """Methods to compare, in the order of tables: those that are named, or of the suite or a given file.
+
+        The density of a recorded noise, or of a faulty sensor, is unknown.
+        """
+        specs = method_specs()
+        if self.methods and not (self.methods == EVERY and self.is_full):
+            specs = [spec for spec in specs if spec.name in self.methods]
+        elif not self.methods:
+            specs = [spec for spec in specs if self._has(spec.presentation) or spec.agent in self.trained]
+        no_density = self.is_full and (self.recorded_variance is not None or self.suite != "full")
+        return [spec for spec in specs if not (no_density and spec.needs_density)]
+
+    def _has(self, of: Presentation) -> bool:
+        return not of.on_request if self.is_full else of.in_paper_suite
+
+    @property
+    def agents(self) -> list[str]:
+        """Agents that the compared methods run on, each once."""
+        return list(dict.fromkeys(spec.agent for spec in self.specs if spec.agent is not None))
+
+    def protocol(self, sample_time: float) -> Protocol:
+        """Return the protocol at one sample time [s]."""
+        recorded = self.recorded_variance
+        return Protocol(self.suite, self.seeds, sample_time, self.initial_error_deg, self.seed, recorded)
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """Results of a comparison.
+
+    Attributes:
+        scores: of every method.
+        tracks: by noise, the first record with the estimates of all methods, at the first sample time.
+        records: number of test records.
+        remark: what else there is to say of them.
+    """
+
+    scores: "list[Score]"
+    tracks: "dict[Condition, Record]"
+    records: int
+    remark: str = ""
