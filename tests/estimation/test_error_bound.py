@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bounded_system import COLEMAN_HODGDON, T, pulls, simulate
+from bounded_system import COLEMAN_HODGDON, pulls, simulate
 
 from twin.estimation.set_membership import ErrorBound, bound_model_error
 
@@ -16,7 +16,7 @@ def training_records(bound: ErrorBound, style: str = "even"):
 
 @pytest.mark.parametrize("bound", [ErrorBound(8.0, 0.05), ErrorBound(0.0, 0.3), ErrorBound(4.0, 0.0)])
 def test_bounds_are_recovered_from_records_that_exhaust_them(bound):
-    found = bound_model_error(COLEMAN_HODGDON, training_records(bound, "ends"), T, factor=1.0)
+    found = bound_model_error(COLEMAN_HODGDON, training_records(bound, "ends"), factor=1.0)
     assert found.slope_deg_per_mm == pytest.approx(bound.slope_deg_per_mm, rel=1e-6, abs=1e-6)
     assert found.floor_deg == pytest.approx(bound.floor_deg, rel=1e-6, abs=1e-6)
     assert (found.error_deg_per_s, found.increment_deg_per_s) == (0.0, 0.0)
@@ -24,7 +24,7 @@ def test_bounds_are_recovered_from_records_that_exhaust_them(bound):
 
 def test_bounds_hold_on_their_records_and_no_smaller_mean_does():
     records = training_records(ErrorBound(8.0, 0.05))
-    found = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
+    found = bound_model_error(COLEMAN_HODGDON, records, factor=1.0)
     move = np.concatenate([np.abs(np.diff(pull)) for pull, _ in records])
     error = np.concatenate(
         [
@@ -39,21 +39,10 @@ def test_bounds_hold_on_their_records_and_no_smaller_mean_does():
         assert slope * move.mean() + floor >= mean - 1e-9
 
 
-def test_a_slow_error_of_the_model_is_told_from_the_rest():
-    """With f allowed to change, what is left to bound is small; without it, all of f is left."""
-    records = training_records(ErrorBound(1.0, 0.02, 5.0, 0.1))
-    without = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0)
-    with_f = bound_model_error(COLEMAN_HODGDON, records, T, factor=1.0, increment_deg_per_s=0.1)
-    assert with_f.slope_deg_per_mm * 0.05 + with_f.floor_deg < 1.0 * 0.05 + 0.02 + 1e-3
-    assert without.floor_deg + without.slope_deg_per_mm * 0.05 > 0.2
-    assert 2.0 < with_f.error_deg_per_s < 7.0
-    assert with_f.increment_deg_per_s == 0.1
-
-
 def test_wrong_bounds_are_refused():
     with pytest.raises(ValueError, match="none negative"):
         ErrorBound(-1.0, 0.1)
     with pytest.raises(ValueError, match=r"factor 0\.5"):
-        bound_model_error(COLEMAN_HODGDON, training_records(ErrorBound(1.0, 0.1)), T, factor=0.5)
+        bound_model_error(COLEMAN_HODGDON, training_records(ErrorBound(1.0, 0.1)), factor=0.5)
     with pytest.raises(ValueError, match="two samples"):
-        bound_model_error(COLEMAN_HODGDON, [(np.ones(1), np.ones(1))], T)
+        bound_model_error(COLEMAN_HODGDON, [(np.ones(1), np.ones(1))])

@@ -42,7 +42,7 @@ def test_a_kalman_filter_is_as_sure_as_it_may_be(filter_):
     assert found["nees"] == pytest.approx(1.0, abs=0.06)
     stated = filter_(**STATED, measurement_variance=R)
     variance, start = np.full(RUNS, R), np.full(RUNS, first)
-    squares = with_innovations(stated, pull.T, measured.T, start, variance, range(20, SAMPLES)).squares
+    squares = with_innovations(stated, pull.T, measured.T, start, variance, range(20, SAMPLES))[2]
     assert squares.shape == (SAMPLES - 20, RUNS)
     assert np.isnan(squares[30:50]).all()  # a missing measurement has no innovation
     assert np.nanmean(squares) == pytest.approx(1.0, abs=0.04)

@@ -1,3 +1,5 @@
+import json
+
 import briefly
 import pytest
 from scores import simulated_record

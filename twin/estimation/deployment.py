@@ -99,13 +99,10 @@ def deployment_of(file: TrainedFile) -> Deployment:
 def prepare_deployment(
     records: Sequence[tuple[Array, Array]], model: ColemanHodgdon, sample_time: float, seed: int
 ) -> Deployment:
-    """Return the deployment of an estimator that is trained on these records.
+    """Return the deployment of an estimator that is trained on records `(pull_mm (N,), truth_deg (N,))`.
 
-    Args:
-        records: `(pull_mm (N,), true bend_deg (N,))` at even samples.
-        model: identified on them, or on records of the same endoscope.
-        sample_time: T [s].
-        seed: of the noise that the fallback is tuned under.
+    The model is identified on them, or on records of the same endoscope; the fallback is tuned under noise of
+    the seed.
     """
     fallback = tune_fallback(ActiveModel(model, sample_time), records, seed)
     pulls, bends = ([record[part] for record in records] for part in (0, 1))
@@ -164,12 +161,8 @@ def log_likelihoods(
 ) -> Array:
     """Return the (C,) log-likelihoods of all measurements after the first.
 
-    Args:
-        active_model: on a model of Coleman and Hodgdon.
-        variances: (C, 4) diagonals of Q and of the first P.
-        pull_mm: (E, N) [mm].
-        measurement_deg: (E, N), none missing [deg].
-        initial_bend_deg: (E,) [deg].
+    `variances` (C, 4) are the diagonals of Q and of the first P of a filter on Coleman and Hodgdon's model,
+    pulls [mm] and measurements [deg] are (E, N) without gaps, initial estimates (E,) [deg].
     """
     model = active_model.model
     assert isinstance(model, ColemanHodgdon)

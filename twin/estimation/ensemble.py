@@ -174,8 +174,7 @@ def posterior_bound(
     """Return the posterior Cramer-Rao bound of normal twins (Van Trees 1968; Tichavsky et al. 1998).
 
     If the angle were normal with the mean and covariance of the ensemble, no estimator would have a smaller
-    mean square error over such twins. Real twins are not normal: an estimator may pass it. Fisher's
-    information of each measurement adds to that of the coefficients.
+    mean square error over such twins. Real twins are not normal: an estimator may pass it.
 
     Args:
         members_deg: (M, N) ensemble along the command [deg].
@@ -318,8 +317,8 @@ FamilyState = tuple[ParticleState, ...]  # state of the filter of each family
 class FamilyFilter(Estimator[FamilyState]):
     """A filter bank along one command, one particle filter for each family that the noise may have.
 
-    The limit knows the density of the noise, which no device does. Here R and a list of families are known:
-    each family has a filter of the density that it would have with that R, and is weighed by the marginal
+    The limit knows the density of the noise, which no device does. Here R and a list of families are known.
+    Each family has a filter of the density that it would have with that R, and is weighed by the marginal
     likelihood of all measurements. Estimate and variance are those of the mixture.
 
     Attributes:
@@ -327,10 +326,6 @@ class FamilyFilter(Estimator[FamilyState]):
     """
 
     filters: tuple[ParticleFilter, ...]
-
-    def with_sensor(self, sensor: Sensor) -> Self:
-        """Return the filter itself: its densities have the variance."""
-        return self
 
     def start(self, pull_mm: Array, bend_deg: Array) -> FamilyState:
         """Return the state at the first sample; the initial estimate is not used."""
@@ -347,23 +342,22 @@ class FamilyFilter(Estimator[FamilyState]):
 
     def bend_deg(self, state: FamilyState) -> Array:
         """Return the (B,) mean of the angle over families [deg]."""
-        mean: Array = np.sum(self.weights(state) * self._bends(state), axis=0)
-        return mean
+        return self._moments(state)[0]
 
     def half_width_deg(self, state: FamilyState) -> Array:
         """Return half of the (B,) 95 % intervals of a normal distribution of the mixture's variance [deg]."""
-        weights, bends = self.weights(state), self._bends(state)
+        mean, bends = self._moments(state)
         widths = np.array([each.half_width_deg(of) for each, of in zip(self.filters, state, strict=True)])
-        within = np.sum(weights * (widths / DEVIATIONS_OF_95) ** 2, axis=0)
-        mean = np.sum(weights * bends, axis=0)
-        return half_width_of(within + np.sum(weights * (bends - mean) ** 2, axis=0))
+        variances = (widths / DEVIATIONS_OF_95) ** 2 + (bends - mean) ** 2
+        return half_width_of(np.sum(self.weights(state) * variances, axis=0))
 
     def weights(self, state: FamilyState) -> Array:
         """Return the (families, B) probabilities of the families."""
         return normalised(np.array([of.log_evidence for of in state]))
 
-    def _bends(self, state: FamilyState) -> Array:
-        return np.array([each.bend_deg(of) for each, of in zip(self.filters, state, strict=True)])
+    def _moments(self, state: FamilyState) -> tuple[Array, Array]:
+        bends = np.array([each.bend_deg(of) for each, of in zip(self.filters, state, strict=True)])
+        return np.sum(self.weights(state) * bends, axis=0), bends
 
 
 Noise = tuple[str, float]  # kind and level of a noise

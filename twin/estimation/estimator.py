@@ -95,20 +95,23 @@ class Estimator(abc.ABC, Generic[State]):
             initial_bend_deg: scalar or (B,) initial estimate [deg].
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
-        if measurement.shape[1] == 1 and (form := self.single()).plain:
-            return _estimate_one(form, pull[:, 0], measurement[:, 0], float(initial[0]))
-        state = self.start(pull[0], initial)
-        estimate = np.empty_like(measurement)
-        estimate[0] = initial
-        half_width = np.empty_like(measurement) if self.states_interval else None
-        if half_width is not None:
-            half_width[0] = self.half_width_deg(state)
+        form: Any = self
+        pulls: Any = pull
+        measured: Any = measurement
+        first: Any = initial
+        if measurement.shape[1] == 1 and self.single().plain:  # the same bits as on a stream
+            form, first = self.single(), float(initial[0])
+            pulls, measured = pull[:, 0].tolist(), measurement[:, 0].tolist()
+        state = form.start(pulls[0], first)
+        bends = [first]
+        half_widths = [form.half_width_deg(state)] if form.states_interval else []
         for k in range(1, len(measurement)):
-            state = self.step(state, pull[k], pull[k - 1], measurement[k])
-            estimate[k] = self.bend_deg(state)
-            if half_width is not None:
-                half_width[k] = self.half_width_deg(state)
-        return estimate.T, None if half_width is None else half_width.T
+            state = form.step(state, pulls[k], pulls[k - 1], measured[k])
+            bends.append(form.bend_deg(state))
+            if half_widths:
+                half_widths.append(form.half_width_deg(state))
+        shape = measurement.shape
+        return np.reshape(bends, shape).T, np.reshape(half_widths, shape).T if half_widths else None
 
 
 class SingleForm:
@@ -150,20 +153,6 @@ class SingleForm:
         """Return whether every number of a state is finite and possible, and variances are positive."""
         with np.errstate(all="ignore"):
             return is_sound(state)
-
-
-def _estimate_one(
-    form: SingleForm, pull_mm: Array, measurement_deg: Array, initial_deg: float
-) -> tuple[Array, Array | None]:
-    """Return the (1, N) estimates of one record and half of their intervals, the same bits as on a stream."""
-    pulls, state = pull_mm.tolist(), form.start(float(pull_mm[0]), initial_deg)
-    estimate, half_width = [initial_deg], [form.half_width_deg(state)] if form.states_interval else None
-    for k, measured in enumerate(measurement_deg.tolist()[1:], start=1):
-        state = form.step(state, pulls[k], pulls[k - 1], measured)
-        estimate.append(form.bend_deg(state))
-        if half_width is not None:
-            half_width.append(form.half_width_deg(state))
-    return np.array([estimate]), None if half_width is None else np.array([half_width])
 
 
 def time_first(

@@ -139,9 +139,8 @@ def fit_koopman(
     from its first angle, without measurements. A single record is halved for that. Raises `ValueError` where
     no model that was tried forgets its first angle along the training commands.
     """
-    choices: list[tuple[int, float]] = list(
-        itertools.product(DELAYS if delays is None else [delays], RIDGES if ridge is None else [ridge])
-    )
+    tried = (DELAYS if delays is None else [delays], RIDGES if ridge is None else [ridge])
+    choices: list[tuple[int, float]] = list(itertools.product(*tried))
     fitted = [_fit(records, *choice, symmetric) for choice in choices]
     stable = [choice for choice, model in zip(choices, fitted, strict=True) if _forgets(model, records)]
     if not stable:

@@ -142,64 +142,38 @@ class ErrorBound:
 def geometric_error_bound(wire_offset: float, floor_deg: float) -> ErrorBound:
     """Return the bound that geometry suggests, for endoscopes without a record.
 
-    A wire that runs at an offset r from the middle bends the section by dl / r, if neither wire nor sheath
-    yields, and by less if they do. The slopes of endoscope and model are then near [0, 1 / r], and differ by
-    no more than 1 / r. That is an assumption with a margin, not a theorem: a stretched wire that slips may
-    bend the section against the pull for a moment, and a Coleman-Hodgdon model may fall while the pull rises.
-
-    Args:
-        wire_offset: r, the smallest that the endoscope may have [m].
-        floor_deg: largest change of the angle at rest, by creep and the sheath's own motion [deg].
+    A wire at an offset r [m] from the middle bends the section by dl / r, if neither wire nor sheath yields,
+    and by less if they do. The slopes of endoscope and model are then near [0, 1 / r], and differ by
+    no more than 1 / r: an assumption with a margin, not a theorem. `floor_deg` is the largest change of the
+    angle at rest, by creep and the sheath's own motion.
     """
     return ErrorBound(float(np.degrees(1e-3 / wire_offset)), floor_deg)
 
 
 def bound_model_error(
-    model: HysteresisModel,
-    records: Sequence[tuple[Array, Array]],
-    sample_time: float,
-    *,
-    factor: float = 2.0,
-    increment_deg_per_s: float = 0.0,
+    model: HysteresisModel, records: Sequence[tuple[Array, Array]], *, factor: float = 2.0
 ) -> ErrorBound:
-    """Return the least bounds that hold on all records, times a safety factor.
+    """Return the least bounds without f that hold on all records, times a safety factor.
 
-    Of all pairs (slope, floor) that hold, the one with the least mean bound: a linear programme.
-
-    Args:
-        model: the model of hysteresis, parameters scalar.
-        records: `(pull_mm, bend_deg)` with the true angle; noise in it would count as error of the model.
-        sample_time: T [s].
-        factor: safety factor on all bounds. The default was chosen before any test, and is no guarantee.
-        increment_deg_per_s: largest change of f from sample to sample (without the factor). At 0 there is no
-            f, and w alone explains the error.
+    Of all pairs (slope, floor) that hold, the one with the least mean bound: a linear programme. The default
+    of the factor was chosen before any test, and is no guarantee. The records are `(pull_mm, bend_deg)` with
+    the true angle: noise in it would count as error of the model.
     """
     if not factor >= 1:
         raise InputError(
             f"safety factor {factor} would break the bound on the very records; valid: 1 or more"
         )
     errors = [_step_errors(model, np.asarray(pull), np.asarray(bend)) for pull, bend in records]
-    errors = [(move, error) for move, error in errors if error.size]
-    if not errors:
+    move, error = (np.concatenate(parts) for parts in zip(*errors, strict=True)) if errors else ([], [])
+    if not len(error):
         raise InputError("no record to bound the model's error on: each needs two samples or more")
-    move = np.concatenate([moves for moves, _ in errors])
-    error = np.concatenate([found for _, found in errors])
-    programme = _without_f(move, error)
-    if increment_deg_per_s > 0:
-        lengths = [found.size for _, found in errors]
-        programme = _with_f(move, error, lengths, sample_time, increment_deg_per_s)
     from scipy.optimize import linprog  # imported when used: a table of methods needs none of it
 
-    slope, floor, *f = linprog(**programme, method="highs").x
+    bound = np.stack([move, np.ones_like(move)], axis=1)
+    slope, floor = linprog(bound.mean(axis=0), -bound, -np.abs(error), bounds=(0, None), method="highs").x
     # Rounding of the programme must not break the bound on the records themselves.
-    w = error - sample_time * np.asarray(f) if f else error
-    floor += max(float((np.abs(w) - slope * move - floor).max()), 0.0)
-    return ErrorBound(
-        factor * float(slope),
-        factor * float(floor),
-        factor * float(np.abs(f).max(initial=0.0)),
-        factor * increment_deg_per_s,
-    )
+    floor += max(float((np.abs(error) - slope * move - floor).max()), 0.0)
+    return ErrorBound(factor * float(slope), factor * float(floor))
 
 
 def _step_errors(model: HysteresisModel, pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]:
@@ -211,35 +185,6 @@ def _step_errors(model: HysteresisModel, pull_mm: Array, bend_deg: Array) -> tup
         predicted, memory = model.step(bend_deg[k : k + 1], memory, now, before)
         error[k] = bend_deg[k + 1] - predicted[0]
     return np.abs(np.diff(pull_mm)), error
-
-
-def _without_f(move: Array, error: Array) -> dict[str, object]:
-    """Least mean of slope |dl| + floor with slope |dl| + floor >= |e|."""
-    bound = np.stack([move, np.ones_like(move)], axis=1)
-    return {"c": bound.mean(axis=0), "A_ub": -bound, "b_ub": -np.abs(error), "bounds": (0, None)}
-
-
-def _with_f(
-    move: Array, error: Array, lengths: Sequence[int], sample_time: float, increment: float
-) -> dict[str, object]:
-    """The same with slope |dl| + floor >= |e - T f|, over all f whose changes within a record are bounded."""
-    from scipy import sparse
-
-    count = len(error)
-    bound = sparse.csr_array(np.stack([move, np.ones(count)], axis=1))
-    f = sparse.eye_array(count, format="csr")
-    inside = np.ones(count - 1, dtype=bool)
-    inside[np.cumsum(lengths)[:-1] - 1] = False  # a change from one record to the next is free
-    change = (f[1:] - f[:-1])[np.flatnonzero(inside)]
-    none = sparse.csr_array((change.shape[0], 2))
-    rows = [[-bound, -sample_time * f], [-bound, sample_time * f], [none, change], [none, -change]]
-    limits = [-error, error, *[np.full(change.shape[0], increment)] * 2]
-    return {
-        "c": np.concatenate([[move.mean(), 1], np.zeros(count)]),
-        "A_ub": sparse.block_array(rows, format="csr"),
-        "b_ub": np.concatenate(limits),
-        "bounds": [(0, None)] * 2 + [(None, None)] * count,
-    }
 
 
 class FeasibleSet(NamedTuple):
@@ -368,10 +313,6 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
         middle: Array = (state.low[0] + state.high[0]) / 2
         return middle
 
-    def interval(self, state: FeasibleSet) -> tuple[Array, Array]:
-        """Return the (B,) lowest and highest angle in the set [deg]."""
-        return state.low[0], state.high[0]
-
     def intervals(
         self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
     ) -> tuple[Array, Array]:
@@ -379,15 +320,15 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         low, high = np.empty_like(measurement), np.empty_like(measurement)
         state = self.start(pull[0], initial)
-        low[0], high[0] = self.interval(state)
+        low[0], high[0] = state.low[0], state.high[0]
         for k in range(1, len(measurement)):
             state = self.step(state, pull[k], pull[k - 1], measurement[k])
-            low[k], high[k] = self.interval(state)
+            low[k], high[k] = state.low[0], state.high[0]
         return low.T, high.T
 
 
 def _from_records(knowledge: Knowledge) -> SetMembershipFilter:
-    bound = bound_model_error(knowledge.reference, knowledge.records, knowledge.sample_time)
+    bound = bound_model_error(knowledge.reference, knowledge.records)
     return SetMembershipFilter(knowledge.reference, knowledge.sample_time, bound)
 
 

@@ -70,12 +70,9 @@ def tune_active_model(
 ) -> ActiveModel:
     """Return the filter with the process and initial variances that make the measurements most likely.
 
-    Args:
-        active_model: where the search begins; its R is known, unless it is fitted.
-        pull_mm: (B, N) pulling distance [mm].
-        measurement_deg: (B, N) measured angle [deg].
-        initial_bend_deg: (B,) initial estimates, wrong as they are in training [deg].
-        fit_measurement_variance: whether R is fitted too; the result is then a `FixedNoiseActiveModel`.
+    The search begins at `active_model`, whose R is known; if R is fitted too, the result is a
+    `FixedNoiseActiveModel`. Pulls [mm] and measurements [deg] are (B, N), the initial estimates (B,) wrong as
+    they are in training [deg].
     """
 
     def with_variances(logarithms: Array) -> ActiveModel:
@@ -103,10 +100,8 @@ def nelder_mead(cost: Any, start: Array, step: float = 2.0, **options: float) ->
     from scipy.optimize import minimize  # imported when used: a table of methods needs none of it
 
     simplex = np.vstack([start, start + step * np.eye(len(start))])
-    found: Array = minimize(
-        cost, start, method="Nelder-Mead", options={"initial_simplex": simplex, **options}
-    ).x
-    return found
+    settings = {"initial_simplex": simplex, **options}
+    return np.asarray(minimize(cost, start, method="Nelder-Mead", options=settings).x)
 
 
 def innovation_log_likelihood(
@@ -143,33 +138,25 @@ class LikelihoodFit:
         """Return the variances by the names of the fields of `ActiveModel`."""
         kind = UnscentedActiveModel if self.unscented else ActiveModel
         episodes = draw_training_episodes(knowledge.task, knowledge.seed)
-        found = tune_active_model(
-            kind(knowledge.models[self.model], knowledge.sample_time),
-            *episodes[:3],
-            fit_measurement_variance=self.measurement_variance,
-        )
+        begin = kind(knowledge.models[self.model], knowledge.sample_time)
+        found = tune_active_model(begin, *episodes[:3], self.measurement_variance)
         names = ("process_variance", "measurement_variance", "initial_variance")
         return {name: np.asarray(getattr(found, name)).tolist() for name in names}
 
     def filter(self, knowledge: Knowledge, kind: type[ActiveModel] = ActiveModel) -> ActiveModel:
         """Return a filter of some kind with the fitted variances."""
-        found = knowledge.found(self)
-        return kind(
-            knowledge.models[self.model],
-            knowledge.sample_time,
-            process_variance=tuple(found["process_variance"]),
-            measurement_variance=float(found["measurement_variance"]),
-            initial_variance=tuple(found["initial_variance"]),
-        )
+        found = {
+            name: tuple(of) if isinstance(of, list) else of for name, of in knowledge.found(self).items()
+        }
+        return kind(knowledge.models[self.model], knowledge.sample_time, **found)
 
 
 @dataclasses.dataclass(frozen=True)
 class TwinsLikelihoodFit(LikelihoodFit):
     """Variances of an active model that make measurements of randomised twins most likely.
 
-    A filter that is tuned on five records of one endoscope knows the error of its model there, and trusts it
-    on others. Here the measurements are those of randomised twins along commands on strokes of any width,
-    half of them in sheaths that move, under noise of a drawn and known R.
+    The twins follow commands on strokes of any width, half of them in sheaths that move, under noise of a
+    drawn and known R.
     """
 
     def find(self, knowledge: Knowledge) -> dict[str, Any]:
@@ -187,11 +174,7 @@ class TwinsLikelihoodFit(LikelihoodFit):
 
 
 def draw_twin_episodes(knowledge: Knowledge) -> tuple[TrainingEpisodes, Array]:
-    """Return noisy measurements of randomised reduced twins, and (B,) R of each [deg^2].
-
-    Raises `ValueError` without a preset and its ranges, and `FloatingPointError` where no twin found an
-    equilibrium.
-    """
+    """Return noisy measurements of randomised reduced twins, and (B,) R of each [deg^2]."""
     from twin.reduced import simulate_batch  # here: a table of methods needs none of it
     from twin.signals.excitation import SIGNALS, command
 
@@ -211,15 +194,11 @@ def draw_twin_episodes(knowledge: Knowledge) -> tuple[TrainingEpisodes, Array]:
         pulls.append(pull)
         bends.append(np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if number % 2 else None)
     simulated = simulate_batch(presets, pulls, _SAMPLE_TIME, sheath_bends=bends)
-    found = [
-        (pull, episode.truth_deg)
-        for pull, episode in zip(pulls, simulated, strict=True)
-        if episode is not None
-    ]
+    found = [episode for episode in simulated if episode is not None]
     if not found:
         raise DivergedError("no twin that a filter could be tuned on found an equilibrium")
-    pull_mm = np.array([pull[::stride] * 1e3 for pull, _ in found])
-    truth = np.array([bend[::stride] for _, bend in found])
+    pull_mm = np.array([episode.pull_mm[::stride] for episode in found])
+    truth = np.array([episode.truth_deg[::stride] for episode in found])
     rng = random_stream(knowledge.seed, SeedUse.TUNING_TWINS, TWINS)
     least, most = np.log(VARIANCES_DEG2)
     variance = np.exp(rng.uniform(least, most, len(found)))

@@ -189,7 +189,8 @@ def _squares(errors: Array, known: Sequence[Mask]) -> Array:
     scored = [_scored(errors[:, place], mask, 1) for place, mask in enumerate(known)]
     counts = np.array([of.shape[-1] for of in scored])
     squares: Array = np.stack([(of**2).mean(axis=-1) for of in scored], axis=2)
-    return squares * (counts / counts.mean())[:, None]
+    squares *= (counts / counts.mean())[:, None]
+    return squares
 
 
 def _scored(values: Array, known: Mask, first: int) -> Array:

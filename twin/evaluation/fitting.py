@@ -44,7 +44,7 @@ def identify_models(
         if not path.is_file():
             monotone = name == MONOTONE
             kind = ColemanHodgdon.name if monotone else name
-            size = {"population": POPULATION, "generations": GENERATIONS}
+            size: dict[str, Any] = {"population": POPULATION, "generations": GENERATIONS}
             model, rmse = identify(measured, seed, kind, monotone=monotone, **size)
             how = OPTIMIZERS[kind].format(**size)
             found = IdentifiedModel(model, rmse, how, seed, "training records")

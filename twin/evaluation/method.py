@@ -167,7 +167,7 @@ class Filtering:
         once = np.arange(len(case.pull_mm)) % seeds == 0  # the first draw of each noise on each record
         drawn_first = runs_of(case, once)
         variance = np.broadcast_to(np.asarray(drawn_first.sensor.variance, dtype=float), once.sum())
-        found = with_innovations(
+        first_bend, first_half_width, squares = with_innovations(
             self.estimator.with_sensor(drawn_first.sensor),
             drawn_first.pull_mm.T,
             drawn_first.measurement_deg.T,
@@ -176,12 +176,12 @@ class Filtering:
             samples,
         )
         bend, half_width = np.empty_like(case.measurement_deg), np.empty_like(case.measurement_deg)
-        bend[once], half_width[once] = found.bend_deg.T, found.half_width_deg.T
+        bend[once], half_width[once] = first_bend.T, first_half_width.T
         if not once.all():
             bend[~once], half_width[~once] = self.with_interval(runs_of(case, ~once))
-        seen = ~np.isnan(found.squares)
+        seen = ~np.isnan(squares)
         unknown = np.full(len(variance), np.nan)
-        total = np.nansum(found.squares, axis=0)
+        total = np.nansum(squares, axis=0)
         nis = np.divide(total, seen.sum(axis=0), out=unknown, where=seen.any(axis=0))
         return Estimates(bend, half_width, nis)
 
@@ -204,20 +204,6 @@ def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
     return Method(spec.name, first, spec.oracle, tuple(others))
 
 
-class Innovations(NamedTuple):
-    """Estimates of N samples of B runs, and their innovations.
-
-    Attributes:
-        bend_deg: (N, B) [deg].
-        half_width_deg: (N, B) half of the 95 % intervals [deg].
-        squares: (S, B) squared innovations over their stated variance at S samples, NaN without measurement.
-    """
-
-    bend_deg: Array
-    half_width_deg: Array
-    squares: Array
-
-
 def with_innovations(
     estimator: Estimator[Any],
     pull_mm: Array,
@@ -225,7 +211,7 @@ def with_innovations(
     initial_bend_deg: Array,
     variance: Array,
     samples: range | None = None,
-) -> Innovations:
+) -> tuple[Array, Array, Array]:
     """Filter records, and square innovations over their stated variance (Bar-Shalom et al. 2001).
 
     Their mean is 1 where prediction and sensor are as stated (NIS). The prediction is the estimate of a step
@@ -237,7 +223,10 @@ def with_innovations(
         measurement_deg: (N, B) measured angle [deg].
         initial_bend_deg: (B,) initial estimate [deg].
         variance: (B,) R of the sensor [deg^2].
-        samples: at which innovations are found, each by a further step; from 1 on, all if not given.
+        samples: S at which innovations are found, each by a further step; from 1 on, all if not given.
+
+    Returns:
+        (N, B) angles and half of their 95 % intervals [deg], and (S, B) squares, NaN without measurement.
     """
     samples = range(1, len(pull_mm)) if samples is None else samples
     state = estimator.start(pull_mm[0], initial_bend_deg)
@@ -252,4 +241,4 @@ def with_innovations(
             squares[samples.index(k)] = (measurement_deg[k] - estimator.bend_deg(unseen)) ** 2 / stated
         state = estimator.step(state, pull_mm[k], pull_mm[k - 1], measurement_deg[k])
         bend[k], half_width[k] = estimator.bend_deg(state), estimator.half_width_deg(state)
-    return Innovations(bend, half_width, squares)
+    return bend, half_width, squares

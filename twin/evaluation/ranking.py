@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
+from scipy import stats
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
@@ -120,11 +121,9 @@ def rank_methods(
     ]
     if records * draws == 1:  # there is nothing to resample
         return ranked
-    resampled = _resampled(squares, rng)
+    resampled = np.stack([_resample(squares, rng) for _ in range(RESAMPLES)])  # (RESAMPLES, methods, C)
     wholes = geometric_mean(resampled, axis=2)
-    ranked = [
-        dataclasses.replace(of, rmse_ci95_deg=_interval(wholes[:, place])) for place, of in enumerate(ranked)
-    ]
+    ranked = [dataclasses.replace(of, rmse_ci95_deg=_interval(wholes[:, i])) for i, of in enumerate(ranked)]
     if not racing:
         return ranked
     rank_intervals = dict(zip(racing, map(_whole_interval, _ranks(wholes[:, racing]).T), strict=True))
@@ -157,8 +156,7 @@ def times_reference(
     def over_all(errors: list[Array]) -> Array:
         """Return (methods,) ratios of the geometric means of errors (methods, C) on each group."""
         whole = geometric_mean(np.concatenate(errors, axis=1), axis=1)
-        ratios: Array = whole / whole[place]
-        return ratios
+        return np.asarray(whole / whole[place])
 
     found = over_all([np.stack([_rmse(of) for of in group.values()]) for group in groups])
     if all(of.size == of.shape[1] for group in groups for of in group.values()):
@@ -169,11 +167,6 @@ def times_reference(
         drawn.append(over_all([_resample(group, rng, trainings) for group in groups]))
     intervals = map(_interval, np.array(drawn).T)
     return {name: (float(of), interval) for name, of, interval in zip(names, found, intervals, strict=True)}
-
-
-def _resampled(squares: Mapping[str, Array], rng: np.random.Generator) -> Array:
-    """Return (RESAMPLES, methods, C) the RMSE of methods on resampled records and draws."""
-    return np.stack([_resample(squares, rng) for _ in range(RESAMPLES)])
 
 
 def _resample(
@@ -204,8 +197,7 @@ def _rmse(squares: Array) -> Array:
 
 def _ranks(figures: Array) -> NDArray[np.int64]:
     """Return the ranks, from 1, along the last axis."""
-    order: NDArray[np.int64] = figures.argsort(axis=-1, kind="stable").argsort(axis=-1, kind="stable") + 1
-    return order
+    return np.asarray(stats.rankdata(figures, method="ordinal", axis=-1), dtype=np.int64)
 
 
 def _interval(values: Array) -> tuple[float, float]:

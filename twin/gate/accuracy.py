@@ -211,7 +211,7 @@ def nis(material: GateMaterial) -> Check:
             np.asarray(case.initial_bend_deg),
             variance,
             range(first, case.pull_mm.shape[1]),
-        ).squares
+        )[2]
         rows.append({"what": noise_label(*noise), "nis": float(np.mean(squares))})
         material.on_progress(len(rows) / len(NIS_NOISES))
     worst = max(rows, key=lambda row: row["nis"])

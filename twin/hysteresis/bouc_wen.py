@@ -75,14 +75,9 @@ class BoucWen:
         return slope
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the bending angle along a command.
+        """Return the angle (candidates..., ..., N) [deg] along commands (..., N) [mm] from first angles.
 
-        Args:
-            pull_mm: (..., N) pulling distance [mm].
-            bend_deg0: (...) angle at the first sample [deg].
-
-        Returns:
-            (candidates..., ..., N) bending angle [deg]; parameters broadcast against `pull_mm` without time.
+        Parameters broadcast against `pull_mm` without time.
         """
         pull = np.moveaxis(np.asarray(pull_mm, dtype=float), -1, 0)
         kappa_x, kappa_w = np.asarray(self.kappa_x_deg_per_mm), np.asarray(self.kappa_w_deg)

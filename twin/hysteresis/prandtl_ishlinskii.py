@@ -56,15 +56,7 @@ class PrandtlIshlinskii:
         return np.ones(np.broadcast_shapes(np.shape(bend_deg), np.shape(pull_mm)))
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
-        """Return the bending angle along a command that was reached from rest at zero.
-
-        Args:
-            pull_mm: (..., N) pulling distance [mm].
-            bend_deg0: (...) angle at the first sample [deg].
-
-        Returns:
-            (..., N) bending angle [deg].
-        """
+        """Return the angle (..., N) [deg] along commands (..., N) [mm], begun from rest at zero."""
         angle = np.tensordot(self.weights_deg_per_mm, plays_along(pull_mm, self.thresholds_mm), axes=1)
         bend_deg: Array = np.asarray(bend_deg0, dtype=float)[..., None] + (angle - angle[..., :1])
         return bend_deg

@@ -25,9 +25,8 @@ Model = TypeVar("Model", bound=ColemanHodgdon | BoucWen)
 
 LOWER = np.array([0.01, 0.1, 0.0])  # a [1/mm], b [deg/mm], c [deg/mm] of Coleman and Hodgdon
 UPPER = np.array([6.0, 80.0, 80.0])
-BOUC_WEN_LOWER = np.array(
-    [0.1, -60.0, 0.05, 0.5, 1.0]
-)  # kappa_x [deg/mm], kappa_w [deg], rho [1/mm], sigma, n
+# kappa_x [deg/mm], kappa_w [deg], rho [1/mm], sigma, n
+BOUC_WEN_LOWER = np.array([0.1, -60.0, 0.05, 0.5, 1.0])
 BOUC_WEN_UPPER = np.array([80.0, 60.0, 20.0, 5.0, 10.0])
 LOGARITHMIC = np.array([False, False, True, False, True])
 DIFFERENCE = 1e-6  # step of the finite differences, to either side, on the scale of the unit cube
@@ -166,5 +165,4 @@ def spread_thresholds(records: Records) -> tuple[float, ...]:
 
 
 def _centred(values: Array) -> Array:
-    centred: Array = values - values.mean(axis=-1, keepdims=True)
-    return centred
+    return np.asarray(values - values.mean(axis=-1, keepdims=True))

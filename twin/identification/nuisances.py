@@ -87,10 +87,8 @@ def error_of(model: HysteresisModel, logs: Sequence[Log], nuisances: Nuisances, 
     stack = Stack(records_of(logs, nuisances, sample_time))
     with np.errstate(over="ignore", invalid="ignore"):
         error = stack.error(model)[..., stack.weight]
-    bounded: Array = np.nan_to_num(error, nan=_LARGEST_ERROR_DEG).clip(
-        -_LARGEST_ERROR_DEG, _LARGEST_ERROR_DEG
-    )
-    return bounded
+    most = _LARGEST_ERROR_DEG
+    return np.asarray(np.nan_to_num(error, nan=most).clip(-most, most))
 
 
 def determines_delay(pull_mm: Array) -> bool:
@@ -114,13 +112,8 @@ def rmse_from(
 
     The response begins at the first sample of each piece, which may be before.
     """
-    scored = np.concatenate(
-        [
-            np.arange(begin, end) >= start
-            for log, start in zip(logs, first, strict=True)
-            for begin, end in log.pieces
-        ]
-    )
+    starts = zip(logs, first, strict=True)
+    scored = np.concatenate([np.arange(*piece) >= start for log, start in starts for piece in log.pieces])
     if not scored.any():
         raise InputError("no measurement is left to predict")
     error = error_of(model, logs, nuisances, sample_time)[scored]
@@ -139,15 +132,8 @@ def fit_nuisances(
 
     A Prandtl-Ishlinskii model has no zero of the angle, only increments: its logs get no offset.
 
-    Args:
-        model: identified without nuisances.
-        logs: that it was identified from.
-        sample_time: time between two samples [s].
-        monotone: a Coleman-Hodgdon model is constrained to c >= b / 2.
-        thresholds_mm: of a Prandtl-Ishlinskii model, if given.
-
-    Returns:
-        The model, its RMSE over all samples without nuisances [deg], and the nuisances.
+    The model was identified from the logs without nuisances. Returns the model, its RMSE over all samples
+    [deg], and the nuisances.
     """
     if isinstance(model, PrandtlIshlinskii):
         return _fit_delay(logs, sample_time, thresholds_mm)
@@ -183,9 +169,8 @@ def _fit_together(
         """Return one-sided differences, those of all parameters of the model in one batch."""
         here, steps = errors(point), np.where(point + _DIFFERENCE <= upper, _DIFFERENCE, -_DIFFERENCE)
         ends = point + np.diag(steps)
-        of_model = error_of(
-            model_at(ends[:count, :count].T[..., None]), logs, nuisances_at(point), sample_time
-        )
+        candidates = model_at(ends[:count, :count].T[..., None])
+        of_model = error_of(candidates, logs, nuisances_at(point), sample_time)
         moved = np.concatenate([of_model, np.reshape([errors(end) for end in ends[count:]], (-1, len(here)))])
         slopes: Array = ((moved - here) / steps[:, None]).T
         return slopes

@@ -77,16 +77,8 @@ def search(
 ) -> tuple[Array, float]:
     """Minimise over the unit cube by a genetic algorithm, each generation as one batch (Blank and Deb 2020).
 
-    Args:
-        cost: mean square errors (candidates,) [deg^2] of points (candidates, variables) of the unit cube.
-        variables: number of variables.
-        seed: of the genetic algorithm.
-        population: candidates per generation.
-        generations: number of generations.
-        on_generation: called after each generation.
-
-    Returns:
-        The best point (variables,), and its cost [deg^2].
+    `cost` returns the mean square errors (candidates,) [deg^2] of points (candidates, variables). Returns the
+    best point (variables,) and its cost.
     """
     result = minimize(
         _UnitCube(cost, variables),
