@@ -71,7 +71,7 @@ def test_filter_equals_the_printed_algorithm(forgetting, shape, variance, seed):
 
 
 @pytest.mark.parametrize("stated", [0.02, 50.0])
-def test_filter_finds_the_variance_when_it_is_told_a_wrong_one(stated):
+def test_filter_finds_the_variance_from_a_wrong_one(stated):
     measurement = TRUTH + 1.5 * np.random.default_rng(0).normal(size=(100, len(TRUTH)))
     found, _ = run(AdaptiveActiveModel(PLAIN).with_sensor(Sensor(stated)), measurement)
     assert found[0] == pytest.approx(stated)

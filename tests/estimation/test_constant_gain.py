@@ -44,17 +44,3 @@ def test_no_gain_is_the_active_model_and_full_gain_believes_the_measurement():
     expected = PLAIN.estimate(PULL, MEASUREMENT, 75.0)
     np.testing.assert_array_equal(none.estimate(PULL, MEASUREMENT, 75.0), expected)
     np.testing.assert_allclose(full.estimate(PULL, MEASUREMENT, 75.0)[:, 1:], MEASUREMENT[:, 1:], rtol=1e-12)
-
-
-def test_missing_measurement_is_prediction_alone_and_batch_equals_single_filters():
-    measurement = MEASUREMENT.copy()
-    measurement[2, 50:80] = np.nan
-    belief = GAINED.start(np.full(2, 3.0), np.array([50.0, 60.0]))
-    after = GAINED.update(belief, np.array([np.nan, 61.0]))
-    np.testing.assert_array_equal(after.mean[:, 0], belief.mean[:, 0])
-    assert after.mean[0, 1] > 60.3
-    batch = GAINED.estimate(PULL, measurement, [50.0, 60.0, 70.0, 80.0])
-    for row, initial in enumerate([50.0, 60.0, 70.0, 80.0]):
-        np.testing.assert_allclose(
-            batch[row], GAINED.estimate(PULL, measurement[row], initial)[0], rtol=1e-12
-        )

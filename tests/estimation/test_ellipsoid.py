@@ -98,7 +98,7 @@ def test_no_cut_of_the_family_is_smaller(shape, axis, low, width):
 
 
 @given(shape=shapes, axis=axes)
-def test_bounds_around_the_ellipsoid_leave_it_and_bounds_beside_it_leave_nothing(shape, axis):
+def test_bounds_around_the_ellipsoid_leave_it_and_bounds_outside_leave_nothing(shape, axis):
     held = ellipsoid(*shape, (3.0, -1.0))
     for low, high in ((-1.0, 1.0), (-2.0, 5.0), (-np.inf, np.inf)):
         kept, empty = cut(

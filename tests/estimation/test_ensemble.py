@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from twin.estimation.ensemble import EnsembleFilter, posterior_bound
 from twin.signals.noise_density import noise_density
@@ -77,17 +75,6 @@ def test_knowing_the_density_helps_and_for_gaussian_noise_changes_nothing(member
     assert rmse(outliers, noise_density("salt-and-pepper", 0.05)) < 0.6 * rmse(outliers, None, 5.1)
     skewed = rng.poisson(2.0, (50, SAMPLES)).astype(float)
     assert rmse(skewed, noise_density("poisson", 2.0)) < 0.4 * rmse(skewed, None, 2.0)  # it knows the mean
-
-
-@given(st.integers(1, 6), st.integers(0, 99))
-def test_a_batch_is_its_single_filters(count, seed):
-    rng = np.random.default_rng(seed)
-    members = rng.standard_normal((8, 20)).cumsum(axis=1)
-    measurement = members[:1] + rng.standard_normal((count, 20))
-    filters, pull = EnsembleFilter(members, 1.0), np.zeros(20)
-    batch = filters.estimate(pull, measurement, 0.0)
-    for row in range(count):
-        np.testing.assert_allclose(batch[row], filters.estimate(pull, measurement[row], 0.0)[0], atol=1e-9)
 
 
 def test_with_a_bias_it_is_the_conditional_mean_of_angle_and_bias_together(members):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scripts.benchmarks.estimation import least_margin
 from twin.estimation.active_model import ActiveModel, KalmanActiveModel, UnscentedActiveModel
-from twin.estimation.adaptive import AdaptiveActiveModel, RobustActiveModel
+from twin.estimation.adaptive import RobustActiveModel
 from twin.estimation.tuning import ConstantGain
 from twin.hysteresis import ColemanHodgdon
 from twin.hysteresis.bouc_wen import BoucWen
@@ -84,38 +84,6 @@ def test_filter_equals_filterpy_on_random_systems(filter_type, parameters, T, q,
     scale = max(np.abs(expected_means).max(), 1)
     np.testing.assert_allclose(means, expected_means, rtol=1e-7, atol=1e-9 * scale)
     np.testing.assert_allclose(covariance, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
-
-
-@settings(max_examples=20)
-@given(parameters=parameters, r=st.floats(1e-2, 1e2), seed=st.integers(0, 10_000))
-def test_adaptive_filter_that_is_sure_of_its_noise_equals_filterpy(parameters, r, seed):
-    rng = np.random.default_rng(seed)
-    pull = command(rng, 80)
-    model = ColemanHodgdon(*parameters)
-    measurement = model.response(pull, 60.0) + rng.normal(size=80) * np.sqrt(r)
-    stated = ActiveModel(model, 0.1, measurement_variance=r)
-    sure = AdaptiveActiveModel(stated, forgetting=1.0, first_shape=1e12)
-    expected, _ = filterpy_run(stated, pull, measurement, 50.0)
-    estimate = sure.estimate(pull, measurement, 50.0)[0]
-    np.testing.assert_allclose(estimate, expected[:, 0], rtol=1e-6, atol=1e-6)
-
-
-@settings(max_examples=40)
-@given(
-    parameters=parameters,
-    q=st.tuples(variances, variances),
-    r=st.floats(1e-3, 1e3),
-    seed=st.integers(0, 10_000),
-)
-def test_the_three_filters_agree_to_rounding(parameters, q, r, seed):
-    rng = np.random.default_rng(seed)
-    pull = command(rng, 200)
-    model = ColemanHodgdon(*parameters)
-    measurement = model.response(pull, 60.0) + rng.normal(size=200)
-    (plain, P), *others = (run(kind(model, 0.1, q, r), pull, measurement, 80.0) for kind in FAMILY)
-    for means, covariance in others:
-        np.testing.assert_allclose(means, plain, rtol=1e-10, atol=1e-10)
-        np.testing.assert_allclose(covariance, P, rtol=1e-10, atol=1e-10 * np.abs(P).max())
 
 
 @pytest.mark.parametrize("kind", [ActiveModel, UnscentedActiveModel])

@@ -63,17 +63,6 @@ def test_twins_that_are_not_normal_are_known_better_than_by_the_linear_filter(no
     assert errors[0] < 0.99 * errors[1]
 
 
-def test_rare_counts_are_weighed_as_normal_noise_and_not_worse_than_by_the_linear_filter():
-    members, truth = family(200, 1), family(200, 2)
-    measured = truth + draw_noise("poisson", 0.1, truth.shape, np.random.default_rng(7))
-    linear = EnsembleFilter(members, 1.0, noise_density("poisson", 0.1))
-    found, wanted = (
-        np.sqrt(np.mean((estimates(of, measured)[0] - truth)[:, 1:] ** 2))
-        for of in (ParticleFilter(linear), linear)
-    )
-    assert found < 1.01 * wanted
-
-
 def test_the_interval_holds_the_truth_as_often_as_it_says():
     members, truth = family(200, 1), family(400, 4)
     measured = truth + draw_noise("gaussian", 1.0, truth.shape, np.random.default_rng(6))

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from bounded_system import BATCH, BOUC_WEN, COLEMAN_HODGDON, MODELS, SAMPLES, T, bounded, pulls, simulate
+from bounded_system import BATCH, COLEMAN_HODGDON, MODELS, SAMPLES, T, bounded, pulls, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -153,14 +153,6 @@ def test_bound_of_the_noise_is_the_sensor_s_or_three_deviations():
     assert tuned.with_sensor(Sensor(4.0, 2.5)).measurement_bound == pytest.approx(2.5)
     mixed = tuned.with_sensor(Sensor(np.array([1.0, 4.0]), np.array([np.inf, 5.0]))).measurement_bound
     np.testing.assert_allclose(mixed, [3.0, 5.0])
-
-
-@given(bend=st.floats(-100, 200), apart=st.floats(1e-3, 100), move=st.floats(-2, 2))
-def test_model_of_bouc_and_wen_keeps_order_and_moves_nothing_apart(bend, apart, move):
-    """What the filter asks of a model that is not affine."""
-    ends = np.array([bend, bend + apart])
-    left, right = BOUC_WEN.step(ends, np.empty((0, 2)), np.full(2, 3.0 + move), np.full(2, 3.0))[0]
-    assert -1e-9 <= right - left <= apart + 1e-9
 
 
 def test_strips_that_meet_in_one_point_leave_a_set_that_goes_on():

@@ -17,11 +17,11 @@ SINGLE, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE
 def square_root(tmp_path):
     """Write a file whose graph takes the root of its one input, of any precision."""
 
-    def write(taken, told):
-        ends = [helper.make_tensor_value_info(name, of, [2]) for name, of in (("x", taken), ("y", told))]
+    def write(taken, given):
+        ends = [helper.make_tensor_value_info(name, of, [2]) for name, of in (("x", taken), ("y", given))]
         nodes = [
             helper.make_node("Sqrt", ["x"], ["root"]),
-            helper.make_node("Cast", ["root"], ["y"], to=told),
+            helper.make_node("Cast", ["root"], ["y"], to=given),
         ]
         graph = helper.make_graph(nodes, "graph", ends[:1], ends[1:])
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)

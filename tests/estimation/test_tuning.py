@@ -16,7 +16,6 @@ from twin.estimation.tuning import (
     tune_constant_gain,
 )
 from twin.hysteresis import ColemanHodgdon
-from twin.signals.streams import SeedUse, random_stream
 
 AT_REST = ColemanHodgdon(1.0, 1.0, 1.0)  # without motion theta is a random walk plus the integral of f
 
@@ -84,13 +83,13 @@ def test_tuning_recovers_the_noise_too_where_it_is_asked_to():
     tuned = tune_active_model(start, *data, fit_measurement_variance=True)
     assert tuned.measurement_variance == pytest.approx(0.4, rel=0.1)
     assert tuned.process_variance[0] == pytest.approx(0.05, rel=0.3)
-    told_the_truth = dataclasses.replace(
+    true_filter = dataclasses.replace(
         start, process_variance=(0.05, 0.02), measurement_variance=0.4, initial_variance=(1e-6, 0.02)
     )
-    assert innovation_log_likelihood(tuned, *data) > innovation_log_likelihood(told_the_truth, *data) - 0.5
+    assert innovation_log_likelihood(tuned, *data) > innovation_log_likelihood(true_filter, *data) - 0.5
 
 
-def test_filter_with_fitted_noise_keeps_it_and_the_other_is_told():
+def test_filter_with_fitted_noise_keeps_it_and_the_other_takes_the_sensors():
     rng = np.random.default_rng(5)
     bend, measurement = simulate(0.5, 0.2, 0.1, 2, 15, rng)
     data = (np.zeros_like(bend), measurement, bend[:, 0])
@@ -101,15 +100,6 @@ def test_filter_with_fitted_noise_keeps_it_and_the_other_is_told():
     plain = ActiveModel(**vars(fitted))
     np.testing.assert_array_equal(fitted.estimate(*data), plain.estimate(*data))
     assert isinstance(fitted, FixedNoiseActiveModel)
-
-
-def test_training_episodes_are_those_that_the_published_rows_were_tuned_on(records):
-    task = TrainingTask(*stack_records(records))
-    record, measurement, initial = task.draw(16, random_stream(7, SeedUse.FILTER_TUNING))
-    episodes = draw_training_episodes(task, 7)
-    np.testing.assert_array_equal(episodes.pull_mm, task.pull_mm[record])
-    np.testing.assert_array_equal(episodes.measurement_deg, measurement)
-    np.testing.assert_array_equal(episodes.initial_bend_deg, initial)
 
 
 def test_constant_gain_has_the_least_rmse_of_a_grid(model, records):

@@ -35,7 +35,7 @@ _PULL = 3 + np.sin(np.linspace(0, 40, 300))
 MODEL_RECORD = (_PULL, MODEL.response(_PULL, 0.0))
 
 
-def test_episodes_are_of_many_twins_under_noise_of_the_variance_that_is_told():
+def test_episodes_are_of_many_twins_under_noise_of_the_stated_variance():
     episodes, variance = draw_twin_episodes(knowledge())
     assert episodes.pull_mm.shape == episodes.bend_deg.shape
     assert len(variance) == TWINS

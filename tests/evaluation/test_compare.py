@@ -179,7 +179,7 @@ def test_a_shorter_record_is_padded_without_measurements_and_scored_to_its_end(t
     assert (case.pull_mm[30:, 150:] == short.pull_mm[-1]).all()
 
 
-def test_runs_are_told_variance_and_bound_of_their_own_noise(two_records):
+def test_runs_know_variance_and_bound_of_their_own_noise(two_records):
     case = make_case(list(enumerate(two_records)), Protocol("full", seeds=3))
     assert case.noises[:6] == (("gaussian", 1.0),) * 3 + (("gaussian", 5.0),) * 3
     error = case.measurement_deg - case.truth_deg

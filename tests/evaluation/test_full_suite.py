@@ -93,7 +93,7 @@ def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise
 
 
 @pytest.mark.slow
-def test_nobody_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
+def test_no_method_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
     limit = {
         (r["noise"], r["level"], r["sample_time_s"], r["twin"], *r["stroke_mm"]): r["rmse_deg"]
         for r in evaluation["rows"]

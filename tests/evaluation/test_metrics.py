@@ -47,18 +47,6 @@ def test_interval_equals_the_one_from_a_table_of_student():
     assert confidence_interval(values, 0.9) == pytest.approx((4 - half, 4 + half), rel=1e-6)
 
 
-@pytest.mark.parametrize(("size", "confidence"), [(3, 0.95), (20, 0.95), (5, 0.8)])
-def test_interval_covers_the_mean_as_often_as_it_says(size, confidence):
-    rng = np.random.default_rng(4)
-    trials = 4000
-    inside = 0
-    for values in rng.normal(7, 3, size=(trials, size)):
-        low, high = confidence_interval(values, confidence)
-        inside += low <= 7 <= high
-    standard_error = np.sqrt(confidence * (1 - confidence) / trials)
-    assert inside / trials == pytest.approx(confidence, abs=4 * standard_error)
-
-
 def test_interval_over_trainings_and_seeds_covers_the_mean_of_both():
     """Two crossed random effects and a rest; the interval may be wider than it must be, never narrower."""
     rng, trials = np.random.default_rng(5), 2000

@@ -42,7 +42,7 @@ def test_what_all_have_in_common_widens_no_difference():
 
 
 @pytest.mark.parametrize("trainings", [1, 6])
-def test_methods_of_one_law_are_told_apart_rarely(trainings, monkeypatch):
+def test_methods_of_one_law_are_distinguished_rarely(trainings, monkeypatch):
     """The interval of two that are equal excludes 1 in 5 % of the cases, with few records in some more."""
     monkeypatch.setattr(ranking, "RESAMPLES", 200)
     apart, count = 0, 40

@@ -53,23 +53,6 @@ def test_a_simulated_record_is_known_throughout(tmp_path):
     assert (record.stroke_mm, record.source, record.name) == ((2.0, 4.0), "Öse", "episode_0007")
 
 
-@pytest.mark.parametrize(
-    ("facts", "twin"),
-    [
-        ({"twin": "bending sheath", "preset": {"name": "a"}}, "bending sheath"),
-        ({"preset": "ureteroscope"}, "ureteroscope"),
-        ({"source": "measured", "preset": {"name": "a"}}, "measured"),
-        ({}, "simulated"),
-    ],
-)
-def test_a_record_says_what_left_it_and_its_range(tmp_path, facts, twin):
-    episode = dataclasses.replace(make_episode(vertebrae=0), pull=np.linspace(-0.01e-3, 1.04e-3, 12))
-    path = write_episode(tmp_path / "a.mcap", dataclasses.replace(episode, metadata=facts))
-    (record,) = evaluation_records([path], 0.02)
-    assert record.source == twin
-    assert str(record.stroke_mm) == "(0.0, 1.0)"
-
-
 def simple(pull_mm, measured):
     count = len(pull_mm)
     return Episode(

@@ -103,7 +103,7 @@ def test_a_record_without_measurements_is_refused(folder):
         make_case([(0, bare)], RECORDED)
 
 
-def test_estimates_are_written_beside_the_episode(folder, tmp_path, model):
+def test_estimates_are_written_with_the_episode(folder, tmp_path, model):
     active_model = ActiveModel(model, 0.1)
     methods = [as_method("AM (toy, x)", active_model), Method("seer", lambda case: 1 / 0, oracle=True)]
     write_estimates(named_files([folder]), methods, 0.1, 0.3, tmp_path)

@@ -164,8 +164,8 @@ def bound_model_error(
             f"safety factor {factor} would break the bound on the very records; valid: 1 or more"
         )
     errors = [_step_errors(model, np.asarray(pull), np.asarray(bend)) for pull, bend in records]
-    move, error = (np.concatenate(parts) for parts in zip(*errors, strict=True)) if errors else ([], [])
-    if not len(error):
+    move, error = (np.concatenate([of[part] for of in errors] or [np.empty(0)]) for part in (0, 1))
+    if not error.size:
         raise InputError("no record to bound the model's error on: each needs two samples or more")
     from scipy.optimize import linprog  # imported when used: a table of methods needs none of it
 

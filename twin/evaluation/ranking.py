@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
-from scipy import stats
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
@@ -197,7 +196,7 @@ def _rmse(squares: Array) -> Array:
 
 def _ranks(figures: Array) -> NDArray[np.int64]:
     """Return the ranks, from 1, along the last axis."""
-    return np.asarray(stats.rankdata(figures, method="ordinal", axis=-1), dtype=np.int64)
+    return np.asarray(figures.argsort(axis=-1, kind="stable").argsort(axis=-1, kind="stable") + 1)
 
 
 def _interval(values: Array) -> tuple[float, float]:
