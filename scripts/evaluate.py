@@ -58,7 +58,6 @@ def _full(args: Evaluate) -> Summary:
         trained=given_files([where / path for path in args.policy], None, settings["sample_time"]),
         recorded_variance=_variance(args, recorded),
         origin=_origin(args, args.model),
-        **given,
     )
     output_folder(args.out, full_files())
     if args.data:

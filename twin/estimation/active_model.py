@@ -149,11 +149,9 @@ class KalmanActiveModel(ActiveModel):
 class UnscentedActiveModel(ActiveModel):
     """The active model without a slope: mean and covariance of five points that go through the model.
 
-    Scaled as by Wan and van der Merwe (2000). A small alpha, 1e-3 as often printed, gives weights of 1e6 that
-    cancel and costs 6 digits of the mean. At alpha = 1 they are between 1/6 and 1/3, the filter equals the
-    plain one on a linear model to 1e-10, and the covariance is positive for any model. kappa = 3 - n then
-    matches the fourth moment of a normal angle, with beta = 0: Wan and van der Merwe's beta = 2 does that for
-    alpha near 0, in general it is beta = 2 (1 - alpha^2).
+    Scaled as by Wan and van der Merwe (2000). At alpha = 1 the weights are between 1/6 and 1/3 and the
+    covariance is positive for any model; 1e-3, as often printed, gives weights of 1e6 that cancel. kappa =
+    3 - n and beta = 2 (1 - alpha^2) = 0 then match the fourth moment of a normal angle.
 
     Attributes:
         alpha: spread of the points, above 0.

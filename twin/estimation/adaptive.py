@@ -153,10 +153,9 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
 class BiasedActiveModel(ActiveModel):
     """The active model with the sensor's bias as third state: y = theta + bias + noise (Friedland 1969).
 
-    The state is X = [theta, f, bias]. A measurement sees the sum of angle and bias alone; they differ in that
-    the model pins the absolute angle: Coleman and Hodgdon's draws theta towards b l wherever the tendon
-    moves. A bias found so is only as good as that pin: an error in the model's level counts as a bias, and so
-    does a wrong first angle where `initial_variance` trusts it more than `bias_variance` trusts the sensor.
+    The state is X = [theta, f, bias]. A measurement sees the sum of angle and bias alone; the model pins the
+    absolute angle: Coleman and Hodgdon's draws theta towards b l wherever the tendon moves. An error in the
+    model's level therefore counts as a bias, and so does a wrong first angle that `initial_variance` trusts.
 
     Attributes:
         bias_variance: of the bias at the first sample, where zero is expected [deg^2].

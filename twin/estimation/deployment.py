@@ -127,10 +127,7 @@ def tune_fallback(
 ) -> ActiveModel:
     """Return the filter with the variances that make its innovations most likely.
 
-    Args:
-        active_model: its model, sample time and R.
-        records: `(pull_mm (N,), true bend_deg (N,))`: noise of R and wrong first estimates are drawn on them.
-        seed: of these draws and of the search.
+    Noise of R and wrong first estimates are drawn on the records `(pull_mm (N,), truth_deg (N,))`.
     """
     from twin.estimation.tuning import draw_training_episodes  # it imports SciPy's optimisers
 

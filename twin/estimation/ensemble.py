@@ -32,9 +32,8 @@ NARROW = 0.5  # beliefs narrower than this share of the noise's standard deviati
 BANDWIDTH, ROUGH_BANDWIDTH = 0.7, 0.95
 """Width of a particle's kernel as a share of the ensemble's, and where the density of the noise is rough.
 
-Chosen on reduced twins that no test has: 0.5 to 0.9 are all below the linear limit, and 0.3 is above it for
-some noises, as few particles are left to count. For rough densities 0.95 is 1 to 3 % below the linear limit,
-and 0.7 level with it or above."""
+Chosen on reduced twins that no test has: 0.5 to 0.9 are all better than the linear limit, for rough densities
+0.95 by 1 to 3 %."""
 BIAS_DEVIATIONS = 1.0  # standard deviation of the mean of a noise that may be skewed, in units of sqrt(R)
 MOST_BYTES = 1024 * MEBIBYTE  # size of a file of an ensemble [bytes]: thousands of members along minutes
 _SAME = 1e-9  # two pulls that differ by less are one [mm]
@@ -176,13 +175,9 @@ def posterior_bound(
     If the angle were normal with the mean and covariance of the ensemble, no estimator would have a smaller
     mean square error over such twins. Real twins are not normal: an estimator may pass it.
 
-    Args:
-        members_deg: (M, N) ensemble along the command [deg].
-        information: Fisher's information of one measurement about the angle [1 / deg^2].
-        seen: (N,) where there is a measurement; else everywhere. The first sample is not measured.
-
-    Returns:
-        (N,) least standard deviation of the error [deg].
+    The bound is a standard deviation (N,) [deg], for members (M, N) [deg], Fisher's information of one
+    measurement about the angle [1 / deg^2], and where there is a measurement (N,), everywhere if not given;
+    the first sample is not measured.
     """
     count, samples = members_deg.shape
     mean = members_deg.mean(axis=0)
@@ -471,11 +466,7 @@ class Ensembles:
         for run, pull in enumerate(case.pull_mm):
             missing = np.isnan(case.measurement_deg[run]).tobytes()
             groups.setdefault((pull.tobytes(), missing, case.noises[run]), []).append(run)
-        ensembles: dict[bytes, Array] = {}
-        for (pull_bytes, _, _), runs in groups.items():
-            if pull_bytes not in ensembles:
-                ensembles[pull_bytes] = self.along(case.pull_mm[runs[0]])
-        return [(runs, ensembles[key[0]]) for key, runs in groups.items()]
+        return [(runs, self.along(case.pull_mm[runs[0]])) for runs in groups.values()]
 
 
 def _register(name: str, build: Build, noise_information: str = "R", needs_density: bool = False) -> None:

@@ -85,10 +85,7 @@ def cut(ellipsoid: Ellipsoid, axis: int, low: Array, high: Array) -> tuple[Ellip
     width d, the family is |z|^2 + q (t - m)^2 <= 1 + q d^2. The strip is first cut down to where it meets the
     disc (Belforte and Bona 1985). With s = 1 + q the area is least where
     d^2 s^2 - (1 - d^2 - m^2) s - 3 m^2 = 0. Where that is below s = 1, as for a strip around the ellipsoid,
-    nothing is gained and it stays.
-
-    Returns:
-        The ellipsoid, and (B,) whether nothing is left; there it is as it was.
+    nothing is gained and it stays. Also returns (B,) whether nothing is left; there it is as it was.
     """
     centre, P = ellipsoid
     half = ellipsoid.half_width(axis)

@@ -1,7 +1,7 @@
 """Tuning of active models: variances by the likelihood of the innovations (Schweppe 1965), a constant gain.
 
-The paper leaves Q small on purpose. A reader asks what the same filter does when it is tuned: on the training
-records under the training noise, or on randomised twins (`TwinsLikelihoodFit`).
+The paper leaves Q small on purpose. Here the same filter is tuned, on the training records under the training
+noise, or on randomised twins (`TwinsLikelihoodFit`).
 """
 
 import dataclasses
@@ -213,7 +213,7 @@ class ConstantGain(ActiveModel):
 
         phi = y - theta_AM(k|k),    X = X_AM + K phi
 
-    RAM must pass it to show that its policy does more than one number could. The covariance is left as it is.
+    The covariance is left as it is.
 
     Attributes:
         gain: K: of the angle, and of the model's error [1 / s]; zero: the active model.

@@ -14,13 +14,8 @@ def error_indices(error_deg: Array) -> dict[str, Array]:
     """Return the indices of each error signal.
 
     The paper prints MD with squares, in deg^2, but tabulates it in degrees; its values fit
-    mean |e - mean e|, which is `md_deg` here. The printed form is `md_printed_deg2`.
-
-    Args:
-        error_deg: (..., N) estimate minus truth [deg].
-
-    Returns:
-        Arrays (...) by name: `mae_deg`, `rmse_deg`, `md_deg`, `md_printed_deg2`, `var_deg2`, `bias_deg`.
+    mean |e - mean e|, which is `md_deg` here. The printed form is `md_printed_deg2`. Errors, estimate minus
+    truth, are (..., N) [deg], indices (...).
     """
     error = np.asarray(error_deg, dtype=float)
     bias = error.mean(axis=-1)
@@ -69,14 +64,8 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
     """Return Student's t interval of the mean of values whose rows and columns are independent.
 
     The variances of the means over rows and over columns add up (two crossed random effects); the degrees of
-    freedom are those of the smaller number, so that the interval is rather too wide than too narrow.
-
-    Args:
-        values: (trainings, seeds) or (seeds,): one for each draw of the noise.
-        confidence: probability that the interval covers the mean.
-
-    Returns:
-        Lower and upper end; both are the value itself where there is but one or nothing varies.
+    freedom are those of the smaller number, so that the interval is rather too wide than too narrow. Values
+    are (trainings, seeds) or (seeds,); where there is but one, both ends are the value itself.
     """
     from scipy.special import stdtrit
 
