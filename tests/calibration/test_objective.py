@@ -1,19 +1,20 @@
-"""The cost of a preset: nothing for the truth, mean squares in units of the bars for others."""
+"""The cost of a preset: nothing for the truth, mean squares in units of the bars; weights of channels."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-from calibrating import TRUTH, loops
+from calibrating import TRUTH, loops, noisy
 
 from twin.calibration import objective
 from twin.calibration.objective import (
     BEND_SCALE,
     OFFSET_SPREAD,
     TENSION_SHARE,
+    channels,
     predict,
     residuals,
-    shared_offsets,
+    weighed,
 )
 
 
@@ -51,15 +52,6 @@ def test_windows_of_a_file_share_the_zero_of_its_sensor_and_other_logs_have_thei
     assert cost(measured_higher(["a", "a"], [1, -1]), weight=0.1) == pytest.approx(apart)
 
 
-def test_shared_offsets_are_means_over_the_windows_of_each_file_in_each_plane():
-    logs = measured_higher(["a", None, "b", "a", "a"], np.zeros(5))
-    logs = [dataclasses.replace(log, lateral_bend=log.bend) for log in logs]
-    offsets = [np.array(pair) for pair in ((0.03, -0.1), (0.5, 0.5), (0.2, 0.2), (0.01, -0.3))]
-    shared = shared_offsets([*offsets, None], logs)
-    of_a, none = (0.02, -0.2), (0.0, 0.0)
-    np.testing.assert_allclose(shared, [of_a, none, none, of_a, of_a])
-
-
 def test_a_window_that_could_not_be_simulated_leaves_the_zero_to_the_others(monkeypatch):
     logs = measured_higher(["a", "a", "a"], [2, 2, 2])
     whole = residuals([TRUTH], logs)
@@ -70,3 +62,16 @@ def test_a_window_that_could_not_be_simulated_leaves_the_zero_to_the_others(monk
     one = whole.shape[1] // 3
     np.testing.assert_allclose(failed[0, one:], whole[0, one:])
     assert failed[0, :one].min() > 1
+
+
+def test_scales_become_those_of_the_noise_and_the_cost_stays():
+    logs = noisy(2e-3, 5e-2)
+    left = residuals([TRUTH], logs)[0]
+    again = weighed(logs, left)
+    for log in again:
+        assert log.scales[1] / log.scales[0] == pytest.approx(25, rel=0.2)
+        assert log.scales[2] / log.scales[1] == pytest.approx(1, rel=0.2)
+    now = residuals([TRUTH], again)[0]
+    assert now @ now == pytest.approx(left @ left, rel=1e-6)
+    shares = [now[place] @ now[place] for of_log in channels(again) for place in of_log]
+    np.testing.assert_allclose(shares, np.mean(shares), rtol=1e-6)

@@ -1,11 +1,13 @@
-"""Fitted parameters: their choice, and the numbers of the search that presets become."""
+"""Fitted parameters: their choice, their first guess, and the numbers of the search."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 from calibrating import SAMPLE_TIME, TRUTH, loops, recorded
 
-from twin.calibration import free_parameters, measured_loop
-from twin.calibration.parameters import DEFAULT
+from twin.calibration import MeasuredLoop, free_parameters, measured_loop
+from twin.calibration.parameters import DEFAULT, FROM_NOTHING, first_guess
 from twin.episode import Episode
 
 
@@ -44,3 +46,27 @@ def test_numbers_of_the_search_and_presets_are_the_same_thing():
 def test_parameter_that_cannot_be_fitted_is_refused(names, rule):
     with pytest.raises(ValueError, match=rule):
         free_parameters(TRUTH, loops(0.0), names)
+
+
+def held(pull, bend, difference):
+    """Return a log in which wires pull with a difference of their tensions [N]."""
+    tension = 5.0 + np.stack([difference, -difference], axis=1) / 2
+    everything = np.ones(len(pull), bool)
+    return MeasuredLoop("held", SAMPLE_TIME, pull, bend, tension, 0.0, everything, everything)
+
+
+def test_first_guess_tells_stretched_wires_from_a_wide_section():
+    turn = np.linspace(0, 4 * np.pi, 200)
+    bend, difference = 0.3 * np.sin(turn) + 0.1, 4.0 * np.sin(turn - 0.2)
+    loop = held(6e-3 * bend + difference / (2 * 400.0), bend, difference)
+    guess = first_guess(TRUTH, [loop])
+    assert guess["wire_offset"] == pytest.approx(6e-3)
+    assert guess["wire_stiffness"] == pytest.approx(400.0)
+
+
+def test_without_load_cells_no_force_is_guessed():
+    bend = np.linspace(0, 1, 200)
+    blind = dataclasses.replace(held(5e-3 * bend, bend, bend), tension=np.empty((200, 0)))
+    guess = first_guess(TRUTH, [blind])
+    assert guess.pop("wire_offset") == pytest.approx(5e-3)
+    assert guess == {name: value for name, value in FROM_NOTHING.items() if getattr(TRUTH, name) == 0}

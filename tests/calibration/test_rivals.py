@@ -80,12 +80,6 @@ def test_each_bend_of_the_sheath_has_its_own_model_and_the_nearest_predicts_anot
     assert rmse_deg(rival_errors("coleman-hodgdon", [straight, far, bent], seed=0)[1]) > 2
 
 
-def test_logs_of_one_bend_share_a_model_but_not_their_zero():
-    logs = [log_of("coleman-hodgdon", zero=zero, bend=None) for zero in (-8.0, 6.0)]
-    for error in rival_errors("coleman-hodgdon", logs, seed=0):
-        assert rmse_deg(error) < 0.05
-
-
 def test_a_lateral_plane_is_fitted_alone_and_without_motion_nothing_is_said():
     log = log_of("coleman-hodgdon")
     sideways = dataclasses.replace(log, lateral_bend=log.bend, lateral_pull=log.pull, bend=0 * log.bend)
@@ -94,12 +88,3 @@ def test_a_lateral_plane_is_fitted_alone_and_without_motion_nothing_is_said():
     still = dataclasses.replace(log, lateral_bend=log.bend)
     assert rival_errors("coleman-hodgdon", [still], 0, plane=1) == [None]
     assert rival_errors("coleman-hodgdon", [log.only_predicted()], 0) == [None]
-
-
-def test_what_was_not_measured_is_not_fitted():
-    seen = np.ones(len(TIME), bool)
-    seen[50:90] = seen[200] = seen[202] = False
-    log = log_of("coleman-hodgdon", fitted=seen, seen=seen)
-    gap = dataclasses.replace(log, bend=np.where(seen, log.bend, 7.0))
-    (error,) = rival_errors("coleman-hodgdon", [gap], seed=0)
-    assert rmse_deg(error[seen]) < 0.02

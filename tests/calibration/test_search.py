@@ -99,20 +99,6 @@ def test_effort_that_cannot_be_is_refused(problem, starts, seed, rule):
         calibrate(*problem, seed=seed, starts=starts)
 
 
-def test_kept_stages_are_not_worked_out_again(problem, whole, tmp_path, monkeypatch):
-    state = tmp_path / "state"
-    stages = []
-    calibrate(*problem, seed=3, starts=2, on_progress=lambda *news: stages.append(news))
-    interrupt(problem, state, len(stages) - 1)  # all but the confirmation
-
-    def worked(*args, **options):
-        raise AssertionError("least squares again")
-
-    monkeypatch.setattr(search, "descend", worked)
-    monkeypatch.setattr(search, "walk", worked)
-    same(calibrate(*problem, seed=3, starts=2, state_file=state), whole)
-
-
 def test_channels_weigh_by_their_noise_where_nothing_else_is_left():
     logs = noisy(5e-3, 5e-2)
     free = free_parameters(start_of(wire_offset=2.2e-3), logs, ("wire_offset", "section_stiffness"))

@@ -52,10 +52,3 @@ def test_a_valley_that_fits_as_well_counts_by_its_likelihood(straight, rise):
     wide = deviations(dataclasses.replace(straight, neighbours=other)) ** 2
     expected = deviations(straight) ** 2 + away**2 * share / (1 + share)
     np.testing.assert_allclose(wide, expected, rtol=0.1)
-
-
-def test_a_parameter_that_nothing_tells_stays_so_whatever_a_walk_met(straight):
-    jacobian, far = straight.jacobian * [1.0, 0.0], np.array([[0.0, 3.0, 3.0]])
-    known = uncertainty(dataclasses.replace(straight, jacobian=jacobian, neighbours=far))
-    assert np.isinf(known.deviation["wire_offset"])
-    assert np.abs(known.correlation).max() <= 1 + 1e-9

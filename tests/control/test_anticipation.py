@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.control.anticipation import IN_TIME_DEG, LATE_DEG, LOOKS_EVERY_S, Anticipation
+from twin.control.anticipation import Anticipation
 from twin.control.controller import CommandLimits
 
 T = 0.02
@@ -82,25 +82,6 @@ def test_at_a_peak_the_largest_error_is_near_that_of_the_best_moment_to_turn(wid
         assert np.sqrt(np.mean(early**2)) < 0.5 * np.sqrt(np.mean(late**2))
 
 
-def test_a_jump_that_is_known_is_met_half_way():
-    """Neither ahead of it nor behind it is the error more than half of the jump, nor is there a dead band."""
-    reference = np.repeat([5.0, -5.0], 300)
-    errors, pulls = followed(reference, Play(2.0, 0.5), 1.0)
-    late = followed(reference, Play(2.0, 0.5), 0.0)[0]
-    assert np.abs(late).max() == pytest.approx(10.0)
-    assert np.abs(errors[:250]).max() < 1e-9
-    moving = np.flatnonzero(np.abs(errors) > 1e-6) * T
-    assert np.ptp(moving) < 10.0 / GAIN / LIMITS.speed_mm_s + LOOKS_EVERY_S + 2 * T
-    assert np.abs(errors[:299]).max() < 5.0 + GAIN * WAY * 3
-    assert np.abs(np.diff(pulls)).max() <= WAY * (1 + 1e-9)
-
-
-def test_a_slow_reference_is_followed_as_without_it():
-    slow = sine(3.0, 40.0)
-    plain, ahead = (followed(slow, Play(0.3), preview) for preview in (0.0, 1.0))
-    np.testing.assert_array_equal(plain[1], ahead[1])
-
-
 @given(
     level=st.floats(-30, 30),
     bend=st.floats(-30, 30),
@@ -113,32 +94,3 @@ def test_whatever_comes_it_asks_for_no_more_than_one_sample_of_its_speed(level, 
         wanted = anticipation.wanted_mm(level / 10, bend, level, np.array(coming), play.along)
         assert math.isnan(wanted) or abs(wanted - level / 10) <= WAY * (1 + 1e-9)
         assert not (math.isnan(wanted) and anticipation.direction)
-
-
-def test_it_goes_on_until_it_is_in_time_and_forgets_what_is_no_longer_coming():
-    play, anticipation = Play(2.0, 0.0), Anticipation(LIMITS, T)
-    falls = np.linspace(0.0, -20.0, 50)
-    wanted = anticipation.wanted_mm(2.0, 0.0, 0.0, falls, play.along)
-    assert wanted == pytest.approx(2.0 - WAY)
-    assert anticipation.direction == -1
-    assert not math.isnan(anticipation.wanted_mm(wanted, 0.0, 0.0, falls, play.along))
-    for nothing in (np.empty(0), np.array([0.0, np.nan, 0.0])):
-        assert math.isnan(anticipation.wanted_mm(wanted, 0.0, 0.0, nothing, play.along))
-        assert anticipation.direction == 0
-    assert IN_TIME_DEG < LATE_DEG
-
-
-def test_an_error_that_is_there_already_is_none_to_go_ahead_for():
-    play, anticipation, stands = Play(2.0, 0.0), Anticipation(LIMITS, T), np.full(50, 5.0)
-    assert math.isnan(anticipation.wanted_mm(2.0, 0.0, 5.0, stands, play.along))
-
-
-def test_a_model_that_bends_against_its_pull_is_no_reason_to_go_ahead():
-    """Weighted members may, where those of negative weight move first; the reference stands still here."""
-    anticipation, stands = Anticipation(LIMITS, T), np.full(50, 5.0)
-
-    def against(pulls, samples):
-        return -np.sign(pulls - 0.5)
-
-    for _ in range(5):
-        assert math.isnan(anticipation.wanted_mm(0.5, 5.0, 5.0, stands, against))

@@ -1,15 +1,28 @@
-"""PI on an estimate, on straight plants whose loop can be written down."""
+"""The linear map, PI and PID: on straight plants whose loop can be written down, and on their estimates."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
-from controlled import LIMITS, T, assert_within, closed_loop, knowledge
+from controlled import DEPLOYMENT, LIMITS, MODEL, R, T, assert_within, closed_loop, knowledge
 from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.control.controller import CommandLimits, Sensed
-from twin.control.controllers.feedback import PI_SETTINGS, EstimateFeedback
+from twin.control.controllers.feedback import (
+    ACTIVE_MODEL_PI,
+    LINEAR,
+    PI_SETTINGS,
+    PID,
+    RAM_TWINS_PI,
+    EstimateFeedback,
+    LowPass,
+)
+from twin.control.trial import Plant
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Sensor
+from twin.estimation.learned.ram_twins import load
 
 GAINS = {name: setting.default for name, setting in PI_SETTINGS.items()}
 WIDE = CommandLimits(-20.0, 20.0, 200.0)
@@ -55,13 +68,6 @@ def test_the_error_to_a_constant_reference_follows_the_closed_loop_and_ends(rati
     assert abs(error[-1]) < 1e-6
 
 
-def test_a_reference_that_moves_is_commanded_ahead_by_the_line():
-    """On a plant that is the line, the bend of each sample is the reference of that sample."""
-    wanted = 30 * np.sin(np.arange(200) * T)
-    course = closed_loop(feedback(WIDE), straight(offset=LINE.offset_deg), wanted)
-    np.testing.assert_allclose(course.bend_deg, wanted, atol=1e-9)
-
-
 @given(st.floats(-3, 3), st.floats(-50, 50))
 def test_it_starts_without_a_jump_wherever_the_endoscope_stands(first, wanted):
     controller = feedback(WIDE)
@@ -88,35 +94,6 @@ def test_however_long_it_was_at_the_limit_it_leaves_it_at_once(offset, beyond, s
     assert np.abs(away[1][2]) <= LIMITS.high_mm - LIMITS.speed_mm_s * T + 1e-9
 
 
-def test_at_the_limit_of_speed_the_sum_does_not_grow_either():
-    slow = CommandLimits(-5.0, 5.0, 0.5)
-    wanted = np.concatenate([np.zeros(5), np.full(300, 60.0)])
-    course = closed_loop(feedback(slow), straight(), wanted)
-    assert_within(slow, course.pull_mm)
-    assert course.bend_deg.max() < 60 + 0.5
-    assert course.bend_deg[-1] == pytest.approx(60, abs=1e-6)
-
-
-def test_an_error_whose_growth_of_one_sample_is_beyond_the_speed_is_removed_too():
-    """I T e of 4.5 mm a sample, where 0.2 are allowed: it goes as fast as it may, and comes to rest."""
-    limits = CommandLimits(-5.0, 5.0, 2.0)
-    gains = {"proportional_mm_per_deg": 0.001, "integral_mm_per_deg_s": 3.0}
-    course = closed_loop(feedback(limits, gains), straight(ratio=0.2, offset=-15.0), np.zeros(200))
-    assert_within(limits, course.pull_mm)
-    assert np.diff(course.pull_mm[:10]) == pytest.approx(0.2)
-    assert course.bend_deg[-1] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_at_a_limit_the_sum_still_goes_where_it_leads_away_from_it():
-    """The line asks for less than can be followed while the bend is too low: the sum grows by I T e."""
-    controller = feedback(CommandLimits(-5.0, 5.0, 0.5))
-    controller.start(0.0, 0.0)
-    assert controller.step(Sensed(0.0, -10.0, 0.0, -60.0)) == pytest.approx(-0.05)
-    grown = GAINS["integral_mm_per_deg_s"] * T * 10
-    wanted = LINE.slope * (-0.07 - grown) + LINE.offset_deg
-    assert controller.step(Sensed(T, 0.0, 0.0, wanted)) == pytest.approx(-0.07, abs=1e-9)
-
-
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 def test_an_estimate_that_is_no_number_holds_the_command_and_leaves_no_trace(wrong):
     plant = straight(ratio=0.8, offset=5.0)
@@ -127,3 +104,102 @@ def test_an_estimate_that_is_no_number_holds_the_command_and_leaves_no_trace(wro
     # Behind it, the loop goes on as one that had paused.
     undisturbed = closed_loop(alone, plant, wanted)
     np.testing.assert_allclose(course.pull_mm[20:], undisturbed.pull_mm[10:50], atol=1e-12)
+
+
+any_number = st.one_of(st.floats(), st.sampled_from([math.nan, math.inf, -math.inf]))
+
+
+@given(st.lists(any_number, min_size=30, max_size=30))
+def test_it_is_the_line_of_the_next_reference_and_asks_no_sensor(measured):
+    known = knowledge()
+    wanted = 50 * np.sin(np.arange(30) * 0.1)
+    controller = LINEAR.make(known)
+    course = closed_loop(controller, lambda pull: 0.0, wanted, lambda k, bend: measured[k])
+    np.testing.assert_allclose(course.pull_mm[1:], wanted[1:] / known.line.slope, atol=1e-9)
+    assert math.isnan(controller.estimate_deg)
+
+
+def course(sample_time=T, variance=R, seed=1):
+    known = knowledge(sample_time=sample_time, noise_variance=variance)
+    rng = np.random.default_rng(seed)
+    wanted = 30 * np.sin(np.arange(300) * 0.05)
+    bend = [0.0, 0.0]
+
+    def plant(pull: float) -> float:  # the model of its filter, and a drift
+        (bend[0],), _ = MODEL.step(np.array([bend[0]]), np.empty(0), pull, bend[1])
+        bend[1] = pull
+        return bend[0] + 4.0
+
+    return closed_loop(
+        ACTIVE_MODEL_PI.make(known), plant, wanted, lambda k, of: of + rng.normal(0, variance**0.5)
+    ), rng
+
+
+@pytest.mark.parametrize(("sample_time", "variance"), [(T, R), (T, 4.0), (0.02, R)])
+def test_it_believes_the_filter_that_was_tuned_with_q_of_its_sample_time_and_the_r_of_the_sensor(
+    sample_time, variance
+):
+    followed, _ = course(sample_time, variance)
+    q_bend, q_error = DEPLOYMENT.fallback.process_variance
+    share = sample_time / T
+    tuned = ActiveModel(MODEL, sample_time, (q_bend * share, q_error * share), variance, (100.0, 1.0))
+    rng = np.random.default_rng(1)
+    measured = np.array([of + rng.normal(0, variance**0.5) for of in followed.bend_deg])
+    expected = tuned.estimate(followed.pull_mm, measured, 0.0)[0]
+    np.testing.assert_allclose(followed.believed_deg, expected, atol=1e-6)
+
+
+def test_it_believes_the_trained_file_at_the_r_of_the_sensor(twins_policy):
+    known = knowledge(policy=twins_policy)
+    plant, rng = Plant(known.preset, T, "reduced"), np.random.default_rng(2)
+    plant.start(0.0)
+    wanted = 40 * np.sin(np.arange(150) * 0.05)
+    noise = rng.normal(0, R**0.5, len(wanted))
+    course = closed_loop(RAM_TWINS_PI.make(known), plant.step, wanted, lambda k, bend: bend + noise[k])
+    estimator = load(twins_policy).with_sensor(Sensor(R))
+    expected = estimator.estimate(course.pull_mm, course.bend_deg + noise, 0.0)[0]
+    np.testing.assert_allclose(course.believed_deg, expected, atol=1e-6)
+    assert np.sqrt(np.mean((course.believed_deg - course.bend_deg)[20:] ** 2)) < 1.0
+
+
+SETTINGS = {name: setting.default for name, setting in PID.settings.items()}
+cutoffs = st.floats(0.05, 20.0)
+
+
+def filtered(low_pass: LowPass, measured) -> np.ndarray:
+    bends = []
+    for k, value in enumerate(measured):
+        low_pass.push(k * T, 0.0, value)
+        bends.append(low_pass.bend_deg)
+    return np.array(bends)
+
+
+@given(cutoffs, st.floats(0.005, 0.2), st.floats(-50, 50), st.floats(-5, 5))
+def test_a_step_is_answered_with_the_time_constant_of_its_frequency(cutoff, sample_time, begun, step):
+    """tau = 1 / (2 pi f): what is left of a step is exp(-t / tau), at any sample time."""
+    low_pass = LowPass(begun, sample_time, cutoff, 100.0)
+    time = np.arange(1, 41) * sample_time
+    left = np.exp(-time * 2 * np.pi * cutoff)
+    np.testing.assert_allclose(filtered(low_pass, [begun + step] * 40), begun + step * (1 - left), atol=1e-9)
+
+
+def test_the_derivative_is_that_of_the_reference_less_that_of_the_bend():
+    """Against one without it, on the same stream, each time from the same command."""
+    wide, gain = CommandLimits(-20.0, 20.0, 200.0), 0.004
+    with_it, without = (
+        PID.make(knowledge(limits=wide, settings={"pid": {"derivative_mm_s_per_deg": of}}))
+        for of in (gain, 0.0)
+    )
+    low_pass = LowPass(0.0, T, SETTINGS["cutoff_hz"], SETTINGS["clip_deg"])
+    wanted, rng = 10 * np.sin(np.arange(80) * T), np.random.default_rng(0)
+    for controller in (with_it, without):
+        controller.start(0.0, wanted[0])
+    for k, (now, following) in enumerate(itertools.pairwise(wanted)):
+        measured = now + rng.normal()
+        before = low_pass.bend_deg
+        low_pass.push(k * T, 0.0, measured)
+        rate = (low_pass.bend_deg - before) / T
+        sensed = Sensed(k * T, measured, now, following)
+        asked = with_it.step(sensed) - without.step(sensed)
+        assert asked == pytest.approx(gain * ((following - now) / T - rate), abs=1e-9)
+        with_it.pull_mm = without.pull_mm = 0.0

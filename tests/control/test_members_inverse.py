@@ -7,7 +7,7 @@ import pytest
 from controlled import LIMITS, PRESET, R, T, assert_within, closed_loop, knowledge
 
 from twin.control.controller import CommandLimits, Sensed
-from twin.control.controllers.feedback import LINEAR, PI_SETTINGS
+from twin.control.controllers.feedback import PI_SETTINGS
 from twin.control.controllers.inverses import MEMBERS_INVERSE, MembersInverse
 from twin.control.trial import Plant
 from twin.estimation.learned.ram_twins import MemberWeights
@@ -62,17 +62,6 @@ def test_its_command_moves_the_weighted_members_by_what_is_asked_of_them(twins_p
     assert np.abs(off).max() < 0.0101  # the tolerance of the inverse
 
 
-def test_the_nominal_endoscope_is_followed_far_better_than_by_the_line(twins_policy):
-    ours, line = (
-        closed_loop(driven, Endoscope(), WANTED, noisy())
-        for driven in (controller(twins_policy), LINEAR.make(knowledge()))
-    )
-    errors = [np.sqrt(np.mean((of.bend_deg - WANTED)[30:] ** 2)) for of in (ours, line)]
-    assert errors[0] < 0.4 * errors[1]
-    assert not ours.fell_back.any()
-    assert_within(LIMITS, ours.pull_mm)
-
-
 def test_it_turns_round_where_the_reference_is_beyond_what_the_estimate_can_tell_and_nowhere_else(
     twins_policy,
 ):
@@ -99,24 +88,6 @@ def test_it_turns_round_where_the_reference_is_beyond_what_the_estimate_can_tell
     assert held > 2
 
 
-def test_it_moves_the_command_far_less_for_about_the_same_error(twins_policy):
-    """What is left out is the way through the dead band and back, for noise of the estimate."""
-    courses = [
-        closed_loop(
-            controller(twins_policy, **{"members-inverse": {"turning_share": share}}),
-            Endoscope(),
-            np.repeat([20.0, -15.0, 5.0], 100),
-            noisy(4),
-        )
-        for share in (0.0, 1.0)
-    ]
-    restless, calm = (np.abs(np.diff(course.pull_mm)).sum() for course in courses)
-    assert calm < 0.5 * restless
-    wanted = np.repeat([20.0, -15.0, 5.0], 100)
-    errors = [np.sqrt(np.mean((course.bend_deg - wanted)[50:100] ** 2)) for course in courses]
-    assert errors[1] < errors[0] + 0.25  # it may stand anywhere in a half interval of 0.5 deg
-
-
 @pytest.mark.parametrize("what", ["silent", "stuck"])
 def test_while_the_sensor_says_nothing_the_command_is_held(twins_policy, what):
     """Within two seconds; and it goes on without a jump when the sensor is back."""
@@ -136,31 +107,6 @@ def test_while_the_sensor_says_nothing_the_command_is_held(twins_policy, what):
     assert np.ptp(course.pull_mm[140:160]) > 0.1
     error = np.abs(course.bend_deg - WANTED)
     assert error[330:].max() < 2 * error[50:150].max()
-
-
-def test_hold_and_fallback_are_said_and_a_hold_ends_without_a_jump(twins_policy):
-    """A silence behind a sensor that is off by 12 deg: the fallback begins anew where the command stands."""
-    driven = controller(twins_policy)
-    measure, endoscope = noisy(1), Endoscope()
-    driven.start(0.0, WANTED[0])
-    pulls, held, off = [0.0], [], []
-    for k in range(330):
-        bend = endoscope(pulls[-1])
-        seen = math.nan if 220 <= k < 240 else measure(k, bend) + 12.0 * (k >= 150)
-        pulls.append(driven.step(Sensed(k * T, seen, WANTED[k], WANTED[k + 1])))
-        held.append(driven.holds)
-        off.append(WANTED[k] - driven.estimate_deg)
-        if held[-1]:
-            assert driven.runtime.reading.alarms & Alarm.TIMEOUT
-            assert pulls[-1] == pulls[-2]
-    assert driven.runtime.fallback_samples > 20
-    first, last = held.index(True), len(held) - held[::-1].index(True)
-    assert 220 < first <= 232
-    assert last == 240
-    assert sum(held) == last - first
-    line, integral = knowledge().line, PI_SETTINGS["integral_mm_per_deg_s"].default
-    moved = line.pull_mm(WANTED[last + 1]) - line.pull_mm(WANTED[last])
-    assert pulls[last + 1] - pulls[last] == pytest.approx(moved + integral * T * off[last], abs=1e-9)
 
 
 def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_comes_back(twins_policy):

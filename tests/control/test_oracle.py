@@ -5,7 +5,6 @@ import pytest
 from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
 from twin.control.conditions import reference
-from twin.control.controller import CommandLimits
 from twin.control.trial import ControlCase, run_trial
 from twin.simulation import PHYSICS
 
@@ -34,15 +33,3 @@ def test_it_sees_what_happens_on_the_way(physics, what):
     trial = tracked(physics=physics, **{what: course})
     assert trial.rmse_deg < tracked(physics=physics).rmse_deg + 0.3
     assert np.abs(trial.truth_deg - tracked(physics=physics).truth_deg).max() > 1e-3
-
-
-def test_a_fast_reference_that_is_known_ahead_is_followed_through_its_dead_bands():
-    sticky = PRESET.replace(sheath_bend=4.6, sheath_friction_floor=2.1, sheath_friction_growth=2.7)
-    wanted = reference("fast-sine", (-12.0, 12.0), 12.0, 0.02, np.random.default_rng(0))
-    given = ControlCase(sticky, wanted, np.zeros(len(wanted)), physics="reduced")
-    known = {"sample_time": 0.02, "limits": CommandLimits(-4.0, 4.0, 5.0)}
-    late, early = (
-        run_trial("oracle", knowledge(preview_s=preview, **known), given) for preview in (0.0, 1.0)
-    )
-    assert early.rmse_deg < 0.6 * late.rmse_deg
-    assert_within(known["limits"], early.pull_mm, 0.02)

@@ -36,14 +36,6 @@ KNOWLEDGE = SimpleNamespace(settings={"other": {"gain": 1.0}})
 RATE, GAIN = Setting(1.0, 0.1, 40.0), Setting(0.2, 0.001, 1.0)
 
 
-def test_more_candidates_come_nearer_to_the_best(tried):
-    errors = [
-        tune(spec(rate=RATE, gain=GAIN), [(KNOWLEDGE, 1.0)], count, 0).rmse_deg for count in (2, 16, 256)
-    ]
-    assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 0.25
-
-
 def test_as_many_are_tried_as_is_said_on_all_cases_and_within_the_range(tried):
     found = tune(spec(rate=RATE, gain=GAIN), [(KNOWLEDGE, 1.0), (KNOWLEDGE, 2.0)], 16, 3)
     assert (found.tried, len(tried)) == (16, 32)
@@ -59,26 +51,19 @@ def test_the_error_is_the_geometric_mean_over_cases(tried):
     assert found.rmse_deg == pytest.approx(alone * math.sqrt(3 * 4))
 
 
-def test_of_those_that_are_about_as_good_the_least_travel_is_taken(monkeypatch):
+@pytest.mark.parametrize("diverges_below", [0.0, 3.0])
+def test_of_those_that_are_about_as_good_and_do_not_diverge_the_least_travel_is_taken(
+    monkeypatch, diverges_below
+):
     def run_trial(name, knowledge, case):
         rate = knowledge.settings[name]["rate"]
+        if rate < diverges_below:
+            raise DivergedError("no equilibrium")
         return SimpleNamespace(rmse_deg=1.0 if rate > 5 else 1.04 if rate > 2 else 2.0, travel_mm=rate)
 
     monkeypatch.setattr(tuning, "run_trial", run_trial)
     monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
     found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
-    assert 2.0 < found.settings["rate"] < 3.0
+    least = max(2.0, diverges_below)
+    assert least < found.settings["rate"] < least + 1
     assert found.rmse_deg == 1.04
-
-
-def test_a_setting_that_diverges_is_not_taken(monkeypatch):
-    def run_trial(name, knowledge, case):
-        rate = knowledge.settings[name]["rate"]
-        if rate < 3:
-            raise DivergedError("no equilibrium")
-        return SimpleNamespace(rmse_deg=rate, travel_mm=rate)
-
-    monkeypatch.setattr(tuning, "run_trial", run_trial)
-    monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
-    found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
-    assert found.settings["rate"] >= 3

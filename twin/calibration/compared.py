@@ -114,11 +114,10 @@ class Compared:
     Attributes:
         loop: the log.
         episode: its simulation; None where it diverged.
-        errors: for each bending plane, how far each is above the measured angle, by name, (N,) [rad]; None
-            where there is nothing to compare. Offsets of a fitted log's angle are taken off, of the twin's
-            those that the fit allows; a log that is only predicted is compared as it is.
-        offsets: of the twin in each plane [rad], less what windows of a file share; zero where none was
-            fitted.
+        errors: for each bending plane, simulated less measured angle by name, (N,) [rad]; None where there is
+            nothing to compare. Offsets of a fitted log's angle are taken off, of the twin's those that the
+            fit allows.
+        offsets: of the twin in each plane [rad], less what windows of a file share; zero if not fitted.
     """
 
     loop: MeasuredLoop

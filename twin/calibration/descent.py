@@ -75,10 +75,8 @@ ALONG = ("joint_friction_taper", "section_stiffness", "joint_friction")
 """Parameters to walk along; the first that is fitted is taken."""
 STRIDES = (0.1, 0.03)
 """Length of a step on the scale of the search, of each walk."""
-FARTHEST = 10
-"""Most steps to a side."""
-TOO_HIGH = 1.5
-"""Cost at which a walk ends, times the lowest that it met."""
+FARTHEST = 10  # most steps to a side
+TOO_HIGH = 1.5  # cost at which a walk ends, times the lowest that it met
 
 
 def parameter_along(free: FreeParameters) -> str | None:
@@ -172,8 +170,7 @@ def variance_of(residual: Array, parameters: int) -> float:
     return power / freedom * (1 + r) / (1 - r)
 
 
-STRIDE = 1e-3
-"""Stride of differences, with which a descent begins."""
+STRIDE = 1e-3  # of differences, with which a descent begins
 ROUGH, SMOOTH = (1e-5, 1e-4), (1e-5, 1e-5)
 """Relative change of the cost, and of the point, at which a descent ends: by differences, and by secants."""
 

@@ -24,8 +24,6 @@ _LABELS = {
     "bend": "bending angle [deg]",
     "error": "error [deg]",
     "tension": "tension at the pulley [N]",
-    "lateral bend": "lateral bending angle [deg]",
-    "lateral error": "lateral error [deg]",
 }
 
 
@@ -84,7 +82,7 @@ def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
         else:
             axis.set_title(_title(log, plane), color=INK, fontsize=8)
             _draw_bend(axis, log, plane)
-    axes[0].set_ylabel(_LABELS[row], color=INK)
+    axes[0].set_ylabel("lateral " * plane + _LABELS[row.split()[-1]], color=INK)
 
 
 def _title(log: Compared, plane: int) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from twin.calibration.compared import TWIN, Compared, compare, errors_deg, rmse
 from twin.calibration.figure import fit_figure
@@ -31,8 +30,6 @@ from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
 from twin.report.figures import to_png_bytes
-
-Array = NDArray[np.float64]
 
 
 def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int) -> dict[str, Any]:
@@ -89,16 +86,11 @@ def read_loops(
     pace: float | None = None,
     fraction: float = 1.0,
 ) -> tuple[list[MeasuredLoop], list[MeasuredLoop], Preset]:
-    """Read logs and put them on an even grid.
+    """Read logs to fit and logs only to predict, and put them on an even grid.
 
-    Args:
-        fitted: folders of MCAP files, or files, to fit.
-        predicted: the same, only to be predicted.
-        base: the preset that the calibration starts from.
-        sample_time: of the grid [s]; without one, that of `thinned`.
-        pace: how many times faster than recorded logs are played, as in `measured_loop`.
-        fraction: share of each log in `fitted`, from its start, that is fitted. Of windows that were cut from
-            longer records, the first share of each file's are fitted whole; the others are predicted.
+    Of windows that were cut from longer records, the first share of each file's are fitted completely, the
+    others are predicted. `sample_time` [s] is that of `thinned` if not given; `pace` and `fraction` are those
+    of `measured_loop`.
 
     Returns:
         The logs to fit, those to predict, and the preset with the pulley of the logs.
@@ -142,13 +134,7 @@ def write_fit(
     rivals: Sequence[str] = (),
     origin: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write a calibrated preset, with NAME_fit.json and NAME_fit.png.
-
-    The preset is the first, so that no trouble with a report loses a fit.
-
-    Returns:
-        What NAME_fit.json holds: the errors on each log, the uncertainty of each parameter, warnings.
-    """
+    """Write a calibrated preset, then NAME_fit.json, which it returns, and NAME_fit.png."""
     shown = [*loops, *held_out]
     with contextlib.suppress(DivergedError):  # the report states along which log
         fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))

@@ -1,6 +1,7 @@
 """Preparation of measured logs for calibration: checks, resampling to an even grid, playback speed."""
 
 import collections
+import contextlib
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -127,12 +128,15 @@ def measured_loop(
         episode: the log; its measured bending angle is what counts.
         name: name of the log in messages.
         sample_time: of the grid [s].
-        pace: playback speed relative to the recording. Without it, the recorded pace; a log of
-            phases, which has none, is played at `SIMULATED_SECONDS_PER_CYCLE`.
+        pace: playback speed relative to the recording, 1 by default; a log of phases has its own.
         fraction: share of the log, from its start, that is fitted.
     """
     speed = _pace(episode, pace)
-    _check_fits(episode, name)
+    if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
+        raise InputError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
+    pulled = episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION
+    if pulled and not episode.lateral_bend.size:
+        raise InputError(f"{name}: wires c and d are pulled, but the angle in their plane was not measured")
     time = (episode.time - episode.time[0]) / speed
     if time[-1] < sample_time:  # a grid has two samples at least
         raise InputError(f"{name}: {time[-1]:.3g} s at the pace of {speed:g}: shorter than a sample")
@@ -184,20 +188,8 @@ def file_of_window(episode: Episode) -> str | None:
 
 def windows_of_files(loops: Sequence[MeasuredLoop]) -> list[list[int]]:
     """Return the places of the windows of each file among logs."""
-    files: dict[str, list[int]] = {}
-    for place, loop in enumerate(loops):
-        if loop.origin:
-            files.setdefault(loop.origin, []).append(place)
-    return list(files.values())
-
-
-def _check_fits(episode: Episode, name: str) -> None:
-    """Check that the log has a constant sheath bend, and a measured angle in every plane that is pulled."""
-    if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
-        raise InputError(f"{name}: the sheath's bend changes: calibrate on logs in which it stands still")
-    pulled = episode.lateral_pull.size and np.ptp(episode.lateral_pull) > LEAST_MOTION
-    if pulled and not episode.lateral_bend.size:
-        raise InputError(f"{name}: wires c and d are pulled, but the angle in their plane was not measured")
+    origins = dict.fromkeys(loop.origin for loop in loops if loop.origin)
+    return [[place for place, loop in enumerate(loops) if loop.origin == origin] for origin in origins]
 
 
 def check_angle(pull: Array, bend: Array, name: str, *, lateral: bool = False) -> None:
@@ -264,8 +256,7 @@ def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
 
 
 def _reverses(loop: MeasuredLoop) -> bool:
-    try:
+    with contextlib.suppress(InputError):
         check_motion(loop.pull[loop.fitted], loop.name)
-    except InputError:
-        return False
-    return True
+        return True
+    return False

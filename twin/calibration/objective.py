@@ -59,10 +59,9 @@ def residuals(
     """Return the weighted residuals of candidates against logs.
 
     Each log weighs the same: its squared differences are divided by its number of samples. An angle whose
-    zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, which is the best offset;
-    a large one costs a little, so that what all logs share is explained by the endoscope. Windows of one file
-    were measured by one sensor: what their offsets have in common is an error like any other, so that windows
-    of several files have to share one zero.
+    zero is not known (`MeasuredLoop.offset`) is compared less its mean difference, the best offset; a large
+    one costs a little. Windows of one file were measured by one sensor: what their offsets have in common is
+    an error like any other.
 
     Returns:
         (candidates, R); the sum of squares of a row is the cost of that candidate.

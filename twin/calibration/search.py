@@ -99,13 +99,12 @@ class Fit:
     Attributes:
         free: the fitted parameters.
         preset: the fitted preset.
-        cost: sum over logs of the mean square error of the twin in MuJoCo, in units of `BEND_SCALE` and
-            `TENSION_SHARE`.
+        cost: sum over logs of the mean square error of the twin in MuJoCo, in units of `residuals`.
         reduced_cost: the same of the reduced twin, on which the search was made.
         jacobian: derivative of the residuals with respect to the search space, (R, P).
-        residual: residuals, weighted as the search had them at its end (`weights.py`), (R,).
-        neighbours: points that walks met near the fit of the reduced twin: how much more each costs, and how
-            far away it is in the search space, (K, 1 + P).
+        residual: residuals, weighted as at the end of the search, (R,).
+        neighbours: points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and
+            distance in the search space.
     """
 
     free: FreeParameters

@@ -15,10 +15,8 @@ Array = NDArray[np.float64]
 
 UNKNOWN = 0.5
 """Relative standard deviation above which a positive parameter counts as poorly known."""
-BLIND = 3.0
-"""Relative standard deviation above which it counts as unknown: a factor of 20."""
-ENTANGLED = 0.98
-"""Correlation above which two parameters are known only in combination."""
+BLIND = 3.0  # above which it counts as unknown: a factor of 20
+ENTANGLED = 0.98  # correlation above which two parameters are known only in combination
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,14 +62,8 @@ def uncertainty(fit: Fit) -> Uncertainty:
 def _between(neighbours: Array, jacobian: Array, variance: float) -> Array:
     """Return the mean square distance (P, P) of the fit from its neighbours, by their likelihood.
 
-    A point counts by its likelihood, exp(-rise / 2 s^2), less what the law about the fit has for it already,
-    exp(-|J d|^2 / 2 s^2): in a valley that is as smooth as linear theory takes it, nothing is added. Each
-    stands for a valley as wide as that of the fit, which is a rule of thumb.
-
-    Args:
-        neighbours: as in `Fit`.
-        jacobian: derivative of the residuals (R, P).
-        variance: of a residual.
+    A point counts by its likelihood, exp(-rise / 2 s^2), less that of linear theory about the fit,
+    exp(-|J d|^2 / 2 s^2). Each stands for a valley as wide as that of the fit, which is a rule of thumb.
     """
     away = neighbours[:, 1:]
     likely = np.exp(-np.maximum(neighbours[:, 0], 0.0) / (2 * variance))
@@ -106,9 +98,8 @@ def likely_ranges(fit: Fit, known: Uncertainty) -> Ranges:
 def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Array) -> list[str]:
     numbers = free.encode(fit.preset)
     warnings = []
-    for name, number, low, high, d in zip(
-        free.names, numbers, free.lower, free.upper, deviation, strict=True
-    ):
+    places = zip(free.names, numbers, free.lower, free.upper, deviation, strict=True)
+    for name, number, low, high, d in places:
         value = getattr(fit.preset, name)
         if not np.isfinite(d):
             warnings.append(f"{name}: the logs do not depend on it")
@@ -118,9 +109,7 @@ def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Arr
             warnings.append(f"{name} = {value:.4g}: the logs do not determine it")
         elif name not in SIGNED and d > UNKNOWN:
             warnings.append(f"{name} = {value:.4g} is known to a factor of {np.exp(d):.2g} only")
-    for i, first in enumerate(free.names):
-        for j in range(i):
-            if abs(correlation[i, j]) > ENTANGLED:
-                pair = f"{free.names[j]} and {first}"
-                warnings.append(f"{pair} cannot be determined separately ({correlation[i, j]:+.3f})")
+    for i, j in np.argwhere(np.abs(np.tril(correlation, -1)) > ENTANGLED):
+        pair = f"{free.names[j]} and {free.names[i]}"
+        warnings.append(f"{pair} cannot be determined separately ({correlation[i, j]:+.3f})")
     return warnings

@@ -1,10 +1,8 @@
 """Anticipation of a known reference: long travels of the command begin before they are due.
 
-After a reversal, and wherever friction holds the bend, the command travels millimetres before the bend moves
-on. Where the motor is too slow for that, a controller that follows the reference sample by sample is late by
-all of it. If the reference is known ahead, the command may leave early: the earlier it does, the further the
-bend is ahead of the reference at first, and the less it is late afterwards. The largest error is least where
-the two are equal, and that is when the command begins, at its speed limit.
+Where friction holds the bend, the command travels millimetres before the bend moves on. The earlier it
+begins, the further the bend is ahead of the reference at first, and the less it is late afterwards. The error
+is least where the two are equal, and that is when the command begins, at its speed limit.
 
 A model predicts the bends: copies of the members of RAM (twins), or of the endoscope for an oracle.
 """
@@ -21,11 +19,9 @@ Array = NDArray[np.float64]
 Along = Callable[[Array, NDArray[np.int64]], Array]
 """From pulls (N,) [mm], one after the other, and the samples (N,) that each takes: bends (N,) then [deg]."""
 
-LATE_DEG, IN_TIME_DEG = 0.3, 0.1
-"""Error behind the reference that the command goes ahead for, and the one that it goes on for [deg]."""
+LATE_DEG, IN_TIME_DEG = 0.3, 0.1  # error that the command goes ahead for, and the one that it goes on for
 LOOKS_EVERY_S = 0.06
-LOOKS_AHEAD_S = (0.06, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.9)
-"""Times ahead at which model and reference are compared [s]."""
+LOOKS_AHEAD_S = (0.06, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.9)  # where model and reference are compared
 
 
 class Anticipation:
@@ -58,12 +54,8 @@ class Anticipation:
     ) -> float:
         """Return the pull that is wanted at the next sample [mm]; NaN where nothing is to be done ahead.
 
-        Args:
-            pull_mm: command that stands.
-            bend_deg: bend now, as estimated.
-            reference_deg: wanted angle now.
-            reference_preview_deg: (H,) wanted angles at the next samples.
-            along: asks the model; nothing moves. Its bends count from the one that it has now.
+        The preview (H,) begins with the next sample. `along` asks the model, and nothing moves; its bends
+        count from the one that it has now.
         """
         if len(reference_preview_deg) < self._looks[0] or not np.isfinite(reference_preview_deg).all():
             self.forget()

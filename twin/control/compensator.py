@@ -4,10 +4,10 @@ RAM (twins) predicts by twins that follow the command. The command of the next s
 
     sum_m w_m [theta_m(u) - theta_m] = r_next - r + share (r - estimate),      share = 1 - exp(-rate T),
 
-where w are the weights that the filter gives the members now, r the reference. Only what the reference
-moves and a share of the estimated error are asked for: one that asked for the whole error would follow the
-noise of the estimate. Nor does the command turn round, and cross the dead band of a reversal, for less than
-the estimate resolves: unless the reference turns, it must be off by a share of its 95 % interval.
+where w are the weights that the filter gives the members now, r the reference. Asking for all of the
+estimated error would follow the noise of the estimate. For the same reason the command only turns round,
+across the dead band of a reversal, where the reference does, or for an error of more than a share of the 95 %
+interval.
 
 Where the reference is known ahead, the same members predict which travel of the command takes longer than
 there is time for, and that one begins early (`twin/control/anticipation.py`).
@@ -19,7 +19,6 @@ in charge, without a jump. While measurements are missing or stuck, the command 
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ from twin.estimation.learned.trained_file import read_trained_file
 from twin.live.assured import AssuredEstimator
 from twin.live.reading import Alarm, Health, Source
 from twin.preset.file import preset_of
-from twin.preset.preset import Preset
 
 COMPENSATOR_SETTINGS = {"rate_per_s": Setting(20.0, 2.0, 100.0), "turning_share": Setting(1.5, 0.3, 3.0)}
 """Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in
@@ -77,12 +75,8 @@ class Compensator:
     ) -> float:
         """Return the pull that is wanted at the next sample [mm], within stroke and speed.
 
-        Args:
-            pull_mm: command that stands [mm].
-            reference_deg: wanted angle now [deg].
-            next_deg: wanted angle at the next sample [deg].
-            reference_preview_deg: (H,) wanted angles from the next sample on, where they are known ahead
-                [deg].
+        Arguments are the command that stands, the wanted angles now, at the next sample and, where they are
+        known ahead, from there on (H,).
         """
         runtime = self._runtime
         reading, state = runtime.reading, runtime.advanced.state
@@ -91,45 +85,31 @@ class Compensator:
         if self.holds:
             return pull_mm
         if not self.falls_back and isinstance(state, StepState):
-            ahead = self._ahead_mm(state, pull_mm, reference_deg, reference_preview_deg)
-            return self._inverse_mm(state, pull_mm, reference_deg, next_deg) if math.isnan(ahead) else ahead
+            weights = self._weights.of(state)
+            now = float(weights @ state.following.of_filters()[0])
+
+            def along(pulls_mm: Array, samples: NDArray[np.int64]) -> Array:
+                moved: Array = self._members.bends_along(state.following, pulls_mm, samples) @ weights - now
+                return moved
+
+            bend, low, high = reading[:3]
+            ahead = self._anticipation.wanted_mm(pull_mm, bend, reference_deg, reference_preview_deg, along)
+            if not math.isnan(ahead):
+                self._direction = ahead - pull_mm or self._direction
+                return ahead
+            of_reference = next_deg - reference_deg
+            moved = of_reference + self._share * (reference_deg - bend)
+            small = abs(next_deg - bend) < self._turning_share * (high - low) / 2
+            if small and moved * self._direction < 0 <= of_reference * self._direction:
+                return pull_mm
+            self._direction = moved
+            within = self._limits.reach(pull_mm, runtime.sample_time)
+            return self._members.common_pull_mm(state.following, weights, now + moved, within)
         self.falls_back, self._direction = True, 0.0
         self._anticipation.forget()
         if not went_on:
             self._feedback.begin(pull_mm, reference_deg, reading.bend_deg)
         return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
-
-    def _ahead_mm(
-        self, state: StepState, pull_mm: float, reference_deg: float, reference_preview_deg: Array
-    ) -> float:
-        """Return the pull of a way that is begun ahead of its reference [mm]; NaN where none is."""
-        weights = self._weights.of(state)
-        now = float(weights @ state.following.of_filters()[0])
-
-        def along(pulls_mm: Array, samples: NDArray[np.int64]) -> Array:
-            moved: Array = self._members.bends_along(state.following, pulls_mm, samples) @ weights - now
-            return moved
-
-        bend = self._runtime.reading.bend_deg
-        ahead = self._anticipation.wanted_mm(pull_mm, bend, reference_deg, reference_preview_deg, along)
-        if ahead != pull_mm and not math.isnan(ahead):
-            self._direction = ahead - pull_mm
-        return ahead
-
-    def _inverse_mm(self, state: StepState, pull_mm: float, reference_deg: float, next_deg: float) -> float:
-        """Return the pull that moves the weighted members by what is asked of them [mm]."""
-        bend, low, high = self._runtime.reading[:3]
-        moved = next_deg - reference_deg + self._share * (reference_deg - bend)
-        if (
-            moved * self._direction < 0 <= (next_deg - reference_deg) * self._direction
-            and abs(next_deg - bend) < self._turning_share * (high - low) / 2
-        ):
-            return pull_mm
-        self._direction = moved
-        weights = self._weights.of(state)
-        now = float(weights @ state.following.of_filters()[0])
-        within = self._limits.reach(pull_mm, self._runtime.sample_time)
-        return self._members.common_pull_mm(state.following, weights, now + moved, within)
 
 
 _IGNORED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP
@@ -145,7 +125,6 @@ class LiveCommands:
     Attributes:
         limits: of the command.
         command_mm: latest command; NaN before the first [mm].
-        falls_back: whether the fallback's law is in charge.
     """
 
     def __init__(self, runtime: AssuredEstimator, compensator: Compensator, limits: CommandLimits) -> None:
@@ -169,11 +148,9 @@ class LiveCommands:
         """Return the pull to command at the next sample [mm]; NaN before the first pull and reference.
 
         Args:
-            pull_mm: command that stands at the sample which the runtime has just taken in, NaN if
-                unknown [mm].
-            reference_deg: angle that is wanted at the next sample; NaN if unknown [deg].
-            reference_preview_deg: angles that are wanted at the samples after that, as far as they are known
-                [deg].
+            pull_mm: command that stands at the runtime's latest sample, NaN if unknown [mm].
+            reference_deg: wanted angle at the next sample; NaN if unknown [deg].
+            reference_preview_deg: wanted angles after that, as far as they are known [deg].
         """
         if self._runtime.reading.health & _IGNORED:
             return self.command_mm
@@ -183,14 +160,11 @@ class LiveCommands:
             self._reference_deg = reference_deg
         if math.isnan(stands) or math.isnan(self._reference_deg):
             return self.command_mm
-        wanted = self._compensator.wanted_mm(
-            stands,
-            self._reference_deg if math.isnan(now) else now,
-            self._reference_deg,
-            np.array([self._reference_deg, *reference_preview_deg])
-            if len(reference_preview_deg)
-            else NO_PREVIEW,
-        )
+        preview = NO_PREVIEW
+        if len(reference_preview_deg):
+            preview = np.array([self._reference_deg, *reference_preview_deg])
+        now = self._reference_deg if math.isnan(now) else now
+        wanted = self._compensator.wanted_mm(stands, now, self._reference_deg, preview)
         self.command_mm = self.limits.within(wanted, stands, self._runtime.sample_time)
         return self.command_mm
 
@@ -202,20 +176,23 @@ def prepare_commands(
     speed_mm_s: float | None = None,
     rate_per_s: float = COMPENSATOR_SETTINGS["rate_per_s"].default,
 ) -> LiveCommands:
-    """Return the commands on the estimate of a runtime.
+    """Return the commands on the estimate of a runtime, which takes in each sample before `after` is called.
 
     Args:
         path: its trained file, of RAM (twins).
-        runtime: that takes in each sample before `after` is called.
+        runtime: the running estimator.
         stroke_mm: lowest and highest command [mm].
-        speed_mm_s: its fastest change; if not given, that of the training, or of the preset's servo where it
-            is slower [mm / s].
+        speed_mm_s: fastest change [mm / s]; by default that of the training, or of the preset's servo where
+            it is slower.
         rate_per_s: at which the estimated error is removed [1 / s].
     """
     if not 0 < rate_per_s < math.inf:
         raise InputError(f"rate = {rate_per_s:g} 1/s: must be positive and finite")
     file = read_trained_file(path)
-    deployment, preset = deployment_of(file), _preset_in(file.description, path)
+    values = file.description.get("preset")
+    if not isinstance(values, Mapping):
+        raise InputError(f"{path} does not hold its endoscope: commands are made on RAM (twins)")
+    deployment, preset = deployment_of(file), preset_of("preset", values)
     if speed_mm_s is None:
         speed_mm_s = deployment.pull_speed_mm_s
         if preset.servo_speed:
@@ -230,10 +207,3 @@ def prepare_commands(
     gains, settings = tuned(PI_SETTINGS, {}), tuned(COMPENSATOR_SETTINGS, {"rate_per_s": rate_per_s})
     compensator = Compensator(runtime, limits, fit_line(preset, stroke_mm), settings, gains)
     return LiveCommands(runtime, compensator, limits)
-
-
-def _preset_in(description: Mapping[str, Any], path: Path) -> Preset:
-    values = description.get("preset")
-    if not isinstance(values, Mapping):
-        raise InputError(f"{path} does not hold its endoscope: commands are made on RAM (twins)")
-    return preset_of("preset", values)

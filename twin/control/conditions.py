@@ -1,6 +1,7 @@
 """Conditions of a comparison of controllers: references, noise, sensors, and what happens on the way."""
 
 import dataclasses
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -23,28 +24,18 @@ from twin.signals.noise import draw_noise, noise_variance
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
-SHARE = 0.65
-"""Share of what the nominal endoscope reaches on a stroke."""
+SHARE = 0.65  # of what the nominal endoscope reaches on a stroke
 FAST_PERIOD_S = 4.0
 SIGNALS = ("sine", "multi-sine", "random-steps", "fast-sine")
 """Kinds of reference; the first three are slow, as those of datasets."""
 
 
 def reference(
-    kind: str,
-    reached_deg: tuple[float, float],
-    seconds: float,
-    sample_time: float,
-    rng: np.random.Generator,
+    kind: str, reached_deg: tuple[float, float], seconds: float, sample_time: float, rng: np.random.Generator
 ) -> Array:
     """Return a reference (N,) [deg]: `HOLD_S` at its start, then `seconds` of a signal.
 
-    Args:
-        kind: one of `SIGNALS`.
-        reached_deg: lowest and highest bend that the stroke brings; its middle `SHARE` is used [deg].
-        seconds: length of the signal [s].
-        sample_time: T [s].
-        rng: draws period, phase and levels.
+    It uses the middle `SHARE` of the bends that the stroke reaches; `rng` draws period, phase and levels.
     """
     if kind not in SIGNALS:
         raise InputError(f"unknown reference {kind!r:.40}; valid: {', '.join(SIGNALS)}")
@@ -62,13 +53,10 @@ def reference(
 
 
 SLOW = ("sine", "multi-sine", "random-steps")
-BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2
-"""Bending of the sheath: its begin [s], its time [s] and its angle [rad]."""
+BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2  # of the sheath: begin, time, angle [rad]
+TOUCHED_AT_S = 18.0  # begin of a contact at the tip; it stays
 CAPSTAN = (("sheath_friction", 0.18), ("sheath_friction_floor", 0.0), ("sheath_friction_growth", 0.0))
-"""Another law of friction: all of it grows with the tension, where the ureteroscope's hardly does. It is as
-much as that of the nominal one at rest."""
-TOUCHED_AT_S = 18.0
-"""Begin of a contact at the tip [s]; it stays."""
+"""Friction that all grows with the tension, where the ureteroscope's hardly does; at rest it is as much."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,9 +114,7 @@ class ControlCondition:
 
     def sheath_bend(self, preset: Preset, samples: int) -> Array:
         """Return the bend of the sheath at each sample [rad]; empty where it stays."""
-        if not self.bends:
-            return np.empty(0)
-        return bending_sheath(preset, samples, self.sample_time, BENDING_AT_S)
+        return bending_sheath(preset, samples, self.sample_time, BENDING_AT_S) if self.bends else np.empty(0)
 
 
 def bending_sheath(preset: Preset, samples: int, sample_time: float, begins_s: float) -> Array:
@@ -163,12 +149,10 @@ def find_conditions(suite: str) -> tuple[ControlCondition, ...]:
     return SUITES[suite]
 
 
-PREVIEW_S = 1.0
-"""Time for which a reference is known ahead, where nothing else is asked for [s]."""
+PREVIEW_S = 1.0  # for which a reference is known ahead by default
 MODEL_SAMPLE_TIME, MODEL_STRIDE = 0.02, 5  # of the records that a model is identified on
 TUNING = (*((kind, False) for kind in SLOW), ("fast-sine", False), ("multi-sine", True))
-"""References of the tuning, and whether the sheath bends meanwhile: settings are to serve quick work and a
-change of the endoscope, too."""
+"""References of the tuning, and whether the sheath bends meanwhile."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,7 +194,7 @@ class ControlSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Refuse values out of range."""
         check_between("twins", self.twins, 1, 1000)
         check_between("seconds", self.seconds, 1.0, 3600.0)
         check_between("preview_s", self.preview_s, 0.0, 60.0)
@@ -230,17 +214,9 @@ class ControlSettings:
     ) -> ControlKnowledge:
         """Return what a controller may know on a stroke, with a sensor of some R [deg^2] and T [s]."""
         variance, sample_time = sensor
-        return ControlKnowledge(
-            self.preset,
-            stroke_mm,
-            self.limits(stroke_mm),
-            sample_time,
-            variance,
-            deployment,
-            self.preview_s,
-            self.policy,
-            self.tracking_policy,
-        )
+        limits, trained = self.limits(stroke_mm), (self.policy, self.tracking_policy)
+        known = self.preset, stroke_mm, limits, sample_time, variance, deployment
+        return ControlKnowledge(*known, self.preview_s, *trained)
 
     def find_deployment(self, stroke_mm: tuple[float, float]) -> Deployment:
         """Return the model that is identified on the nominal endoscope, and its active model, tuned."""
@@ -248,30 +224,29 @@ class ControlSettings:
         model = identify_coleman_hodgdon(records, self.seed)[0]
         return prepare_deployment(records, model, MODEL_SAMPLE_TIME * MODEL_STRIDE, self.seed)
 
-    def held_out(self, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
+    def held_out(
+        self,
+        number: int,
+        condition: ControlCondition = CONDITIONS[0],
+        stream: SeedUse = SeedUse.CONTROL_TWINS,
+    ) -> Preset:
         """Return an endoscope that is scored under a condition, with the servo of the limits."""
-        return self._drawn(SeedUse.CONTROL_TWINS, number, condition)
-
-    def _drawn(self, stream: SeedUse, number: int, condition: ControlCondition = CONDITIONS[0]) -> Preset:
         rng = random_stream(self.seed, stream, number)
         drawn = condition.draw(self.preset, self.ranges, rng)
-        speed = self.speed_mm_s * 1e-3
-        if drawn.servo_speed:
-            speed = min(speed, drawn.servo_speed)
+        speed = min(self.speed_mm_s * 1e-3, drawn.servo_speed or math.inf)
         return drawn.replace(servo_speed=speed, sensor_latency=drawn.sensor_latency + self.latency_s)
 
-    def cases(
-        self, condition: ControlCondition, stroke_mm: tuple[float, float], knowledge: ControlKnowledge
-    ) -> list[ControlCase]:
+    def cases(self, condition: ControlCondition, knowledge: ControlKnowledge) -> list[ControlCase]:
         """Return the case of every trial of a condition on a stroke: all twins on all signals."""
-        place = self.strokes_mm.index(stroke_mm)
+        place = self.strokes_mm.index(knowledge.stroke_mm)
         cases = []
         for number in range(self.twins):
             preset = self.held_out(number, condition)
             for kind in condition.signals:
                 which = place, number, SIGNALS.index(kind)
                 rng = random_stream(self.seed, SeedUse.CONTROL_REFERENCES, *which)
-                wanted = self._reference(kind, knowledge, self.seconds, rng)
+                reached = knowledge.line.reached_deg
+                wanted = reference(kind, reached, self.seconds, knowledge.sample_time, rng)
                 rng = random_stream(self.seed, SeedUse.CONTROL_NOISE, *which)
                 noise = draw_noise(condition.noise, condition.level, (len(wanted),), rng)
                 bend, force = condition.sheath_bend(preset, len(wanted)), condition.tip_forces(len(wanted))
@@ -285,28 +260,20 @@ class ControlSettings:
         cases = []
         for number, (kind, bends) in enumerate(TUNING):
             rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_REFERENCES, place, number)
-            wanted = self._reference(kind, knowledge, seconds, rng)
+            wanted = reference(kind, knowledge.line.reached_deg, seconds, sample_time, rng)
             rng = random_stream(self.seed, SeedUse.CONTROL_TUNING_NOISE, place, number)
             noise = draw_noise("gaussian", knowledge.noise_variance, (len(wanted),), rng)
-            preset = self._drawn(SeedUse.CONTROL_TUNING_TWINS, place * len(TUNING) + number)
+            twin = place * len(TUNING) + number
+            preset = self.held_out(twin, stream=SeedUse.CONTROL_TUNING_TWINS)
             bend = bending_sheath(preset, len(wanted), sample_time, seconds / 3) if bends else np.empty(0)
             cases.append(ControlCase(preset, wanted, noise, bend, physics="reduced"))
         return cases
-
-    def _reference(
-        self, kind: str, knowledge: ControlKnowledge, seconds: float, rng: np.random.Generator
-    ) -> np.ndarray:
-        reached = knowledge.line.reached_deg
-        return reference(kind, reached, seconds, knowledge.sample_time, rng)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all that results depend on, as plain values."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         values |= {"preset": self.preset.to_dict(), "ranges": self.ranges.to_dict()}
         values["strokes_mm"] = [list(stroke) for stroke in self.strokes_mm]
-        values["policy"] = None if self.policy is None else sha256_of(self.policy)
-        # Left out where there is none: comparisons of before this field go on.
-        del values["tracking_policy"]
-        if self.tracking_policy is not None:
-            values["tracking_policy"] = sha256_of(self.tracking_policy)
+        for name in ("policy", "tracking_policy"):
+            values[name] = None if values[name] is None else sha256_of(values[name])
         return values

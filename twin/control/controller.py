@@ -38,17 +38,11 @@ ureteroscope's ranges needs to follow the references of a stroke is 1.4."""
 
 @dataclasses.dataclass(frozen=True)
 class CommandLimits:
-    """Stroke and speed of the commanded pulling distance.
-
-    Attributes:
-        low_mm: lowest pulling distance [mm].
-        high_mm: highest [mm].
-        speed_mm_s: fastest change [mm / s].
-    """
+    """Stroke and speed of the commanded pulling distance."""
 
     low_mm: float
     high_mm: float
-    speed_mm_s: float
+    speed_mm_s: float  # fastest change
 
     def __post_init__(self) -> None:
         """Refuse an empty stroke and a speed that is not positive."""
@@ -81,21 +75,12 @@ class CommandLimits:
         return min(max(wanted_mm, low), high)
 
 
-_CYCLES, _PERIOD_S, _SAMPLE_TIME = 2, 10.0, 0.02
-
-
 class Line(NamedTuple):
-    """Bend as a linear function of the pull, on one stroke.
+    """Bend as a linear function of the pull, on one stroke."""
 
-    Attributes:
-        slope: [deg / mm].
-        offset_deg: at no pull [deg].
-        reached_deg: lowest and highest bend of the nominal twin on the stroke [deg].
-    """
-
-    slope: float
-    offset_deg: float
-    reached_deg: tuple[float, float]
+    slope: float  # [deg / mm]
+    offset_deg: float  # at no pull
+    reached_deg: tuple[float, float]  # lowest and highest bend of the nominal twin on the stroke
 
     def pull_mm(self, bend_deg: float) -> float:
         """Return the pull that brings a bend, if there were no hysteresis [mm]."""
@@ -106,10 +91,11 @@ class Line(NamedTuple):
 def fit_line(preset: Preset, stroke_mm: tuple[float, float]) -> Line:
     """Return the line of least squares through the closed loop of an endoscope on a stroke [mm]."""
     low, high = stroke_mm
-    time = np.arange(round(_CYCLES * _PERIOD_S / _SAMPLE_TIME)) * _SAMPLE_TIME
-    pull_mm = (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * time / _PERIOD_S)
-    episode = simulate(preset, pull_mm * 1e-3, _SAMPLE_TIME, physics="reduced")
-    closed = slice(len(time) // _CYCLES, None)  # the first loop begins inside
+    sample_time, period = 0.02, 10.0
+    time = np.arange(round(2 * period / sample_time)) * sample_time
+    pull_mm = (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * time / period)
+    episode = simulate(preset, pull_mm * 1e-3, sample_time, physics="reduced")
+    closed = slice(len(time) // 2, None)  # the first loop begins inside
     bend = episode.truth_deg[closed]
     slope, offset = np.polyfit(pull_mm[closed], bend, 1)
     return Line(float(slope), float(offset), (float(bend.min()), float(bend.max())))
@@ -120,15 +106,14 @@ class ControlKnowledge:
     """Knowledge before a run, of one endoscope at one sample time.
 
     Attributes:
-        preset: the nominal endoscope: what a maker knows of all of a kind.
+        preset: the nominal endoscope.
         stroke_mm: lowest and highest pull of the work [mm].
         limits: of the command; wider than the stroke.
         sample_time: T [s].
         noise_variance: R of the sensor [deg^2].
         deployment: tuned active model on the identified model of Coleman and Hodgdon.
         preview_s: time for which the reference is known ahead [s].
-        policy: trained file of RAM (twins); None where there is none.
-        tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`; None where there is none.
+        policy, tracking_policy: trained files, by the names of `TRAINED`; None where there is none.
         settings: what was tuned, by controller and name.
     """
 
@@ -160,17 +145,8 @@ class ControlKnowledge:
         """The active model with tuned noise, for the sensor."""
         return self.deployment.fallback_at(self.sample_time, self.noise_variance)
 
-    @property
-    def trained(self) -> Path:
-        """The trained file of RAM (twins)."""
-        return self._trained("policy")
-
-    @property
-    def trained_tracking(self) -> Path:
-        """The trained file of PPO on `EndoTwin/Tracking-v0`."""
-        return self._trained("tracking_policy")
-
-    def _trained(self, name: str) -> Path:
+    def trained(self, name: str) -> Path:
+        """Return a trained file, by its name in `TRAINED`."""
         path: Path | None = getattr(self, name)
         if path is None:
             raise InputError(f"a controller on {TRAINED[name]} needs a trained file")
@@ -182,29 +158,19 @@ NO_PREVIEW = np.empty(0)
 
 
 class Sensed(NamedTuple):
-    """Input of a controller at one sample.
-
-    Attributes:
-        time_s: of the sample [s].
-        measurement_deg: measured angle, NaN where there is none [deg].
-        reference_deg: wanted angle now [deg].
-        next_deg: wanted angle at the next sample [deg].
-        reference_preview_deg: (H,) wanted angles from the next sample on, as far ahead as they are known
-            [deg].
-    """
+    """Input of a controller at one sample."""
 
     time_s: float
-    measurement_deg: float
-    reference_deg: float
-    next_deg: float
-    reference_preview_deg: Array = NO_PREVIEW
+    measurement_deg: float  # NaN where there is none
+    reference_deg: float  # wanted angle now
+    next_deg: float  # wanted angle at the next sample
+    reference_preview_deg: Array = NO_PREVIEW  # (H,) wanted angles from the next sample on, as far as known
 
 
 class Controller(abc.ABC):
     """A controller of one endoscope, for one run.
 
-    The pull that `step` returns is that of the end of the next sample. It is always a number within the
-    limits, whatever a controller wants: it is bounded here, once for all of them.
+    The pull that `step` returns is that of the end of the next sample, bounded to the limits.
 
     Attributes:
         limits: of the command.
@@ -216,10 +182,8 @@ class Controller(abc.ABC):
     """
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
-        self.limits = limits
-        self.sample_time = sample_time
-        self.pull_mm = math.nan
-        self.estimate_deg = math.nan
+        self.limits, self.sample_time = limits, sample_time
+        self.pull_mm = self.estimate_deg = math.nan
         self.falls_back = self.holds = False
 
     def observe(self, plant: "Plant") -> None:  # noqa: B027  only for an oracle
@@ -251,15 +215,8 @@ TRAINED = {"policy": RAM_TWINS.name, "tracking_policy": "PPO on EndoTwin/Trackin
 """Trained files that controllers run on: by the field of `ControlKnowledge`, what the file is of."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Setting:
-    """A number that is tuned, on a logarithmic scale.
-
-    Attributes:
-        default: where nothing is tuned.
-        low: least value of the search.
-        high: greatest.
-    """
+class Setting(NamedTuple):
+    """A number that is tuned on a logarithmic scale: its default, and the range of the search."""
 
     default: float
     low: float
@@ -287,16 +244,16 @@ class ControllerSpec:
     name: str
     rank: float
     information: str
-    build: "Callable[[ControlKnowledge, Mapping[str, float]], Controller]"
+    build: Callable[[ControlKnowledge, Mapping[str, float]], Controller]
     settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
     needs: str = ""
-    sample_time_of: "Callable[[Path], float] | None" = None
+    sample_time_of: Callable[[Path], float] | None = None
     falls_back_on: str = ""
     ours: bool = False
     oracle: bool = False
     style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
 
-    def make(self, knowledge: "ControlKnowledge") -> "Controller":
+    def make(self, knowledge: ControlKnowledge) -> Controller:
         """Return a new controller, with what was tuned for it."""
         return self.build(knowledge, tuned(self.settings, knowledge.settings.get(self.name, {})))
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from twin import __version__
 from twin.control.conditions import ControlCondition, ControlSettings
 from twin.control.controller import is_oracle
 from twin.control.trial import ControlTrial
-from twin.episode import Episode
 from twin.evaluation.metrics import confidence_interval
 from twin.files.atomic import MADE_BY, write_whole
 from twin.gate.trial import reduction_interval
@@ -33,21 +32,13 @@ MEASURES = (
 
 @dataclasses.dataclass(frozen=True)
 class ControlResult:
-    """Measures of all trials of one controller under one condition.
-
-    Attributes:
-        controller: its name.
-        condition: under which.
-        strokes_mm: strokes, in the order of the first axis.
-        measures: by the names of `MEASURES`, each (strokes, twins, signals).
-        settings: what was tuned for it.
-    """
+    """Measures of all trials of one controller under one condition."""
 
     controller: str
     condition: ControlCondition
-    strokes_mm: tuple[tuple[float, float], ...]
-    measures: dict[str, Array]
-    settings: dict[str, float]
+    strokes_mm: tuple[tuple[float, float], ...]  # in the order of the first axis of measures
+    measures: dict[str, Array]  # by the names of `MEASURES`, each (strokes, twins, signals)
+    settings: dict[str, float]  # what was tuned for it
 
     @property
     def squares(self) -> Array:
@@ -87,8 +78,8 @@ class ControlResult:
         for s, stroke in enumerate(self.strokes_mm):
             for k, signal in enumerate(condition.signals):
                 mine = {name: values[s, :, k] for name, values in self.measures.items()}
-                low, high = confidence_interval(mine["rmse_deg"])
-                estimate = float(mine["estimate_rmse_deg"].mean())
+                mean = {name: float(values.mean()) for name, values in mine.items()}
+                estimate = mean["estimate_rmse_deg"]
                 rows.append(
                     {
                         "controller": self.controller,
@@ -99,15 +90,15 @@ class ControlResult:
                         "signal": signal,
                         "stroke_mm": list(stroke),
                         "twins": len(mine["rmse_deg"]),
-                        "rmse_deg": float(mine["rmse_deg"].mean()),
-                        "rmse_ci95_deg": [low, high],
+                        "rmse_deg": mean["rmse_deg"],
+                        "rmse_ci95_deg": list(confidence_interval(mine["rmse_deg"])),
                         "worst_twin_rmse_deg": float(mine["rmse_deg"].max()),
                         "worst_deg": float(mine["worst_deg"].max()),
-                        "late_rmse_deg": float(mine["late_rmse_deg"].mean()),
+                        "late_rmse_deg": mean["late_rmse_deg"],
                         "late_worst_deg": float(mine["late_worst_deg"].max()),
-                        "travel_mm": float(mine["travel_mm"].mean()),
+                        "travel_mm": mean["travel_mm"],
                         "estimate_rmse_deg": estimate if estimate >= 0 else None,
-                        "fallback_share": float(mine["fallback_share"].mean()),
+                        "fallback_share": mean["fallback_share"],
                     }
                 )
         return rows
@@ -115,17 +106,11 @@ class ControlResult:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """All results, and the trials that figures show.
-
-    Attributes:
-        results: of each controller under each condition.
-        shown: by controller, the trial of the first twin, stroke, condition and signal.
-        tuned: by sensor and controller, settings and their error on the cases of the tuning.
-    """
+    """All results, and the trials that figures show."""
 
     results: list[ControlResult]
-    shown: dict[str, ControlTrial]
-    tuned: list[dict[str, Any]]
+    shown: dict[str, ControlTrial]  # by controller, of the first twin, stroke, condition and signal
+    tuned: list[dict[str, Any]]  # by sensor and controller: settings, and their error in the tuning
 
 
 def measures_of(trial: ControlTrial) -> tuple[float, ...]:
@@ -134,7 +119,7 @@ def measures_of(trial: ControlTrial) -> tuple[float, ...]:
     estimate = float(np.sqrt(np.mean(off**2)))
     return (
         trial.rmse_deg,
-        trial.worst_deg,
+        float(np.abs(trial.error_deg).max()),
         float(np.sqrt(np.mean(trial.late_error_deg**2))),
         float(np.abs(trial.late_error_deg).max()),
         trial.travel_mm,
@@ -149,12 +134,9 @@ def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[
     The 95 % interval is paired: both saw the same twins, references and noise.
     """
     found = []
-    for result in results:
-        if result.controller != ours:
-            continue
-        for other in results:
-            if other.condition != result.condition or other.controller == ours or is_oracle(other.controller):
-                continue
+    for result in [of for of in results if of.controller == ours]:
+        rivals = [of for of in results if of.controller != ours and not is_oracle(of.controller)]
+        for other in [of for of in rivals if of.condition == result.condition]:
             interval = reduction_interval(result.squares, other.squares, np.random.default_rng(seed))
             found.append(
                 {
@@ -185,7 +167,7 @@ def control_values(
     protocol = {
         "version": __version__,
         "policy_sha256": settings.to_dict()["policy"],
-        "tracking_policy_sha256": settings.to_dict().get("tracking_policy"),
+        "tracking_policy_sha256": settings.to_dict()["tracking_policy"],
         "preset": settings.preset.name,
         "physics": settings.physics,
         "twins": settings.twins,
@@ -214,23 +196,19 @@ def write_values(folder: Path, values: dict[str, Any]) -> Path:
     return path
 
 
-def record_of(trial: ControlTrial, settings: ControlSettings, controller: str) -> Episode:
-    """Return the episode of a trial on the first twin, simulated again along its commands."""
-    preset = settings.held_out(0)
-    episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
-    facts = {"controller": controller, RECORD_SIGN: trial.rmse_deg}
-    return dataclasses.replace(
-        episode, measured_bend=np.radians(trial.measured_deg), metadata={**episode.metadata, **facts}
-    )
-
-
 def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, controller: str) -> Path:
-    """Write a trial as MCAP: command, truth, measurement, `/reference` and the controller's estimate."""
+    """Write a trial on the first twin as MCAP, simulated again along its commands.
+
+    It holds command, truth, measurement, `/reference` and the controller's estimate.
+    """
     from twin.recording.estimate import REFERENCE_TOPIC, estimate_message, estimate_topic
     from twin.recording.messages import to_nanoseconds
     from twin.recording.writer import EpisodeWriter
 
-    episode = record_of(trial, settings, controller)
+    preset = settings.held_out(0)
+    episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
+    facts = {**episode.metadata, "controller": controller, RECORD_SIGN: trial.rmse_deg}
+    episode = dataclasses.replace(episode, measured_bend=np.radians(trial.measured_deg), metadata=facts)
     path = folder / RECORDS / f"{controller}.mcap"
     path.parent.mkdir(exist_ok=True)
     with EpisodeWriter(path) as writer:
@@ -248,11 +226,15 @@ TABLE = "control.md"
 
 Values = Mapping[str, Any]
 Cells = dict[str, dict[str, str]]
+_ERROR = "{rmse_deg:.2f} ({worst_twin_rmse_deg:.2f})"
+_LATE = "{late_rmse_deg:.2f} ({late_worst_deg:.1f})"
+_REFERENCE = "{condition}: {signal}, [{stroke_mm[0]:g}, {stroke_mm[1]:g}] mm"
+_LESS = "{percent[0]:.0f} % ({percent[1]:.0f} to {percent[2]:.0f})"
 
 
 def control_table(totals: Sequence[Values], fmt: str = "markdown") -> str:
     """Return the table of errors: one row a condition, one column a controller [deg]."""
-    cells = _cells(totals, _condition, _error)
+    cells = _cells(totals, _ERROR)
     first = next(iter(cells))
     ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
     cells[f"way of the command, {first} [mm]"] = {name: f"{way:.1f}" for name, way in ways.items()}
@@ -266,55 +248,31 @@ def write_tables(folder: Path, values: Values) -> None:
         "RMSE of tracking [deg] of all trials, in brackets that of the worst twin.",
         control_table(totals),
         "The last 20 s: RMSE [deg], in brackets the largest error.",
-        _table("condition", _cells(totals, _condition, _late)),
+        _table("condition", _cells(totals, _LATE)),
         "Way of the command, mean of a trial [mm].",
-        _table("condition", _cells(totals, _condition, lambda of: f"{of['travel_mm']:.1f}")),
+        _table("condition", _cells(totals, "{travel_mm:.1f}")),
     ]
     if against:
+        less = [of | {"percent": 100 * np.array([of["reduction"], *of["reduction_ci95"]])} for of in against]
         parts += [
             f"How much less error {against[0]['controller']} has (95 % interval, paired).",
-            _table("condition", _cells(against, _condition, _less, column="rival")),
+            _table("condition", _cells(less, _LESS, column="rival")),
         ]
     parts += [
         "Each reference: mean RMSE of the twins [deg], in brackets the worst.",
-        _table("reference", _cells(values["rows"], _reference, _error)),
+        _table("reference", _cells(values["rows"], _ERROR, _REFERENCE)),
         f"<!-- {MADE_BY} -->",
     ]
     write_whole(folder / TABLE, "\n\n".join(parts) + "\n")
 
 
-def _condition(of: Values) -> str:
-    return str(of["condition"])
-
-
-def _reference(of: Values) -> str:
-    low, high = of["stroke_mm"]
-    return f"{of['condition']}: {of['signal']}, [{low:g}, {high:g}] mm"
-
-
-def _error(of: Values) -> str:
-    return f"{of['rmse_deg']:.2f} ({of['worst_twin_rmse_deg']:.2f})"
-
-
-def _late(of: Values) -> str:
-    return f"{of['late_rmse_deg']:.2f} ({of['late_worst_deg']:.1f})"
-
-
-def _less(of: Values) -> str:
-    low, high = of["reduction_ci95"]
-    return f"{100 * of['reduction']:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
-
-
 def _cells(
-    values: Sequence[Values],
-    row: Callable[[Values], str],
-    cell: Callable[[Values], str],
-    column: str = "controller",
+    values: Sequence[Values], cell: str, row: str = "{condition}", column: str = "controller"
 ) -> Cells:
     """Return texts by row and column, in the order in which both come."""
     cells: Cells = {}
     for of in values:
-        cells.setdefault(row(of), {})[of[column]] = cell(of)
+        cells.setdefault(row.format_map(of), {})[of[column]] = cell.format_map(of)
     return cells
 
 

@@ -61,16 +61,16 @@ class Plant:
         return self.bend_deg()
 
     def step(self, pull_mm: float, sheath_bend: float | None = None, tip_force: float = 0.0) -> float:
-        """Go to the next command in one sample; returns the bend [deg].
+        """Go to the next command [mm] in one sample; returns the bend [deg].
 
-        Args:
-            pull_mm: command [mm].
-            sheath_bend: bend of the sheath then, as before where not given [rad].
-            tip_force: pushes the tip sideways meanwhile, in MuJoCo alone [N].
+        The sheath bends to another angle meanwhile [rad]; in MuJoCo, a force pushes the tip sideways [N].
         """
         bend = self.sheath_bend if sheath_bend is None else sheath_bend
+        if self._physics == "mujoco":
+            self.endoscope.push_tip(tip_force)
+        elif tip_force:
+            raise InputError(f"force of {tip_force:g} N at the tip: needs MuJoCo, not {self._physics!r}")
         before, now = self.pull_mm * 1e-3, pull_mm * 1e-3
-        self._push(tip_force)
         for period in range(1, self._periods):
             share = period / self._periods
             self.endoscope.advance(
@@ -79,12 +79,6 @@ class Plant:
         self.endoscope.advance(now, 0.0, bend)
         self.pull_mm, self.sheath_bend = pull_mm, bend
         return self.bend_deg()
-
-    def _push(self, tip_force: float) -> None:
-        if self._physics == "mujoco":
-            self.endoscope.push_tip(tip_force)
-        elif tip_force:
-            raise InputError(f"force of {tip_force:g} N at the tip: needs MuJoCo, not {self._physics!r}")
 
     def bend_deg(self) -> float:
         """Return the bending angle [deg]."""
@@ -101,54 +95,33 @@ class Plant:
 
 
 Array = NDArray[np.float64]
-HOLD_S = 3.0
-"""Time at the start for which the reference stands still; it is not scored [s]."""
-LATE_S = 20.0
-"""Time at the end that late errors are of [s]."""
+HOLD_S = 3.0  # at the start, in which the reference stands still; it is not scored
+LATE_S = 20.0  # at the end, in which late errors are measured
 
 
 @dataclasses.dataclass(frozen=True)
 class ControlCase:
-    """Plant, reference and noise of a trial.
+    """Plant, reference and noise of a trial."""
 
-    Attributes:
-        preset: the endoscope that is controlled.
-        reference_deg: (N,) wanted angle [deg].
-        noise_deg: (N,) added to the true angle; NaN where nothing is measured [deg].
-        sheath_bend: (N,) bend of the sheath during the trial [rad]; empty where it stays.
-        tip_force: (N,) that pushes the tip sideways [N]; empty where nothing touches it.
-        physics: of the plant.
-    """
-
-    preset: Preset
-    reference_deg: Array
-    noise_deg: Array
-    sheath_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    tip_force: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    preset: Preset  # the endoscope that is controlled
+    reference_deg: Array  # (N,) wanted angle
+    noise_deg: Array  # (N,) added to the true angle; NaN where nothing is measured
+    sheath_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))  # (N,) [rad]; or empty
+    tip_force: Array = dataclasses.field(default_factory=lambda: np.empty(0))  # (N,) sideways [N]; or empty
     physics: str = "mujoco"
 
 
 @dataclasses.dataclass(frozen=True)
 class ControlTrial:
-    """Course of a trial, N samples.
+    """Course of a trial, N samples."""
 
-    Attributes:
-        reference_deg: (N,) wanted angle [deg].
-        pull_mm: (N,) command [mm].
-        truth_deg: (N,) true angle [deg].
-        measured_deg: (N,) measured angle [deg].
-        estimate_deg: (N,) angle that the controller estimated; NaN where it uses none [deg].
-        fell_back: (N,) whether its fallback was in charge.
-        sample_time: T [s].
-    """
-
-    reference_deg: Array
-    pull_mm: Array
-    truth_deg: Array
-    measured_deg: Array
-    estimate_deg: Array
-    fell_back: NDArray[np.bool_]
-    sample_time: float
+    reference_deg: Array  # (N,) wanted angle
+    pull_mm: Array  # (N,) command
+    truth_deg: Array  # (N,) true angle
+    measured_deg: Array  # (N,) measured angle
+    estimate_deg: Array  # (N,) angle that the controller estimated; NaN where it uses none
+    fell_back: NDArray[np.bool_]  # (N,) whether its fallback was in charge
+    sample_time: float  # T [s]
 
     @property
     def scored(self) -> slice:
@@ -164,11 +137,6 @@ class ControlTrial:
     def rmse_deg(self) -> float:
         """Root mean square of the error [deg]."""
         return float(np.sqrt(np.mean(self.error_deg**2)))
-
-    @property
-    def worst_deg(self) -> float:
-        """Largest error [deg]."""
-        return float(np.abs(self.error_deg).max())
 
     @property
     def late_error_deg(self) -> Array:

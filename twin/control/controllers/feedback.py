@@ -31,21 +31,13 @@ class LinearFeedback:
     """The line's pull for the next reference, and PI on the error of an estimate.
 
     While the command is at a limit in its direction, the integral grows by what can be commanded of it and no
-    further (anti-windup; Astrom and Hagglund 2006, section 3.5). Were it to stand still, an error that
-    adds more in a sample than the limit of speed would stay for good.
+    further (anti-windup; Astrom and Hagglund 2006, section 3.5).
     """
 
     def __init__(
         self, limits: CommandLimits, sample_time: float, line: Line, gains: Mapping[str, float]
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            limits: of the command.
-            sample_time: T [s].
-            line: of the nominal endoscope.
-            gains: by the names of `PI_SETTINGS`.
-        """
+        """Prepare a run, with gains by the names of `PI_SETTINGS`; T in seconds."""
         self._limits, self._sample_time, self._line = limits, sample_time, line
         self._proportional = gains["proportional_mm_per_deg"]
         self._integral = gains["integral_mm_per_deg_s"]
@@ -58,14 +50,7 @@ class LinearFeedback:
         self._sum_mm = pull_mm - self._line.pull_mm(reference_deg) - of_error
 
     def wanted_mm(self, pull_mm: float, bend_deg: float, reference_deg: float, next_deg: float) -> float:
-        """Return the pull that is wanted at the next sample [mm]; NaN where the estimate is none.
-
-        Args:
-            pull_mm: command that stands [mm].
-            bend_deg: estimate [deg].
-            reference_deg: wanted angle now [deg].
-            next_deg: wanted angle at the next sample [deg].
-        """
+        """Return the pull that is wanted at the next sample [mm]; NaN where there is no estimate."""
         error = reference_deg - bend_deg
         if not math.isfinite(error):
             return math.nan
@@ -97,13 +82,7 @@ class EstimateFeedback(Controller):
         make_estimator: Callable[[float], BendFilter],
         settings: Mapping[str, float],
     ) -> None:
-        """Prepare a run.
-
-        Args:
-            knowledge: before it.
-            make_estimator: makes a running estimator from its first estimate [deg].
-            settings: gains, by the names of `PI_SETTINGS`.
-        """
+        """Prepare a run; `make_estimator` makes a running estimator from its first estimate [deg]."""
         super().__init__(knowledge.limits, knowledge.sample_time)
         self.feedback = LinearFeedback(knowledge.limits, knowledge.sample_time, knowledge.line, settings)
         self._make_estimator = make_estimator
@@ -215,9 +194,8 @@ ACTIVE_MODEL_PI = register_controller(
 
 def ram_twins_pi(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> EstimateFeedback:
     """Return linear map and PI on the estimate of RAM (twins), without an inverse."""
-    estimator = (
-        load(knowledge.trained).at(knowledge.sample_time).with_sensor(Sensor(knowledge.noise_variance))
-    )
+    estimator = load(knowledge.trained("policy")).at(knowledge.sample_time)
+    estimator = estimator.with_sensor(Sensor(knowledge.noise_variance))
     make_estimator = functools.partial(OnlineEstimator, estimator, knowledge.sample_time)
     return EstimateFeedback(knowledge, make_estimator, settings)
 

@@ -87,11 +87,7 @@ class TwinInverse(Controller):
 
 TWIN_INVERSE = register_controller(
     ControllerSpec(
-        "twin-inverse",
-        2,
-        "the nominal reduced twin",
-        TwinInverse,
-        style=Style("#4d7f4d", "dashed", ""),
+        "twin-inverse", 2, "the nominal reduced twin", TwinInverse, style=Style("#4d7f4d", "dashed", "")
     )
 )
 
@@ -101,9 +97,8 @@ class MembersInverse(Controller):
 
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
-        self._make_runtime = prepare_runtime(
-            knowledge.trained, noise_variance=knowledge.noise_variance, sample_time=knowledge.sample_time
-        )
+        trained, variance = knowledge.trained("policy"), knowledge.noise_variance
+        self._make_runtime = prepare_runtime(trained, noise_variance=variance, sample_time=self.sample_time)
         self._gains = tuned(PI_SETTINGS, knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
         self._settings, self._line = settings, knowledge.line
         self.runtime: AssuredEstimator

@@ -15,9 +15,7 @@ from twin.control.trial import Plant
 from twin.errors import InputError
 from twin.estimation.registry import Style
 
-ENOUGH_DEG = 0.2
-"""Error that it does not turn round for, unless the reference does: its copy of an endoscope in MuJoCo is as
-exact [deg]."""
+ENOUGH_DEG = 0.2  # error that it does not turn round for by itself: its copy of a plant in MuJoCo is as exact
 
 
 class Oracle(Controller):

@@ -27,12 +27,9 @@ Observation = NDArray[np.float32]
 
 ERROR_DEG, RATE_DEG_S, OFFSET_MM = 5.0, 10.0, 0.5
 """Error [deg], rate of the reference [deg / s] and offset [mm] that are 1 in an observation."""
-SMOOTHING_S = 0.2
-"""Time constant of the low-passed error [s]: it averages noise over tens of samples."""
-OBSERVED = 6
-"""Numbers of an observation."""
-OBSERVATION_LIMIT = 10.0
-"""Largest number of an observation; never reached on a sound endoscope, it only bounds the space."""
+SMOOTHING_S = 0.2  # time constant of the low-passed error: it averages noise over tens of samples
+OBSERVED = 6  # numbers of an observation
+OBSERVATION_LIMIT = 10.0  # never reached on a sound endoscope, it only bounds the space
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,16 +74,7 @@ class TrackingView:
         pull_mm: float,
         change_mm: float,
     ) -> Observation:
-        """Return what a policy sees at a sample, (6,).
-
-        Args:
-            error_deg: measured angle less reference [deg].
-            smooth_deg: the same, low-passed [deg].
-            reference_deg: wanted angle now [deg].
-            next_deg: wanted angle at the next sample [deg].
-            pull_mm: command that stands [mm].
-            change_mm: its latest change [mm].
-        """
+        """Return what a policy sees at a sample, (6,), from angles [deg] and the command [mm]."""
         low, high = self.line.reached_deg
         seen = [
             error_deg / ERROR_DEG,
@@ -101,11 +89,7 @@ class TrackingView:
     def wanted_mm(self, action: float, pull_mm: float, reference_deg: float, next_deg: float) -> float:
         """Return the pull that an action asks for at the next sample, not bounded yet [mm].
 
-        Args:
-            action: change of the offset, within [-1, 1] or clipped to it [speed limit times T].
-            pull_mm: command that stands [mm].
-            reference_deg: wanted angle now [deg].
-            next_deg: wanted angle at the next sample [deg].
+        The action is the change of the offset [speed limit times T], clipped to [-1, 1].
         """
         share = min(max(action, -1.0), 1.0)
         # The offset follows from the command, so that it does not wind up at a limit.
@@ -141,15 +125,11 @@ class TrackingPolicy:
 
     def check(self, sample_time: float, speed_mm_s: float) -> None:
         """Refuse a loop of another sample time or speed limit: both are in the scale of every action."""
-        for name, given, trained, unit in (
-            ("sample time", sample_time, self.sample_time, "s"),
-            ("speed limit", speed_mm_s, self.speed_mm_s, "mm/s"),
-        ):
-            if not math.isclose(given, trained):
-                raise InputError(
-                    f"{name} = {given:g} {unit}: {self.network.path} was trained with {trained:g} {unit}, "
-                    "and runs with no other"
-                )
+        if not np.allclose((sample_time, speed_mm_s), (self.sample_time, self.speed_mm_s), 1e-9, 0):
+            raise InputError(
+                f"sample time = {sample_time:g} s, speed limit = {speed_mm_s:g} mm/s: {self.network.path} "
+                f"was trained with {self.sample_time:g} s and {self.speed_mm_s:g} mm/s: it runs with no other"
+            )
 
 
 def load_tracking_policy(path: Path) -> TrackingPolicy:
@@ -168,13 +148,13 @@ class TrackingLaw(Controller):
 
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
-        self._policy = load_tracking_policy(knowledge.trained_tracking)
+        self._policy = load_tracking_policy(knowledge.trained("tracking_policy"))
         self._policy.check(knowledge.sample_time, knowledge.limits.speed_mm_s)
         self._view = TrackingView(knowledge.line, knowledge.limits, knowledge.sample_time)
         self._smooth_deg = self._before_mm = self._change_mm = 0.0
 
     def _start(self, reference_deg: float) -> None:
-        self._smooth_deg, self._change_mm = 0.0, 0.0
+        self._smooth_deg = self._change_mm = 0.0
 
     def _wanted_mm(self, sensed: Sensed) -> float:
         self._before_mm = self.pull_mm
@@ -191,10 +171,6 @@ class TrackingLaw(Controller):
         self._change_mm = self.pull_mm - self._before_mm
 
 
-def _sample_time_of(path: Path) -> float:
-    return load_tracking_policy(path).sample_time
-
-
 PPO = register_controller(
     ControllerSpec(
         "ppo",
@@ -202,7 +178,7 @@ PPO = register_controller(
         "the measurement, by a policy that PPO trained",
         TrackingLaw,
         needs="tracking_policy",
-        sample_time_of=_sample_time_of,
+        sample_time_of=lambda path: load_tracking_policy(path).sample_time,
         style=Style("#2b8c8c", "dashdot", ""),
     )
 )

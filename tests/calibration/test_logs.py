@@ -1,4 +1,4 @@
-"""A log is put on an even grid; one without a loop, or that one plane cannot follow, is refused."""
+"""Logs on an even grid: one without a loop, or that one plane cannot follow, is refused; windows."""
 
 import dataclasses
 
@@ -7,8 +7,10 @@ import pytest
 from calibrating import SAMPLE_TIME, TRUTH, recorded
 
 from twin.calibration import measured_loop
+from twin.calibration.files import read_loops
 from twin.calibration.logs import thinned
 from twin.episode import Episode
+from twin.recording import write_episode
 
 
 def test_grid_keeps_the_loop_and_a_phase_gets_a_pace():
@@ -89,19 +91,6 @@ def test_missing_samples_are_not_fitted():
         measured_loop(nearly, "holed", 0.05)
 
 
-@pytest.mark.parametrize("samples", [100, 101, 102, 103, 139])
-def test_log_of_a_whole_multiple_of_the_sample_time_has_one_grid(samples):
-    episode = recorded(cycles=4.0)
-    part = {
-        name: values[:samples]
-        for name, values in vars(episode).items()
-        if isinstance(values, np.ndarray) and len(values)
-    }
-    log = Episode(**(vars(episode) | part | {"time": np.arange(samples) * 0.01}))
-    loop = measured_loop(log, "whole", 0.03)
-    assert len(loop.pull) == len(loop.bend) == len(loop.fitted) == len(loop.tension) == len(loop.seen)
-
-
 def lasting(seconds, interval):
     """Return a log of so many seconds, a sample each interval [s]."""
     count = round(seconds / interval) + 1
@@ -128,3 +117,46 @@ def test_seldom_logs_are_compared_a_few_times_as_often_as_they_were_taken():
     assert thinned([lasting(12, 1.0)], TRUTH) == pytest.approx(0.25)
     forty = thinned([lasting(9, 1.0)], TRUTH)  # as a part of them may be fitted
     assert forty == pytest.approx(0.22)
+
+
+TURNS = recorded().pull[:40]  # there and back
+RISES = np.linspace(-2e-3, 2e-3, 40)
+
+
+def window_of(folder, place, pull, sign=1.0, file="a"):
+    episode = recorded()
+    part = {
+        name: values[:40]
+        for name, values in vars(episode).items()
+        if isinstance(values, np.ndarray) and len(values)
+    }
+    facts = {"source": "measured", "window": place, "file_sha256": file, "name": f"{file}_{place}"}
+    bend = sign * (60 * pull + 1e-3 * np.arange(40))
+    part |= {"pull": pull, "bend": bend, "measured_bend": bend, "wire_tension": np.empty((40, 2, 0))}
+    write_episode(folder / f"{file}_{place}.mcap", dataclasses.replace(episode, metadata=facts, **part))
+
+
+def names(loops):
+    return [loop.name for loop in loops]
+
+
+def test_the_share_is_one_of_the_windows_of_each_file(tmp_path):
+    for place in range(4):
+        window_of(tmp_path, place, TURNS)
+    window_of(tmp_path, 0, TURNS, file="b")
+    fitted, predicted, _ = read_loops([tmp_path], [], TRUTH, fraction=0.5)
+    assert names(fitted) == ["a_0", "a_1", "b_0"]  # at least one of each
+    assert names(predicted) == ["a_2", "a_3"]
+    assert all(loop.fitted.all() for loop in fitted)
+    assert not any(loop.fitted.any() for loop in predicted)
+    assert names(read_loops([tmp_path], [], TRUTH)[0]) == ["a_0", "a_1", "a_2", "a_3", "b_0"]
+    with pytest.raises(ValueError, match="fraction = 0: must be above 0 and at most 1"):
+        read_loops([tmp_path], [], TRUTH, fraction=0)
+
+
+def test_a_window_may_stand_still_or_go_one_way_where_another_reverses(tmp_path):
+    for place, pull in enumerate((np.zeros(40), RISES, TURNS)):
+        window_of(tmp_path, place, pull)
+    assert len(read_loops([tmp_path], [], TRUTH)[0]) == 3
+    with pytest.raises(ValueError, match="a_0: the command moves by 0 mm: nothing to calibrate on"):
+        read_loops([tmp_path], [], TRUTH, fraction=0.6)

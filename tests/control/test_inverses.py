@@ -1,4 +1,4 @@
-"""The inverse of the model of Coleman and Hodgdon, on an endoscope that is this model."""
+"""Inverses of a model and of a twin, on an endoscope that is this model or this twin."""
 
 import dataclasses
 
@@ -9,6 +9,7 @@ from controlled import (
     FALLBACK,
     LIMITS,
     MODEL,
+    PRESET,
     T,
     assert_within,
     closed_loop,
@@ -17,9 +18,12 @@ from controlled import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from twin.control.conditions import SIGNALS, reference
 from twin.control.controller import CommandLimits
 from twin.control.controllers.inverses import CLOSE_MM, MODEL_INVERSE
+from twin.control.trial import ControlCase, run_trial
 from twin.hysteresis import ColemanHodgdon
+from twin.reduced.twins import TOLERANCE
 
 STEEPEST = 1.5 * (MODEL.c_deg_per_mm + 2 * MODEL.a_per_mm * MODEL.b_deg_per_mm * 3.5)
 
@@ -66,6 +70,20 @@ def test_where_the_limit_of_speed_binds_it_goes_on_behind_it_without_an_error():
         assert off[end] < CLOSE_MM * STEEPEST
 
 
-def test_out_of_reach_it_stands_at_the_end_of_the_stroke():
-    course = closed_loop(MODEL_INVERSE.make(knowledge()), lambda pull: 0.0, np.full(40, -200.0))
-    assert course.pull_mm[-1] == LIMITS.low_mm
+def tracked(kind, known, preset=PRESET):
+    wanted = reference(kind, known.line.reached_deg, 15.0, T, np.random.default_rng(4))
+    nothing = np.full(len(wanted), np.nan)
+    return run_trial("twin-inverse", known, ControlCase(preset, wanted, nothing, physics="reduced"))
+
+
+@pytest.mark.parametrize("kind", SIGNALS)
+def test_on_the_nominal_twin_the_tolerance_alone_is_left_of_the_error(kind):
+    """The endoscope is stepped by control periods, the twin by samples: that differs by less again."""
+    known = knowledge()
+    trial = tracked(kind, known)
+    settled = np.abs(trial.error_deg)
+    if kind == "random-steps":  # a step is more than one sample can bring
+        settled = settled[np.abs(np.diff(trial.reference_deg, prepend=0))[trial.scored] == 0]
+        settled = np.sort(settled)[: len(settled) // 2]
+    assert settled.max() < 3 * np.degrees(TOLERANCE)
+    assert_within(LIMITS, trial.pull_mm)
