@@ -27,12 +27,8 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert summary["controllers"] == ["linear", "pid"]
     assert summary["rows"] == len(written["rows"]) == 2 * 3
     row = written["rows"][0]
-    assert (row["controller"], row["noise"], row["level"], row["signal"]) == (
-        "linear",
-        "gaussian",
-        1.0,
-        "sine",
-    )
+    names = ("controller", "noise", "level", "signal")
+    assert [row[name] for name in names] == ["linear", "gaussian", 1.0, "sine"]
     assert row["stroke_mm"] == [-1.0, 1.0]
     assert row["rmse_ci95_deg"][0] <= row["rmse_deg"] <= row["rmse_ci95_deg"][1]
     assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 1, "pid": 2}

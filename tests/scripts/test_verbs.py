@@ -112,18 +112,6 @@ def test_a_measured_log_becomes_records_like_the_simulated_ones(tmp_path):
     assert json.loads((tmp_path / "model.json").read_text())["rmse_deg"] < 10
 
 
-def test_what_is_odd_in_a_measured_log_is_one_line_of_warning(tmp_path):
-    rows = [f"{second},{second},{second}" for second in [*range(9), 50]]
-    (tmp_path / "log.csv").write_text("\n".join(["time_s,command_deg,angle_deg", *rows]))
-    code, out, err = typed("import log.csv --out out --name other", tmp_path)
-    assert code == 0
-    gap = "endotwin import: warning: log.csv line 11: a gap of 42 times the usual step comes before it\n"
-    assert err == gap
-    assert out.startswith(
-        "out/other.mcap: 10 samples, 50 s at 1 Hz, pulled from 0 to 8.73 mm, bent from 0.0 to 50.0 deg"
-    )
-
-
 def test_a_mistake_is_the_exit_code_of_the_process_too(tmp_path):
     ended = endotwin("generate", "--preset", "ureterscope", "--out", "x", cwd=tmp_path)
     said = "endotwin generate: unknown preset 'ureterscope' (did you mean 'ureteroscope'?)"
