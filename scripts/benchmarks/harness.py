@@ -24,8 +24,7 @@ from twin.preset import load_preset, load_ranges
 Array = NDArray[np.float64]
 OnProgress = Callable[[int, int], None]
 
-SAMPLE_TIME = 0.02
-"""Time between two samples [s]."""
+SAMPLE_TIME = 0.02  # time between two samples [s]
 
 
 @dataclasses.dataclass(frozen=True)
