@@ -1,5 +1,6 @@
 """`endotwin evaluate`: compare all methods under noise, as in the paper, or far beyond it."""
 
+import dataclasses
 import os
 import sys
 from collections.abc import Callable
@@ -7,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rl.comparison.settings import Evaluate, Result, Suite
+from rl.comparison.settings import Result, Settings, Suite
 from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
@@ -18,6 +19,18 @@ if TYPE_CHECKING:
 
 MODEL = Path("coleman_hodgdon.json")
 PAPER_SAMPLE_TIME = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluate(Settings):
+    """Compare methods on test records under noise.
+
+    The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
+    --train and kept with the results; without --train it is left out.
+
+    The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
+    twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
+    """
 
 
 def evaluate(args: Evaluate) -> Summary:

@@ -51,10 +51,10 @@ def _strings(options: type) -> dict[str, str]:
     """Return the string below each field, which `--help` prints."""
     import ast
 
-    (tree,) = ast.parse(inspect.cleandoc(inspect.getsource(options))).body
-    assert isinstance(tree, ast.ClassDef)
     found, last = {}, ""
-    for node in tree.body:
+    kinds = [kind for kind in reversed(options.__mro__) if dataclasses.is_dataclass(kind)]
+    trees = [ast.parse(inspect.cleandoc(inspect.getsource(kind))).body[0] for kind in kinds]
+    for node in [node for tree in trees if isinstance(tree, ast.ClassDef) for node in tree.body]:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             last = node.target.id
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and last:

@@ -25,15 +25,8 @@ MOST_MEMBERS, MOST_ENSEMBLES = 10_000, 100
 
 
 @dataclasses.dataclass(frozen=True)
-class Evaluate:
-    """Compare methods on test records under noise.
-
-    The suite `paper` has the paper's methods and yardsticks. A learned method that is not given is trained on
-    --train and kept with the results; without --train it is left out.
-
-    The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
-    twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
-    """
+class Settings:
+    """Settings of a comparison."""
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Test set: folders of MCAP files, or files. The full suite simulates its own without them."""
@@ -102,7 +95,7 @@ class Evaluate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Suite(Evaluate):
+class Suite(Settings):
     """A comparison with all that its settings refer to.
 
     Attributes:
