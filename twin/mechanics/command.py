@@ -14,8 +14,8 @@ from twin.preset.preset import Preset, check_sample_time
 from twin.signals.excitation import approach, check_finite
 
 Array = NDArray[np.float64]
+# Parameters that the endoscopes of a batch share: they set the shapes of its arrays, or its clock.
 ALIKE = ("bending_planes", "vertebrae", "sheath_elements", "control_period")
-"""Parameters that the endoscopes of a batch share: they set the shapes of its arrays, or its clock."""
 
 
 def check_alike(presets: Sequence[Preset], names: Sequence[str] = ALIKE) -> None:
@@ -36,10 +36,8 @@ class Command:
     pull: Array  # (N,) commanded pulling distance of wire a at each sample [m]
     lateral_pull: Array  # (N,) of wire c [m]
     sheath_bend: Array  # (N,) bend angle of the sheath [rad]
-    before: Array
-    """(M, 3) pull [m], lateral pull [m], sheath bend [rad] at each control period before the first sample."""
-    between: Array
-    """(N, periods, 3) the same from the previous sample to this one; not used for the first sample."""
+    before: Array  # (M, 3) pull [m], lateral pull [m], sheath bend [rad] at control periods before the first
+    between: Array  # (N, periods, 3) the same from the previous sample to this one; unused for the first
 
     @classmethod
     def of(
@@ -53,17 +51,14 @@ class Command:
         """Check the signals of a run and interpolate them to the control periods; see `simulate`."""
         pull = np.asarray(pull, dtype=float)
         check_finite(pull)
-        if lateral_pull is None:
-            lateral_pull = np.full(
-                len(pull), preset.lateral_command_zero if preset.bending_planes == 2 else 0.0
-            )
-        elif preset.bending_planes == 1:
+        if lateral_pull is not None and preset.bending_planes == 1:
             raise InputError(f"a lateral command: {preset.name!r} has one bending plane, it needs two")
+        if lateral_pull is None:
+            lateral_pull = np.full(len(pull), sum(preset.command_zeros[1:]))
         lateral_pull = np.asarray(lateral_pull, dtype=float)
         check_finite(lateral_pull)
         bend = np.asarray(preset.sheath_bend if sheath_bend is None else sheath_bend, dtype=float)
-        if bend.ndim == 0:
-            bend = np.full(len(pull), bend)
+        bend = np.full(len(pull), bend) if bend.ndim == 0 else bend
         for name, values in (("lateral command", lateral_pull), ("bend of the sheath", bend)):
             if values.shape != pull.shape:
                 raise InputError(f"{name} has {values.size} samples, the command has {len(pull)}")
@@ -126,11 +121,8 @@ def record_of(
     """
     lateral: dict[str, Any] = {}
     if command.preset.bending_planes == 2:
-        lateral = {
-            "lateral_pull": command.lateral_pull,
-            "lateral_bend": bend[:, 1],
-            "lateral_joint_angle": joint_angle[:, 1],
-        }
+        lateral = {"lateral_pull": command.lateral_pull}
+        lateral |= {"lateral_bend": bend[:, 1], "lateral_joint_angle": joint_angle[:, 1]}
     return Episode(
         time=np.arange(len(bend), dtype=float) * command.sample_time,
         pull=command.pull,

@@ -16,14 +16,9 @@ from twin.errors import InputError
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-DriveState = tuple[float, float, float]
-"""Position of the motor, its distance in the last control period, position of the pulley [m]."""
-
-PULLEY_STIFFNESS = 4e6
-"""Stiffness of the spring that holds a pulley where its drive is, far above that of a wire [N / m]."""
-
-_LEAST_CHANGE = 1e-200
-"""Smallest allowed change of velocity per control period [m]: a smaller one could underflow to zero."""
+DriveState = tuple[float, float, float]  # motor, its distance in the last control period, pulley [m]
+PULLEY_STIFFNESS = 4e6  # of the spring that holds a pulley where its drive is, far above a wire's [N / m]
+_LEAST_CHANGE = 1e-200  # of the velocity per control period [m]: a smaller one could underflow to zero
 
 
 class DriveLaw(NamedTuple):
@@ -57,11 +52,6 @@ def drive_law(preset: Preset) -> DriveLaw:
 def is_rigid(law: DriveLaw) -> bool:
     """Return True if the pulley follows the command exactly: no delay, servo, encoder or backlash."""
     return law.stiff and not law.encoder_step and not law.half_play and not law.delay
-
-
-def commands_kept(law: DriveLaw) -> int:
-    """Return how many past commands a delay needs."""
-    return math.ceil(law.delay)
 
 
 def delayed_command(delay: float, past: Sequence[float] | Array, command: float) -> float:
@@ -121,10 +111,8 @@ class Drive:
 
     Strides that shrink by h each cover s + (s - h) + ... = n s - h n (n - 1) / 2 in n = ceil(s / h) periods
     until they end. The third line is this with the sum |e|, and in the limit of short periods the usual
-    speed <= sqrt(2 acceleration |e|). A motor that keeps to it arrives without overshoot, and stays.
-
-    There is no feedforward: behind a command that moves with the speed v the motor is late by about v / gain,
-    or by v^2 / (2 acceleration) where that is more.
+    speed <= sqrt(2 acceleration |e|). A motor that keeps to it arrives without overshoot, and stays. Without
+    feedforward it is late by about v / gain, or v^2 / (2 acceleration), behind a command of the speed v.
     """
 
     def __init__(self, preset: Preset, zero: float = 0.0) -> None:
@@ -140,7 +128,7 @@ class Drive:
     def reset(self) -> None:
         """Reset motor and pulley to rest at 0, in the middle of the backlash."""
         self._state = (0.0, 0.0, 0.0)
-        self._past = (self._zero,) * commands_kept(self._law)
+        self._past = (self._zero,) * math.ceil(self._law.delay)
 
     def state(self) -> tuple[float, ...]:
         """Return the complete state: `DriveState`, then the commands that a delay keeps, latest first."""
@@ -152,10 +140,7 @@ class Drive:
         self._state, self._past = (motor, stride, pulley), tuple(past)
 
     def advance(self, command: float) -> float:
-        """Advance the drive by one control period; return the distance that the pulley has pulled then [m].
-
-        It is the command itself, bit for bit, without delay, servo, encoder, backlash and zero.
-        """
+        """Advance by one control period; return the distance that the pulley has pulled then [m]."""
         if not math.isfinite(command):
             raise InputError(f"commanded pulling distance {command}: must be a finite number")
         wanted = delayed_command(self._law.delay, self._past, command) - self._zero

@@ -8,22 +8,15 @@ from numpy.typing import NDArray
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+Real = Array | float
 Index = NDArray[np.intp]
-LEAST_FRICTION = 1e-9
-"""Smallest friction of a sheath element [N]: keeps its constraint in the model where friction is zero."""
-CAUGHT_UP = 0.1
-"""Force beyond sliding friction at which what slid has come to rest, as a share of what stiction adds [-]."""
+LEAST_FRICTION = 1e-9  # of a sheath element [N]: keeps its constraint in the model where friction is zero
+CAUGHT_UP = 0.1  # force beyond sliding friction at which what slid rests, as a share of stiction's [-]
 # NumPy's tanh depends, by a rounding, on the place of a value in its array; a batch must not.
 _tanh = np.vectorize(math.tanh, otypes=[float])
 
 
-def friction_drift(
-    warm_up: Array | float,
-    warm_up_time: Array | float,
-    wear: Array | float,
-    time: Array | float,
-    travel: Array | float,
-) -> Array:
+def friction_drift(warm_up: Real, warm_up_time: Real, wear: Real, time: Real, travel: Real) -> Array:
     """Return the factor on coefficient and floor of sheath friction, of warm-up and wear.
 
     `warm_up` is the excess at the start [-], decaying with `warm_up_time` [s]; `wear` grows with the travel
@@ -33,7 +26,7 @@ def friction_drift(
     return factor
 
 
-def friction_per_tension(friction: Array | float, bend: Array | float, elements: int) -> Array:
+def friction_per_tension(friction: Real, bend: Real, elements: int) -> Array:
     """Return the friction force of one sheath element per unit of mean tension on its two sides.
 
     A wire that slides over an angle dphi loses tension by T_out = T_in exp(-mu dphi) (Euler 1769, Eytelwein
@@ -47,9 +40,7 @@ def friction_per_tension(friction: Array | float, bend: Array | float, elements:
     return force
 
 
-def friction_floor(
-    floor: Array | float, growth: Array | float, exponent: Array | float, bend: Array | float
-) -> Array | float:
+def friction_floor(floor: Real, growth: Real, exponent: Real, bend: Real) -> Real:
     """Return the friction of a wire in its sheath that does not depend on its tension [N].
 
     A wire has a stiffness of its own: a bent sheath has to bend it, and is pressed by it, even where it is
@@ -59,7 +50,7 @@ def friction_floor(
     return floor + growth * bend**exponent
 
 
-def element_friction(tension: Array, per_tension: Array | float, floor: Array | float) -> Array:
+def element_friction(tension: Array, per_tension: Real, floor: Real) -> Array:
     """Return the force at which each sheath element begins to slide, (..., elements) [N].
 
     From the tension in each length of wire (..., elements + 1) [N], the factor of `friction_per_tension`, and
@@ -68,7 +59,7 @@ def element_friction(tension: Array, per_tension: Array | float, floor: Array | 
     return per_tension * (tension[..., 1:] + tension[..., :-1]) / 2 + floor
 
 
-def hinge_friction(joint: Array, routing: Array | float, tension: Array, turn: Array) -> Array:
+def hinge_friction(joint: Array, routing: Real, tension: Array, turn: Array) -> Array:
     """Return the torque at which each hinge begins to turn: its own plus that of the wires on the vertebrae.
 
     Where hinge i is bent by d_i, a wire of tension T presses on its guide with T |d_i|. Bending the hinges

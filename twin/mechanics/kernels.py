@@ -18,10 +18,9 @@ from typing import Any, TypeVar, cast
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
+# Where kernels are not compiled, the same code runs interpreted, a few hundred times slower.
 COMPILED = importlib.util.find_spec("numba") is not None
-"""True where kernels are compiled; else the same code runs interpreted, a few hundred times slower."""
-PACKAGES = ("mechanics", "physics", "reduced")
-"""Packages that have kernels."""
+PACKAGES = ("mechanics", "physics", "reduced")  # that have kernels
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -102,8 +101,6 @@ def on_compile(notify: Callable[[], None]) -> Iterator[None]:
     from numba.core import event
 
     class Once(event.Listener):
-        """Listener that calls the function at the first event."""
-
         waiting = True
 
         def on_start(self, event: Any) -> None:

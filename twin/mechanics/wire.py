@@ -14,8 +14,7 @@ from twin.mechanics.friction import friction_floor, friction_per_tension
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-ABSENT = 1.0
-"""Slack of each segment of a wire that is not there [m]: no pull takes it up."""
+ABSENT = 1.0  # slack of each segment of a wire that is not there [m]: no pull takes it up
 
 
 def segment_stiffness(preset: Preset) -> float:
@@ -52,9 +51,8 @@ def wound_tension(preset: Preset) -> Array:
     elements = preset.sheath_elements
     if preset.wire_slack or preset.wires_per_plane == 1:
         return np.zeros(elements + 1)
-    share = friction_per_tension(
-        preset.sheath_friction, preset.sheath_bend + preset.sheath_bend_offset, elements
-    )
+    wrapped = preset.sheath_bend + preset.sheath_bend_offset
+    share = friction_per_tension(preset.sheath_friction, wrapped, elements)
     floor = sheath_floor(preset) / elements
     tension = np.empty(elements + 1)
     tension[0] = preset.pretension

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.mechanics.command import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
-from twin.physics.endoscope import is_curved, release_shares
+from twin.physics.endoscope import release_shares
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
@@ -91,8 +91,7 @@ class EndoscopeBatch:
         self._rigid = all(drive.rigid for drives in self._drives for drive in drives)
         self._travel = np.zeros(len(presets))
         self._steps = round(presets[0].control_period / presets[0].time_step)
-        self.failed = np.zeros(len(presets), dtype=bool)
-        """(B,) whether a simulation has diverged; it then stands still."""
+        self.failed = np.zeros(len(presets), dtype=bool)  # (B,) whether it has diverged; it then stands still
         self._warning = self._batch.warning.reshape(len(presets), -1)
         self._follow_load(np.array([preset.sheath_bend for preset in presets]))
         self._let_go(models)
@@ -125,7 +124,7 @@ class EndoscopeBatch:
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         """Let curved sections go, as `Endoscope` does."""
-        curved = np.array([is_curved(preset) for preset in self.presets])
+        curved = np.array([any(preset.initial_bends) for preset in self.presets])
         if not curved.any():
             return
         inputs = np.zeros((len(self.presets), 3))
@@ -147,11 +146,11 @@ class EndoscopeBatch:
 
 
 def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:
-    others = list({id(model): model for model in models[1:] if model is not models[0]}.values())
+    first, others = models[0], {id(model): model for model in models[1:]}.values()
     return [
         name
         for name in sorted(MODEL_FIELDS)
-        if any(not np.array_equal(_field(model, name), _field(models[0], name)) for model in others)
+        if any(not np.array_equal(_field(model, name), _field(first, name)) for model in others)
     ]
 
 

@@ -19,24 +19,18 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 _ALONE = np.zeros(1, dtype=np.intp)
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-RELEASE_TIME = 1.0
-"""Time over which the curve of a section is brought in [s]."""
-SETTLING_TIME = 0.2
-"""Time that it is held after that [s]."""
+_RELEASE_TIME, _SETTLING_TIME = 1.0, 0.2  # to bring in the curve of a section, and to hold it after that [s]
 
 
 @dataclasses.dataclass(frozen=True)
 class State:
     """Complete state of a simulated endoscope: restored, the run continues bit for bit."""
 
-    physics: Array
-    """MuJoCo's integration state (`mjSTATE_INTEGRATION`): positions, velocities, actuator states, warm start
-    of the solver and more."""
+    physics: Array  # MuJoCo's integration state (`mjSTATE_INTEGRATION`), warm start of the solver included
     drive: tuple[tuple[float, ...], ...]  # state of the drive of each bending plane, of `Drive.state` [m]
     travel: float  # total distance that the pulleys have travelled, which wears the sheath [m]
     sheath_bend: float  # bend angle of the sheath [rad]
-    sheath_friction: Array
-    """Breakaway friction of the sheath elements in the last control period, (wires, elements) [N]."""
+    sheath_friction: Array  # breakaway friction in the last control period, (wires, elements) [N]
     friction_direction: Array  # direction of the friction that two planes share, (pairs,) [rad]; else empty
     grip: Array  # share of its `stiction` that holds each element of the sheath, flat [-]; empty without it
     tip_force: float  # that pushes the tip sideways [N]
@@ -46,8 +40,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
     """Simulated endoscope. Make one with `Endoscope.from_preset`."""
 
     preset: Preset
-    xml: str
-    """The model as MJCF text, with what is drawn."""
+    xml: str  # the model as MJCF text, with what is drawn
 
     @classmethod
     def from_preset(cls, preset: Preset, *, drawn: bool = True) -> "Endoscope":
@@ -93,7 +86,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
     def _let_go(self) -> None:
         """Let a curved section go from straight to where friction holds it, slowly."""
         model, data = self._pair
-        if not is_curved(self.preset):
+        if not any(self.preset.initial_bends):
             return
         curve = model.qpos_spring[self.layout.hinge]
         for share in release_shares(self.preset):
@@ -178,9 +171,10 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             step = drive.advance(command) - self._act.item(plane)
             self._ctrl[2 * plane : 2 * plane + 2] = step / period
             self._travel += abs(step)
-        if self._tip_force:
-            self._push()
         model, data = self._pair
+        if self._tip_force:  # it turns with the tip
+            mujoco.mj_kinematics(model, data)
+            self._on_tip[:3] = self._tip_force * data.xmat[self._tip].reshape(3, 3)[:, 2]
         start = data.time  # MuJoCo sets a diverged simulation back to 0
         mujoco.mj_step(model, data, self._steps)
         if any(self._warnings.tolist()):
@@ -201,13 +195,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             raise InputError(f"force of {force} N at the tip: must be a finite number")
         self._tip_force = force
         self._on_tip[:] = 0.0
-
-    def _push(self) -> None:
-        """Turn the force with the tip."""
-        model, data = self._pair
-        mujoco.mj_kinematics(model, data)
-        sideways = data.xmat[self._tip].reshape(3, 3)[:, 2]
-        self._on_tip[:3] = self._tip_force * sideways
 
     def _follow_load(self) -> None:
         """Update friction and damping to the present wire tension."""
@@ -246,18 +233,12 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         mujoco.mj_fwdPosition(model, data)
 
 
-def is_curved(preset: Preset) -> bool:
-    """Return whether the section is curved where nothing pulls it."""
-    return any(preset.initial_bends)
-
-
 def release_shares(preset: Preset) -> list[float]:
     """Return the share of its curve that a section has in each control period of its release.
 
     It is built straight. What a section does that is let go at once depends on its inertia, and MuJoCo's is
     chosen for its time step: so the curve of its springs is brought in slowly, before the run begins.
     """
-    rising = math.ceil(RELEASE_TIME / preset.control_period)
-    held = math.ceil(SETTLING_TIME / preset.control_period)
-    shares: list[float] = np.concatenate([np.arange(1, rising + 1) / rising, np.ones(held)]).tolist()
-    return shares
+    rising = math.ceil(_RELEASE_TIME / preset.control_period)
+    held = math.ceil(_SETTLING_TIME / preset.control_period)
+    return [step / rising for step in range(1, rising + 1)] + [1.0] * held

@@ -11,12 +11,9 @@ from twin.mechanics.friction import hinge_groups
 from twin.preset.preset import Preset
 
 Index = NDArray[np.intp]
-PLANES = ("", "lateral_")
-"""Prefix of the joints of each bending plane."""
-NEIGHBOURS = (("a", "c"), ("b", "d"))
-"""Wires of two planes that rub as one."""
-WAYS = ("along", "across")
-"""Prefix of the friction of neighbours along the force that it holds, and across it."""
+PLANES = ("", "lateral_")  # prefix of the joints of each bending plane
+NEIGHBOURS = (("a", "c"), ("b", "d"))  # wires of two planes that rub as one
+WAYS = ("along", "across")  # prefix of the friction of neighbours along the force that it holds, and across
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,8 +24,7 @@ class Layout:
     pulley: Index  # joints of the pulleys, (planes,)
     element: Index  # joints of the sheath elements, pulley to tip, (wires, elements)
     wire: Index  # tendons of the wire segments, pulley to tip, (wires, elements + 1)
-    joints: Index
-    """Tendons that carry the friction of the hinges, base to tip, (1, groups): of one plane alone."""
+    joints: Index  # tendons with the friction of the hinges, base to tip, (1, groups): of one plane alone
     shared: Index
     """Tendons that carry the friction of neighbours, along and across, (2, pairs): elements of wires a and c,
     of b and d, pulley to tip, then hinges, base to tip; none with one plane."""
@@ -59,18 +55,9 @@ class Layout:
             wrap=np.concatenate([*wraps, np.empty(0, dtype=np.intp)]).reshape(2, -1).astype(np.intp),
         )
 
-    @property
-    def wires(self) -> int:
-        """Number of wires."""
-        return len(self.element)
-
 
 def consecutive(index: Index) -> slice:
-    """Return the slice of indices that follow one another: it takes a view of an array, they take a copy.
-
-    Raises:
-        ValueError: they do not.
-    """
+    """Return the slice of indices that follow one another: it takes a view of an array, they take a copy."""
     start = int(index.flat[0]) if index.size else 0
     if not np.array_equal(index.flat, np.arange(start, start + index.size)):
         raise ValueError(f"the indices {index.ravel().tolist()} do not follow one another")

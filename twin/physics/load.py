@@ -30,8 +30,7 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendon_armature", "wrap_prm")
 """Fields of MuJoCo's models that follow the load."""
-NEARLY_TAUT = 1e-6
-"""Slack up to which a wire counts as taut [m]."""
+NEARLY_TAUT = 1e-6  # slack up to which a wire counts as taut [m]
 
 
 class Rewritten(NamedTuple):
@@ -141,51 +140,39 @@ def views(layout: Layout, fields: Sequence[Array]) -> Rewritten:
 
 
 class Wires:
-    """Wires of B endoscopes of one layout, which may differ in their parameters.
-
-    Attributes:
-        stiffness: of a segment at zero tension, (B, 1, 1) [N / m].
-        quadratic: quadratic coefficient of a segment, (B, 1, 1) [N / m^2].
-        rest_stretch: stretch of each segment at positions of zero, (B, wires, elements + 1) [m].
-        lengthening: Jacobian of the segments' lengths, (B, wires * (elements + 1), nq).
-    """
+    """Wires of B endoscopes of one layout, which may differ in their parameters."""
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Gather the parameters of all endoscopes, along the leading axis of every array."""
         self._of_one = layout.wire.shape
-        self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]
-        self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]
-        sides = [bool(wire % 2) for wire in range(layout.wires)]
+        self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]  # [N / m]
+        self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]  # [N / m^2]
+        sides = [bool(wire % 2) for wire in range(len(layout.element))]
         self.rest_stretch = np.array([[rest_stretch(p, side) for side in sides] for p in presets])
         self.lengthening = np.array([_lengthening(p, layout) for p in presets])
 
-    def stretch(self, qpos: Array) -> Array:
-        """Return the stretch of each segment, (B, wires, elements + 1) [m]; below 0 where slack.
+    def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
+        """Return tension [N] and slack [m] of each segment, both (B, wires, elements + 1).
 
         `qpos` (B, nq) are positions; of one endoscope, at any number of times.
         """
         lengthened = np.matmul(self.lengthening, qpos[:, :, None]).reshape(-1, *self._of_one)
-        stretch: Array = self.rest_stretch + lengthened
-        return stretch
-
-    def tension_and_slack(self, qpos: Array) -> tuple[Array, Array]:
-        """Return tension [N] and slack [m] of each segment, both (B, wires, elements + 1)."""
-        stretch = self.stretch(qpos)
+        stretch = self.rest_stretch + lengthened
         return tension_at(stretch, self.stiffness, self.quadratic), np.maximum(-stretch, 0.0)
 
 
 def _lengthening(preset: Preset, layout: Layout) -> Array:
     """Return the Jacobian of the wire segments' lengths, (wires * (elements + 1), nq)."""
-    lengths = preset.sheath_elements + 1
-    matrix = np.zeros((layout.wires, lengths, layout.element.size + layout.pulley.size + layout.hinge.size))
-    for wire in range(layout.wires):
+    wires, positions = layout.wire.shape, layout.element.size + layout.pulley.size + layout.hinge.size
+    matrix = np.zeros((*wires, positions))
+    for wire in range(wires[0]):
         side, plane = 1.0 - 2.0 * (wire % 2), wire // 2
         for element, joint in enumerate(layout.element[wire]):
             matrix[wire, element, joint] = -1.0
             matrix[wire, element + 1, joint] = 1.0
         matrix[wire, 0, layout.pulley[plane]] = side
         matrix[wire, -1, layout.hinge[plane]] = -side * preset.wire_offset
-    return matrix.reshape(layout.wires * lengths, -1)
+    return matrix.reshape(-1, positions)
 
 
 class Loads:
@@ -201,14 +188,16 @@ class Loads:
         self.rewritten, self._qpos, self._qvel = rewritten, qpos, qvel
         self.layout, self.wires = layout, Wires(presets, layout)
         elements = presets[0].sheath_elements
-        self._friction = np.array([p.sheath_friction for p in presets])
-        self._floor = np.array([max(p.sheath_friction_floor / elements, LEAST_FRICTION) for p in presets])
-        self._growth = np.array([p.sheath_friction_growth / elements for p in presets])
-        self._exponent = np.array([p.sheath_friction_exponent for p in presets])
-        self._bend_offset = np.array([p.sheath_bend_offset for p in presets])
-        self._warm_up = np.array([p.friction_warm_up for p in presets])
-        self._warm_up_time = np.array([p.warm_up_time for p in presets])
-        self._wear = np.array([p.friction_wear for p in presets])
+
+        def each(name: str) -> Array:
+            return np.array([getattr(p, name) for p in presets])
+
+        self._friction, self._bend_offset = each("sheath_friction"), each("sheath_bend_offset")
+        self._floor = np.maximum(each("sheath_friction_floor") / elements, LEAST_FRICTION)
+        self._growth = each("sheath_friction_growth") / elements
+        self._exponent = each("sheath_friction_exponent")
+        self._warm_up, self._warm_up_time = each("friction_warm_up"), each("warm_up_time")
+        self._wear = each("friction_wear")
         self.drifts = bool(self._warm_up.any() or self._wear.any())
         self._of_bend = np.empty(0)
         wire = [
@@ -218,20 +207,19 @@ class Loads:
         # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
         vertebrae = presets[0].vertebrae
         of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
-        law = LoadLaw(
+        self._law = LoadLaw(
             hinge=layout.hinge,
             pulley=layout.pulley,
             element=layout.element,
             wire=np.array(wire),
             rest_stretch=self.wires.rest_stretch,
             joint=np.array([joint_friction(p) for p in presets]),
-            routing=np.array([p.routing_friction * p.wire_offset for p in presets]),
+            routing=each("routing_friction") * each("wire_offset"),
             wrapped=np.stack([of_hinges[:, group].mean(axis=1) for group in hinge_groups(vertebrae)], axis=1),
             time_step=presets[0].time_step,
             ahead=2 * presets[0].control_period,
         )
         self._half_share, self._floor_now = np.empty(len(presets)), np.empty(len(presets))
-        self._law = law
         two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
         self.shared = SharedFriction(presets, layout) if two else None
         self.sticking = Sticking(presets, layout) if sticks else None
@@ -245,8 +233,15 @@ class Loads:
 
         `sheath_bend` (B,) [rad] must not be changed in place; `drift` (B,) is None where nothing drifts.
         """
-        self._follow_sheath(sheath_bend, drift)
         rewritten = self.rewritten
+        same_bend = sheath_bend is self._of_bend or np.array_equal(sheath_bend, self._of_bend)
+        if drift is not None or not same_bend:
+            factor = np.ones(len(sheath_bend)) if drift is None else drift
+            wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
+            self._half_share[:] = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
+            floor = friction_floor(self._floor, self._growth, self._exponent, sheath_bend)
+            self._floor_now[:] = floor * factor
+            self._of_bend = sheath_bend
         follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now)
         if self.sticking is not None:
             self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0])
@@ -266,12 +261,8 @@ class Loads:
 
     def memory(self) -> tuple[Array, Array]:
         """Return what friction has of the past, flat: shared directions [rad], and what stiction holds."""
-        directions, grip = np.empty(0), np.empty(0)
-        if self.shared is not None:
-            directions = self.shared.direction.ravel()
-        if self.sticking is not None:
-            grip = self.sticking.grip.ravel()
-        return directions.copy(), grip.copy()
+        directions = np.empty(0) if self.shared is None else self.shared.direction.flatten()
+        return directions, np.empty(0) if self.sticking is None else self.sticking.grip.flatten()
 
     def restore(self, directions: Array, grip: Array) -> None:
         """Restore what `memory` returned."""
@@ -287,18 +278,8 @@ class Loads:
             self.sticking.grip[:] = grip.reshape(self.sticking.grip.shape)
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Forget the past: all directions in the first plane, all elements at rest."""
         if self.shared is not None:
-            self.shared.reset()
+            self.shared.direction[:] = 0.0
         if self.sticking is not None:
-            self.sticking.reset()
-
-    def _follow_sheath(self, sheath_bend: Array, drift: Array | None) -> None:
-        """Compute half the friction of an element per unit of tension, and the part that is of no tension."""
-        if drift is None and (sheath_bend is self._of_bend or np.array_equal(sheath_bend, self._of_bend)):
-            return
-        factor = np.ones(len(sheath_bend)) if drift is None else drift
-        wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
-        self._half_share[:] = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
-        self._floor_now[:] = friction_floor(self._floor, self._growth, self._exponent, sheath_bend) * factor
-        self._of_bend = sheath_bend
+            self.sticking.grip[:] = 1.0

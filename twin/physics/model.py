@@ -18,6 +18,7 @@ and tendons (`armature`), and friction is found for what is moved.
 
 import functools
 import math
+from collections.abc import Sequence
 
 import mujoco
 
@@ -31,7 +32,8 @@ from twin.preset.preset import Preset
 
 _PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
-# Inertia over stiffness times the time step squared: light, and still a smooth stick and slip.
+# Inertia over stiffness times the time step squared: light, and still a smooth stick and slip. A wire's own
+# mass would need steps of microseconds; far less finds the friction of neighbours in more iterations.
 _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
 _TOLERANCE = 1e-15  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
@@ -44,15 +46,18 @@ def model_xml(preset: Preset) -> str:
     spec = mujoco.MjSpec.from_file(str(assets_folder() / "endoscope.xml"))
     spec.option.timestep = preset.time_step
     spec.option.gravity = preset.gravity
-    _add_sheath(spec, preset)
+    spec.worldbody.add_geom(
+        name="sheath",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[-preset.sheath_length, 0, 0, 0, 0, 0],
+        size=[1.35 * preset.wire_offset, 0, 0],
+        material="sheath",
+    )
     tip = _add_bending_section(spec, preset)
     _add_slides(tip, preset)
     for plane in PLANES[: preset.bending_planes]:
         _add_motor(spec, preset, plane)
-    if preset.bending_planes == 1:
-        _add_joint_friction(spec, preset)
-    else:
-        _add_shared_friction(spec, preset)
+    _add_friction(spec, preset)
     for wire in WIRES[: preset.wires]:
         _add_wire(spec, preset, wire)
     spec.compile()
@@ -74,22 +79,6 @@ def compiled_model(xml: str, *, drawn: bool) -> mujoco.MjModel:
     return model
 
 
-def element_mass(preset: Preset) -> float:
-    """Return the inertia of one sheath element [kg].
-
-    A wire's own mass would need steps of microseconds. The motion is quasi-static and the springs are taken
-    implicitly, so an inertia below stiffness times the time step squared changes nothing that is measured;
-    with a much lower one the friction of neighbours is found in more iterations.
-    """
-    return _LIGHTNESS * segment_stiffness(preset) * preset.time_step**2
-
-
-def section_inertia(preset: Preset) -> float:
-    """Return the inertia added to the bending of the whole section [kg m^2], sized as in `element_mass`."""
-    stiffness = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
-    return 0.3 * _LIGHTNESS * stiffness * preset.time_step**2
-
-
 def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     """Add a position actuator to a pulley; servo and backlash come before it (`twin/mechanics/drive.py`).
 
@@ -98,25 +87,21 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     that no error in position is needed to move.
     """
     damping = _pulley_damping(preset)
-    spec.add_actuator(
-        name=f"{plane}position",
-        target=f"{plane}pulley",
-        trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        gainprm=[PULLEY_STIFFNESS] + [0] * 9,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        biasprm=[0, -PULLEY_STIFFNESS] + [0] * 8,
-    )
-    spec.add_actuator(
-        name=f"{plane}velocity",
-        target=f"{plane}pulley",
-        trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        gainprm=[damping] + [0] * 9,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        biasprm=[0, 0, -damping] + [0] * 7,
-    )
+    fixed, affine = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+    for name, dynamics, gain, bias in (
+        ("position", mujoco.mjtDyn.mjDYN_INTEGRATOR, PULLEY_STIFFNESS, [0, -PULLEY_STIFFNESS, 0]),
+        ("velocity", mujoco.mjtDyn.mjDYN_NONE, damping, [0, 0, -damping]),
+    ):
+        spec.add_actuator(
+            name=f"{plane}{name}",
+            target=f"{plane}pulley",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            dyntype=dynamics,
+            gaintype=fixed,
+            gainprm=[gain] + [0] * 9,
+            biastype=affine,
+            biasprm=bias + [0] * 7,
+        )
 
 
 def _pulley_damping(preset: Preset) -> float:
@@ -149,7 +134,7 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
                 axis=[-1, 0, 0],
-                armature=element_mass(preset),
+                armature=_LIGHTNESS * segment_stiffness(preset) * preset.time_step**2,
             )
             if preset.bending_planes == 1:
                 joint.frictionloss = _least_sheath_friction(preset)
@@ -160,17 +145,6 @@ def _add_weightless(parent: mujoco.MjsBody, name: str) -> mujoco.MjsBody:
     body = parent.add_body(name=name)
     body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-9, [0, 0, 0], [1e-12] * 3, True
     return body
-
-
-def _add_sheath(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Add the visible shaft."""
-    spec.worldbody.add_geom(
-        name="sheath",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[-preset.sheath_length, 0, 0, 0, 0, 0],
-        size=[1.35 * preset.wire_offset, 0, 0],
-        material="sheath",
-    )
 
 
 def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
@@ -189,8 +163,8 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
         body.explicitinertial = True
         _draw_link(body, link, preset)
     body.add_site(name="tip", pos=[link, 0, 0])
-    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.75 * link, 1.05 * link, 1.3 * preset.wire_offset, "tip")
-    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 1.05 * link, 1.06 * link, 0.6 * preset.wire_offset, "lens")
+    _draw(body, "CYLINDER", 0.75 * link, 1.05 * link, 1.3 * preset.wire_offset, "tip")
+    _draw(body, "CYLINDER", 1.05 * link, 1.06 * link, 0.6 * preset.wire_offset, "lens")
     return body
 
 
@@ -199,6 +173,8 @@ def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int],
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     damping = preset.section_damping * count + preset.time_step * stiffness
+    bending = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
+    inertia = 0.3 * _LIGHTNESS * bending * preset.time_step**2
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -206,7 +182,7 @@ def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int],
         stiffness=[stiffness, 0, stiffness * preset.section_stiffening * count**2],
         springref=curve / count,
         damping=[damping, 0, 0],
-        armature=section_inertia(preset) * count + preset.time_step * damping,
+        armature=inertia * count + preset.time_step * damping,
     )
 
 
@@ -240,66 +216,65 @@ def _least_sheath_friction(preset: Preset) -> float:
     return max(sheath_floor(preset) / preset.sheath_elements, LEAST_FRICTION)
 
 
-def _add_joint_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Add the dry friction of the hinges, one constraint for each group of neighbours.
+def _add_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Add the dry friction of the hinges, and with two planes, which rub as one, that of the sheath.
 
-    A fixed tendon over the hinges of a group opposes their common motion by the same torque in each of them.
-    They act in series and carry nearly the same moment, so that they move together; a constraint for every
-    hinge would say no more and make the cost grow with the square of their number.
+    A fixed tendon over a group of hinges opposes their common motion by the same torque in each of them. They
+    act in series and carry nearly the same moment, so that they move together; a constraint for every hinge
+    would make the cost grow with the square of their number. Neighbours in two planes have two constraints
+    on combinations of their motions, along the force that friction holds and across it. The combinations are
+    rewritten with that force (`shared_friction.py`); here stands any that holds both.
     """
-    for group, friction in enumerate(joint_friction(preset)):
-        tendon = spec.add_tendon(name=f"joints_{group}", frictionloss=friction)
-        _make_friction_dry(tendon, preset)
-        for index in hinge_groups(preset.vertebrae)[group]:
-            tendon.wrap_joint(f"hinge_{index}", 1.0)
-
-
-def _add_shared_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Add the friction of two planes that rub as one: two constraints for each pair of neighbours.
-
-    Both oppose a combination of their motions, one along the force that friction holds and one across it. The
-    combinations are rewritten with that force (`shared_friction.py`); here stands any that holds both.
-    """
-    for way, side in zip(WAYS, (1.0, -1.0), strict=True):
+    groups = list(zip(hinge_groups(preset.vertebrae), joint_friction(preset), strict=True))
+    if preset.bending_planes == 1:
+        for number, (group, friction) in enumerate(groups):
+            hinges = dict.fromkeys((f"hinge_{index}" for index in group), 1.0)
+            _add_rubbing(spec, preset, f"joints_{number}", friction, hinges)
+        return
+    least, half = _least_sheath_friction(preset), 0.5**0.5
+    for way, side in zip(WAYS, (half, -half), strict=True):
         for first, second in NEIGHBOURS:
             for element in range(preset.sheath_elements):
-                name = f"{way}_{first}{second}{element}"
-                tendon = spec.add_tendon(name=name, frictionloss=_least_sheath_friction(preset))
-                _make_friction_dry(tendon, preset)
-                tendon.wrap_joint(f"sheath_{first}{element}", 0.5**0.5)
-                tendon.wrap_joint(f"sheath_{second}{element}", side * 0.5**0.5)
-        for group, friction in enumerate(joint_friction(preset)):
-            tendon = spec.add_tendon(name=f"{way}_joints_{group}", frictionloss=max(friction, LEAST_FRICTION))
-            _make_friction_dry(tendon, preset)
-            for plane, sign in zip(PLANES, (1.0, side), strict=True):
-                for index in hinge_groups(preset.vertebrae)[group]:
-                    tendon.wrap_joint(f"{plane}hinge_{index}", sign * 0.5**0.5)
+                joints = {f"sheath_{first}{element}": half, f"sheath_{second}{element}": side}
+                _add_rubbing(spec, preset, f"{way}_{first}{second}{element}", least, joints)
+        for number, (group, friction) in enumerate(groups):
+            planes = zip(PLANES, (half, side), strict=True)
+            hinges = {f"{plane}hinge_{index}": sign for plane, sign in planes for index in group}
+            _add_rubbing(spec, preset, f"{way}_joints_{number}", max(friction, LEAST_FRICTION), hinges)
+
+
+def _add_rubbing(
+    spec: mujoco.MjSpec, preset: Preset, name: str, friction: float, joints: dict[str, float]
+) -> None:
+    """Add dry friction against a combination of joints, with a coefficient of each."""
+    tendon = spec.add_tendon(name=name, frictionloss=friction)
+    _make_friction_dry(tendon, preset)
+    for joint, coefficient in joints.items():
+        tendon.wrap_joint(joint, coefficient)
 
 
 def _draw_link(body: mujoco.MjsBody, link: float, preset: Preset) -> None:
     """Add the visible parts of one link: a disc that guides the wires, on a slender backbone."""
     radius = preset.wire_offset
-    _draw(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.45 * radius, "backbone")
-    _draw(body, mujoco.mjtGeom.mjGEOM_CYLINDER, 0.28 * link, 0.72 * link, 1.05 * radius, "vertebra")
+    _draw(body, "CAPSULE", 0, link, 0.45 * radius, "backbone")
+    _draw(body, "CYLINDER", 0.28 * link, 0.72 * link, 1.05 * radius, "vertebra")
     for wire in WIRES[: preset.wires]:
-        y, z = _PLACE[wire]
-        place = (y * radius, z * radius)
-        _draw(body, mujoco.mjtGeom.mjGEOM_CAPSULE, 0, link, 0.2 * radius, f"wire_{wire}", place)
+        place = [share * radius for share in _PLACE[wire]]
+        _draw(body, "CAPSULE", 0, link, 0.2 * radius, f"wire_{wire}", place)
 
 
 def _draw(
     body: mujoco.MjsBody,
-    shape: mujoco.mjtGeom,
+    shape: str,
     start: float,
     end: float,
     radius: float,
     material: str,
-    place: tuple[float, float] = (0, 0),
+    place: Sequence[float] = (0, 0),
 ) -> None:
     """Add a purely visual shape along x: no mass, no contact."""
-    body.add_geom(
-        type=shape, fromto=[start, *place, end, *place], size=[radius, 0, 0], material=material, mass=0
-    )
+    kind, ends = getattr(mujoco.mjtGeom, f"mjGEOM_{shape}"), [start, *place, end, *place]
+    body.add_geom(type=kind, fromto=ends, size=[radius, 0, 0], material=material, mass=0)
 
 
 def _make_friction_dry(rubbing: mujoco.MjsJoint | mujoco.MjsTendon, preset: Preset) -> None:

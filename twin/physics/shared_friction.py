@@ -24,20 +24,16 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-LEAST_FORCE = 1e-3
-"""Force over friction above which it determines a direction [-]."""
-BREAKS_AWAY = 0.99
-"""Force beyond sliding friction at which an element breaks away, as a share of what stiction adds [-]."""
-FALL = 0.8
-"""Factor within a control period on what stiction adds to the friction of an element that slides [-]."""
+LEAST_FORCE = 1e-3  # force over friction above which it determines a direction [-]
+BREAKS_AWAY = 0.99  # force beyond sliding friction that breaks away, as a share of what stiction adds [-]
+FALL = 0.8  # factor within a control period on what stiction adds to the friction of what slides [-]
 
 
 class SharedFriction:
     """Friction of the pairs of neighbours of B endoscopes of one layout with two planes.
 
-    Attributes:
-        direction: (B, pairs) of the force that friction holds, over the friction of each [rad]: 0 in the
-            plane of wires a and b.
+    Its `direction` (B, pairs) is that of the force that friction holds, over the friction of each [rad]: 0 in
+    the plane of wires a and b.
     """
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
@@ -45,7 +41,7 @@ class SharedFriction:
         self.direction = np.zeros((len(presets), layout.shared.shape[1]))
         self._time_step, self._period = presets[0].time_step, presets[0].control_period
         groups = hinge_groups(presets[0].vertebrae)
-        self._arm = np.array([preset.wire_offset for preset in presets])[:, None, None]
+        self._arm = np.array([p.wire_offset for p in presets])[:, None, None]
         self._hinge = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
         self._size = np.array([len(group) for group in groups])
         a, b, c, d = layout.element
@@ -54,15 +50,8 @@ class SharedFriction:
         self._members = np.array([1] * (a.size + b.size) + [len(group) for group in groups])
         self._first_wrap = np.concatenate([[0], np.cumsum(2 * self._members)])
 
-    def reset(self) -> None:
-        """Set all directions to the first plane."""
-        self.direction[:] = 0.0
-
     def write(self, sheath: Array, joints: Array, loss: Array, coefficient: Array) -> None:
-        """Write the friction of all pairs into MuJoCo's models, as `write_pairs`.
-
-        From that of the elements (B, 4, elements) [N] and of the hinges (B, 2, groups) [N m].
-        """
+        """Write the friction of elements (B, 4, elements) [N] and of hinges (B, 2, groups) [N m]."""
         friction = self._of_pairs(sheath, joints)
         write_pairs(friction, self.direction, self._members, self._first_wrap, loss, coefficient)
 
@@ -131,20 +120,15 @@ def write_pairs(
 class Sticking:
     """Elements at rest, of B endoscopes of one layout. With two planes, neighbours stick and slip as one.
 
-    Attributes:
-        grip: (B, sides, elements) share of what stiction adds that holds each, 1 at rest [-]; the sides are
-            wires a and b, or with two planes a with c and b with d.
+    Their `grip` (B, sides, elements) is the share of what stiction adds that holds each, 1 at rest [-]; sides
+    are wires a and b, or with two planes a with c and b with d.
     """
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Begin with all at rest."""
-        self._wires: Index = np.arange(layout.wires).reshape(len(layout.hinge), -1)
+        self._wires: Index = np.arange(len(layout.element)).reshape(len(layout.hinge), -1)
         self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
         self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
-
-    def reset(self) -> None:
-        """Set all to rest."""
-        self.grip[:] = 1.0
 
     def hold(self, sheath: Array, tension: Array) -> None:
         """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.

@@ -11,8 +11,7 @@ from twin.files.shown import shown
 from twin.files.yaml_text import read_yaml
 from twin.preset.preset import Preset, suggestion
 
-MOST_BYTES = MEBIBYTE
-"""Size of a preset's file [bytes]."""
+MOST_BYTES = MEBIBYTE  # of a preset's file
 
 
 def preset_names() -> list[str]:

@@ -12,8 +12,7 @@ from twin.files.shown import cut, shown
 from twin.preset.file import read_preset_file
 from twin.preset.preset import Preset, parameter_limits
 
-WIDE = 2.0
-"""Ratio of the ends of a range from which on it is drawn log-uniformly: 1 to 2 as often as 2 to 4."""
+WIDE = 2.0  # ratio of the ends of a range that is drawn log-uniformly: 1 to 2 as often as 2 to 4
 
 NEVER_DRAWN = (
     *(field.name for field in dataclasses.fields(Preset) if isinstance(field.default, int)),
@@ -50,12 +49,9 @@ class Ranges:
 
     def at(self, preset: Preset, shares: NDArray[np.float64]) -> Preset:
         """Return a preset with every parameter at a share of its range, 0 to 1: its quantile in `draw`."""
-        return preset.replace(
-            **{
-                name: quantile(low, high, float(share))
-                for (name, low, high), share in zip(self.limits, shares, strict=True)
-            }
-        )
+        ranges = zip(self.limits, shares, strict=True)
+        drawn = {name: quantile(low, high, float(share)) for (name, low, high), share in ranges}
+        return preset.replace(**drawn)
 
     def lowest(self, name: str, preset: Preset) -> float:
         """Return the lowest value that a parameter can have; that of the preset if it has no range."""

@@ -2,20 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.mechanics.drive import PULLEY_STIFFNESS, DriveLaw, advance_drive, delayed_command
+from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
 from twin.mechanics.friction import friction_drift, friction_floor
 from twin.mechanics.kernels import entry, inlined, kernel
 from twin.preset.preset import Preset
 from twin.reduced import parameters as at
-from twin.reduced.chain import Array, Hinge, Plane, Segment, copy_row, copy_rows
-from twin.reduced.one_plane import Work, new_work, solve_plane
+from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, copy_row, copy_rows, solve_plane
 from twin.reduced.parameters import Parameters, ReducedState, new_state
-from twin.reduced.two_planes import BothPlanes, Start, new_both_planes, new_start, solve_both_planes
+from twin.reduced.two_planes import BothPlanes, Positions, solve_both_planes
 
 _advance_drive = kernel(advance_drive)
 _delayed_command = inlined(delayed_command)
@@ -24,21 +23,20 @@ _friction_floor = inlined(friction_floor)
 
 
 class Workspace(NamedTuple):
-    """Scratch arrays for one endoscope at a time. What a None excludes is not compiled."""
+    """Scratch arrays for one endoscope at a time; each thread needs its own."""
 
-    plane: Work | None  # with one bending plane
+    plane: Work | None  # with one bending plane; what a None excludes is not compiled
     both: BothPlanes | None  # with two
-    start: Start | None  # with two
     ahead: Array  # (P, 4) each drive one control period later, and the travel of its pulley [m]
 
-
-def new_workspace(parameters: Parameters) -> Workspace:
-    """Return scratch arrays for endoscopes of one layout; each thread needs its own."""
-    elements, groups = parameters.rest.shape[1] // 2 - 1, len(parameters.size)
-    ahead = np.zeros((parameters.planes, 4))
-    if parameters.planes == 1:
-        return Workspace(new_work(elements, groups), None, None, ahead)
-    return Workspace(None, new_both_planes(elements, groups), new_start(elements, groups), ahead)
+    @classmethod
+    def of(cls, parameters: Parameters) -> Self:
+        """Return scratch arrays for endoscopes of one layout."""
+        layout = parameters.rest.shape[1] // 2 - 1, len(parameters.size)
+        ahead = np.zeros((parameters.planes, 4))
+        if parameters.planes == 1:
+            return cls(Work.of(*layout), None, ahead)
+        return cls(None, BothPlanes.of(*layout), ahead)
 
 
 class Trace(NamedTuple):
@@ -49,93 +47,58 @@ class Trace(NamedTuple):
     pulley: Array  # (S, P)
     drift: Array  # (S,) factor on the sheath's friction
 
-
-def new_trace(parameters: Parameters, samples: int) -> Trace:
-    """Return room for so many samples."""
-    planes, groups = parameters.planes, len(parameters.size)
-    return Trace(
-        np.empty((samples, planes, parameters.rest.shape[1] - 2)),
-        np.empty((samples, planes, groups)),
-        np.empty((samples, planes)),
-        np.empty(samples),
-    )
+    @classmethod
+    def of(cls, parameters: Parameters, samples: int) -> Self:
+        """Return room for so many samples."""
+        planes, groups = parameters.planes, len(parameters.size)
+        shapes = (planes, parameters.rest.shape[1] - 2), (planes, groups), (planes,), ()
+        return cls(*(np.empty((samples, *shape)) for shape in shapes))
 
 
 @entry
 def advance(
-    parameters: Parameters, state: ReducedState, work: Workspace, inputs: Array, periods: int
-) -> None:
-    """Advance M endoscopes by one sample of some control periods, in place.
-
-    `inputs` (M, 3) are pull [m], lateral pull [m] and bend of the sheath [rad] at the end of the sample.
-    """
-    for m in range(len(inputs)):
-        advance_one(parameters, state, work, m, inputs, m, periods)
-
-
-@entry
-def keep(parameters: Parameters, state: ReducedState, m: int, trace: Trace, k: int) -> None:
-    """Write where endoscope m is into row k of a trace."""
-    _keep(parameters, state, m, trace, k)
-
-
-@entry
-def advance_record(
     parameters: Parameters,
     state: ReducedState,
     work: Workspace,
-    m: int,
+    first: int,
     inputs: Array,
     periods: NDArray[np.int64],
     trace: Trace,
 ) -> None:
-    """Advance endoscope m along S samples, in place, and write the trace.
+    """Advance some endoscopes, from the first of them on, along S samples, in place.
 
-    `inputs` (S, 3) are as of `advance`, `periods` (S,) the control periods in each sample.
+    `inputs` (S, M, 3) are pull [m], lateral pull [m] and bend of the sheath [rad] of each at the end of the
+    samples, `periods` (S,) the control periods in each sample: with none, an endoscope stays where it is.
+    A trace that has room is written, of the last endoscope.
     """
-    for k in range(len(inputs)):
-        advance_one(parameters, state, work, m, inputs, k, periods[k])
-        _keep(parameters, state, m, trace, k)
-
-
-@inlined
-def _keep(parameters: Parameters, state: ReducedState, m: int, trace: Trace, k: int) -> None:
-    copy_rows(trace.element[k], state.element[m])
-    copy_rows(trace.hinge[k], state.hinge[m])
-    copy_row(trace.pulley[k], state.pulley[m])
-    trace.drift[k] = _drift_of(parameters, state, m)
+    for m in range(inputs.shape[1]):
+        for k in range(len(inputs)):
+            if periods[k] > 0:
+                advance_one(parameters, state, work, first + m, inputs[k, m], periods[k])
+            if len(trace.drift) > 0:
+                copy_rows(trace.element[k], state.element[first + m])
+                copy_rows(trace.hinge[k], state.hinge[first + m])
+                copy_row(trace.pulley[k], state.pulley[first + m])
+                trace.drift[k] = _drift_of(parameters, state, first + m)
 
 
 @kernel
 def advance_one(
-    parameters: Parameters,
-    state: ReducedState,
-    work: Workspace,
-    m: int,
-    inputs: Array,
-    row: int,
-    periods: int,
+    parameters: Parameters, state: ReducedState, work: Workspace, m: int, inputs: Array, periods: int
 ) -> None:
-    """Advance endoscope m by one sample, in place, to the inputs of a row; see `advance`."""
+    """Advance endoscope m by one sample, in place, to its inputs (3,); see `advance`."""
     constants, drive, run, ahead = parameters.constants, state.drive, state.run, work.ahead
     planes, late = parameters.planes, parameters.late
     sticks = constants[m, at.HOLDS] > 1.0
-    law = DriveLaw(
-        constants[m, at.DRIVE],
-        constants[m, at.DRIVE + 1],
-        constants[m, at.DRIVE + 2],
-        constants[m, at.DRIVE + 3],
-        constants[m, at.DRIVE + 4],
-        constants[m, at.DRIVE + 5] != 0.0,
-        constants[m, at.DRIVE + 6],
-    )
+    c = constants[m, at.DRIVE :]
+    law = DriveLaw(c[0], c[1], c[2], c[3], c[4], c[5] != 0.0, c[6])
     waiting, first = 0, 1
     if constants[m, at.RIGID] and not sticks:  # the increment at the end of the sample is the only one
         waiting, first = periods, periods + 1
         for p in range(planes):
-            run[m, at.TRAVEL] += abs(inputs[row, p] - drive[m, p, 2])
-            drive[m, p, 0] = inputs[row, p]
-            drive[m, p, 2] = inputs[row, p]
+            run[m, at.TRAVEL] += abs(inputs[p] - drive[m, p, 2])
+            drive[m, p, 0] = inputs[p]
+            drive[m, p, 2] = inputs[p]
     for p in range(planes):
         ahead[p, 3] = 0.0
     for k in range(first, periods + 2):
@@ -143,7 +106,7 @@ def advance_one(
         # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
         ends, turns_back, share = k > periods, False, k / periods
         for p in range(0 if ends else planes):
-            command = run[m, at.COMMAND + p] * (1.0 - share) + inputs[row, p] * share
+            command = run[m, at.COMMAND + p] * (1.0 - share) + inputs[p] * share
             wanted = command
             if late > 0:
                 wanted = _delayed_command(law.delay, state.past[m, p], command)
@@ -155,7 +118,7 @@ def advance_one(
             turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 3] < 0.0
         if ends or turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
-            bend = inputs[row, 2] if ends else run[m, at.COMMAND + 2] * (1.0 - done) + inputs[row, 2] * done
+            bend = inputs[2] if ends else run[m, at.COMMAND + 2] * (1.0 - done) + inputs[2] * done
             _increment(parameters, state, work, m, waiting, bend)
             waiting = 0
             for p in range(planes):
@@ -168,7 +131,7 @@ def advance_one(
             for column in range(3):
                 drive[m, p, column] = ahead[p, column]
     for column in range(3):
-        run[m, at.COMMAND + column] = inputs[row, column]
+        run[m, at.COMMAND + column] = inputs[column]
 
 
 @inlined
@@ -188,72 +151,43 @@ def _increment(
     seconds = periods * parameters.control_period
     run[m, at.TIME] += seconds
     drift = _drift_of(parameters, state, m)
+    c = constants[m]
     # As `friction_per_tension`, for the tension on each side instead of their mean.
-    wrapped = constants[m, at.SHEATH_FRICTION] * drift * (sheath_bend + constants[m, at.BEND_OFFSET])
-    own, growth, exponent = constants[m, at.FLOOR], constants[m, at.GROWTH], constants[m, at.EXPONENT]
+    wrapped = c[at.SHEATH_FRICTION] * drift * (sheath_bend + c[at.BEND_OFFSET])
     plane = Plane(
         state.element.shape[2] // 2,
         parameters.rest[m],
-        Segment(
-            constants[m, at.WIRE_STIFFNESS],
-            constants[m, at.WIRE_QUADRATIC],
-            constants[m, at.WIRE_DAMPING] / seconds,
-        ),
+        Segment(c[at.WIRE_STIFFNESS], c[at.WIRE_QUADRATIC], c[at.WIRE_DAMPING] / seconds),
         math.tanh(wrapped / 2.0),
-        float(_friction_floor(own, growth, exponent, sheath_bend)) * drift,
-        Hinge(
-            constants[m, at.HINGE_STIFFNESS],
-            constants[m, at.HINGE_CUBIC],
-            constants[m, at.HINGE_REST],
-            constants[m, at.HINGE_DAMPING] / seconds,
-        ),
+        float(_friction_floor(c[at.FLOOR], c[at.GROWTH], c[at.EXPONENT], sheath_bend)) * drift,
+        Hinge(c[at.HINGE_STIFFNESS], c[at.HINGE_CUBIC], c[at.HINGE_DAMPING] / seconds),
         parameters.joint_friction[m],
         parameters.size,
-        constants[m, at.ARM],
-        constants[m, at.ROUTING],
-        PULLEY_STIFFNESS,
-        state.drive[m, 0, 2],
-        constants[m, at.HOLDS],
+        c[at.ARM],
+        c[at.ROUTING],
+        (c[at.HINGE_REST], c[at.HINGE_REST + 1]),
+        (state.drive[m, 0, 2], state.drive[m, parameters.planes - 1, 2]),
+        c[at.HOLDS],
     )
-    rest = (constants[m, at.HINGE_REST], constants[m, at.HINGE_REST + 1])
-    missing = _solve(work.plane, work.both, work.start, plane, rest, state, m, periods)
+    missing = _solve(work.plane, work.both, plane, state, m, periods)
     run[m, at.MISSING_FORCE] = max(run[m, at.MISSING_FORCE], missing) if missing < math.inf else math.inf
 
 
 @inlined
 def _solve(
-    work: Work | None,
-    both: BothPlanes | None,
-    start: Start | None,
-    plane: Plane,
-    rest: tuple[float, float],
-    state: ReducedState,
-    m: int,
-    periods: int,
+    work: Work | None, both: BothPlanes | None, plane: Plane, state: ReducedState, m: int, periods: int
 ) -> float:
     """Solve for one plane or for both; return the largest force that is missing [N].
 
     Numba leaves out a branch where it knows the type None: so one solver is compiled, and not both.
     """
     missing = 0.0
+    element, hinge, pulley = state.element[m], state.hinge[m], state.pulley[m]
+    slip, turn = state.slip[m], state.turn[m]
     if work is not None:
-        element, hinge, pulley = state.element[m, 0], state.hinge[m, 0], state.pulley[m, 0]
-        slip, turn = state.slip[m, 0], state.turn[m, 0]
-        state.pulley[m, 0], missing = solve_plane(plane, work, element, hinge, pulley, slip, turn)
-    if both is not None and start is not None:
-        missing = solve_both_planes(
-            plane,
-            rest,
-            (plane.target, state.drive[m, 1, 2]),
-            both,
-            start,
-            state.element[m],
-            state.hinge[m],
-            state.pulley[m],
-            state.slip[m],
-            state.turn[m],
-            periods,
-        )
+        pulley[0], missing = solve_plane(plane, work, element[0], hinge[0], pulley[0], slip[0], turn[0])
+    if both is not None:
+        missing = solve_both_planes(plane, both, Positions(element, hinge, pulley, slip, turn), periods)
     return missing
 
 
@@ -266,8 +200,8 @@ def state_at_rest(presets: Sequence[Preset], parameters: Parameters) -> ReducedS
     if any(any(preset.initial_bends) for preset in presets):
         constants = parameters.constants.copy()
         constants[:, [at.WIRE_DAMPING, at.HINGE_DAMPING]] = 0.0
-        slow = parameters._replace(constants=constants)
-        advance(slow, state, new_workspace(parameters), state.command.copy(), 1)
+        slow, work, still = parameters._replace(constants=constants), Workspace.of(parameters), state.command
+        advance(slow, state, work, 0, still[None].copy(), np.ones(1, np.int64), Trace.of(parameters, 0))
         state.time[:] = 0.0
         state.slip[:] = state.turn[:] = 0
     return state

@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 from twin.mechanics.drive import DriveLaw
 from twin.mechanics.kernels import entry, inlined, kernel
 from twin.reduced.advance import Workspace, advance_one
-from twin.reduced.chain import Array, bend_of, copy_row, copy_rows
+from twin.reduced.one_plane import Array, bend_of, copy_row, copy_rows
 from twin.reduced.parameters import ARM, COMMAND, DRIVE, Parameters, ReducedState
 
-LEAST_WIDTH_M = 1e-9
-"""Bracket that is not narrowed further [m]; nor is one of half a count of the encoder."""
+LEAST_WIDTH_M = 1e-9  # bracket that is not narrowed further [m]; nor is one of half a count of the encoder
 ENCODER_STEP = DRIVE + DriveLaw._fields.index("encoder_step")
 TRIALS = 60
-TURNS = 4
-"""Times that the pulls of two planes are sought in turn: routing friction couples them weakly."""
+Ends = tuple[float, float, float, float]
+TURNS = 4  # times that the pulls of two planes are sought in turn: routing friction couples them weakly
 
 
 class Inverse(NamedTuple):
@@ -44,44 +43,30 @@ class Trial(NamedTuple):
     state: ReducedState  # theirs; not changed
     scratch: ReducedState  # a state of the same shape; rewritten
     work: Workspace
-    first: int  # of the endoscopes
-    weights: Array  # of the bend of each, from the first on
     inputs: Array  # (M, 3) pull [m], lateral pull [m], bend of the sheath [rad] at the end of the sample
     periods: int  # control periods in the sample
+    first: int  # of the endoscopes
+    weights: Array  # of the bend of each, from the first on; (1,) of one by itself
 
 
 @entry
-def find_pulls(
-    parameters: Parameters,
-    state: ReducedState,
-    scratch: ReducedState,
-    work: Workspace,
-    inputs: Array,
-    periods: int,
-    alone: Array,
-    target: Array,
-    limits: Array,
-    tolerance: float,
-    found: Inverse,
-) -> None:
-    """Find the pulls that bring given bends at the end of the next sample; the first arguments are a `Trial`.
+def find_pulls(of: Trial, target: Array, limits: Array, tolerance: float, found: Inverse) -> None:
+    """Find the pulls that bring given bends at the end of the next sample, of each endoscope by itself.
 
-    `alone` (1,) is the weight of an endoscope by itself, 1. The bends `target` (M, P) are NaN where the pull
-    is to stay as it is, to a `tolerance` [rad]; `limits` (P, 2) are the lowest and highest pull of each plane
-    [m].
+    The bends `target` (M, P) are NaN where the pull is to stay as it is, to a `tolerance` [rad]; `limits`
+    (P, 2) are the lowest and highest pull of each plane [m].
     """
-    planes = target.shape[1]
+    planes, inputs = target.shape[1], of.inputs
     for m in range(len(inputs)):
-        trial = Trial(parameters, state, scratch, work, m, alone, inputs, periods)
+        trial = Trial(of.parameters, of.state, of.scratch, of.work, inputs, of.periods, m, of.weights)
         for _ in range(TURNS):
             for p in range(planes):
                 found.bracket[m, p] = inputs[m, p]
                 if math.isnan(target[m, p]):
                     found.bend[m, p] = _bend_after(trial, p)
                 else:
-                    found.bend[m, p] = _find(
-                        trial, p, target[m, p], limits[p], tolerance, found.bracket[m, p]
-                    )
+                    bracket = found.bracket[m, p]
+                    found.bend[m, p] = _find(trial, p, target[m, p], limits[p], tolerance, bracket)
             found.reached[m] = True
             for p in range(planes):
                 found.pull[m, p] = inputs[m, p]
@@ -107,14 +92,14 @@ def _bend_after(trial: Trial, p: int) -> float:
         copy_rows(scratch.drive[m], state.drive[m])
         copy_rows(scratch.past[m], state.past[m])
         copy_row(scratch.run[m], state.run[m])
-        advance_one(trial.parameters, scratch, trial.work, m, trial.inputs, m, trial.periods)
+        advance_one(trial.parameters, scratch, trial.work, m, trial.inputs[m], trial.periods)
         bend += trial.weights[place] * bend_of(trial.parameters.size, scratch.hinge[m, p])
     return bend
 
 
 @inlined
 def _bend_at(trial: Trial, p: int, pull: float) -> float:
-    """Return `_bend_after` with a pull of that plane, which is written into the inputs."""
+    """Return `_bend_after` with a pull, which is written into the inputs."""
     for place in range(len(trial.weights)):
         trial.inputs[trial.first + place, p] = pull
     return _bend_after(trial, p)
@@ -147,23 +132,13 @@ def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, 
         nearly = of_far + math.copysign(tolerance / 2.0, of_far)
         of_near, of_far, target = of_near - nearly, of_far - nearly, target + nearly
         tolerance = tolerance / 4.0
-    return target + _narrow(trial, p, target, tolerance, near, of_near, far, of_far, bracket)
+    return target + _narrow(trial, p, target, tolerance, (near, of_near, far, of_far), bracket)
 
 
 @kernel
-def _narrow(
-    trial: Trial,
-    p: int,
-    target: float,
-    tolerance: float,
-    x1: float,
-    f1: float,
-    x2: float,
-    f2: float,
-    bracket: Array,
-) -> float:
-    """Narrow a bracket by Chandrupatla's method, `f1` and `f2` at its ends; return the error that is left."""
-    share = 0.5
+def _narrow(trial: Trial, p: int, target: float, tolerance: float, ends: Ends, bracket: Array) -> float:
+    """Narrow a bracket, pull and error at either end, by Chandrupatla's method; return the error left."""
+    share, (x1, f1, x2, f2) = 0.5, ends
     least_width = max(LEAST_WIDTH_M, trial.parameters.constants[trial.first, ENCODER_STEP] / 2.0)
     if f1 != f2:
         share = min(max(f1 / (f1 - f2), 0.05), 0.95)
@@ -190,29 +165,16 @@ def _narrow(
 
 
 @entry
-def find_common_pull(
-    parameters: Parameters,
-    state: ReducedState,
-    scratch: ReducedState,
-    work: Workspace,
-    inputs: Array,
-    periods: int,
-    weights: Array,
-    target: float,
-    limits: Array,
-    tolerance: float,
-    found: Array,
-) -> None:
+def find_common_pull(trial: Trial, target: float, limits: Array, tolerance: float, found: Array) -> None:
     """Find the pull of wire a that brings a weighted sum of the bends of endoscopes that have it in common.
 
-    All endoscopes stand at the same command. With `weights` (M,), the sum at the end of the next sample shall
-    be `target` within a `tolerance` [rad], by a pull within `limits` (2,) [m]. `found` (4,) becomes the pull
-    [m], the sum that it brings [rad], and its bracket [m]: the nearest that can be reached, and the end of
-    the stroke where no pull leads as far, as endoscopes that stick move only after a longer travel.
+    All endoscopes stand at the same command. The sum at the end of the next sample shall be `target` within
+    a `tolerance` [rad], by a pull within `limits` (2,) [m]. `found` (4,) becomes the pull [m], the sum that
+    it brings [rad], and its bracket [m]: the nearest that can be reached, and the end of the stroke where no
+    pull leads as far, as endoscopes that stick move only after a longer travel.
     """
-    trial = Trial(parameters, state, scratch, work, 0, weights, inputs, periods)
     reached = _find(trial, 0, target, limits, tolerance, found[2:])
-    found[0], found[1] = inputs[0, 0], reached
+    found[0], found[1] = trial.inputs[0, 0], reached
     if abs(reached - target) > tolerance:
         end = limits[1] if reached < target else limits[0]
         of_end = _bend_at(trial, 0, end)

@@ -1,9 +1,17 @@
 """Quasi-static equilibrium of one bending plane after an increment of the pull.
 
+The two wires of a plane and the section between them are one chain, from the pulley along wire a to the tip
+and back along wire b:
+
+    pulley p - a_1 - ... - a_E - z - b_E - ... - b_1 - pulley p,     z = r (theta_1 n_1 + ... + theta_G n_G)
+
+A segment between two nodes is a spring that cannot push. A node is an element of the sheath, but z, which is
+where the wires are at the tip: the moment arm r times the bend, that is the sum over the groups of n equal
+hinges at the angle theta.
+
 An element of the sheath rubs on its node with the force F = c (T_left + T_right) + floor (capstan, see
 `twin/mechanics/friction.py`), a group of n equal hinges with the torque F_g; T(s) is the tension of a segment
-at a stretch s (`chain.py` draws the chain). In each increment the positions minimise elastic energy plus
-dissipation,
+at a stretch s. In each increment the positions minimise elastic energy plus dissipation,
 
     E(x) + F |x - x_before|  ->  min      so that      T_left - T_right  in  F sign(x - x_before)
 
@@ -15,45 +23,140 @@ Ito and Kunisch 2002): the linear system is tridiagonal, with the groups of hing
 and the pulley's own spring added as a border. Where Newton's steps do not settle, sweeps over the nodes
 (Gauss-Seidel) take turns with them: each node in turn is brought to its own equilibrium between its
 neighbours. Sweeps converge for these chains (Rheinboldt 1970, M-functions), but slowly.
+
+Scratch arrays hold several quantities in their rows. Numba counts the references of every array that is
+handed on, atomically: few arrays with named rows are several times as fast as one array for each quantity.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
 from twin.mechanics.kernels import inlined, kernel
-from twin.reduced.chain import (
-    BEFORE,
-    FORCE,
-    HELD,
-    NODE,
-    RESIDUAL_N,
-    SLOPE,
-    STRETCH,
-    STRETCH_BEFORE,
-    TENSION,
-    Array,
-    Plane,
-    Signs,
-    bend_of,
-    hinge_torque,
-    larger,
-    load_of,
-    turn_of,
-)
+
+Array = NDArray[np.float64]
+Signs = NDArray[np.int8]
+
+HELD = 1e-3  # share of its stiffness that a slack segment is given in the linear system alone
+RESIDUAL_N = 1e-7  # force that is missing from equilibrium at any node, at most [N]
+NODE, BEFORE, STRETCH, STRETCH_BEFORE, TENSION, FORCE, SLOPE = range(7)
+"""Rows of the scratch arrays of a chain with N nodes and N + 1 segments.
+
+Positions of the nodes, now and at the start of the increment [m] (N used); stretch of each segment, now and
+at the start [m], its elastic tension [N], tension with damping [N], and the slope of that [N / m].
+"""
+
+
+class Segment(NamedTuple):
+    """Law of one segment of wire in an increment."""
+
+    stiffness: float  # [N / m]
+    quadratic: float  # growth of the stiffness [N / m^2]
+    damping: float  # over the time of the increment [N / m]
+
+
+class Hinge(NamedTuple):
+    """Law of one hinge in an increment."""
+
+    stiffness: float  # [N m / rad]
+    cubic: float  # growth of the stiffness [N m / rad^3]
+    damping: float  # over the time of the increment [N m / rad]
+
+
+class Plane(NamedTuple):
+    """Parameters of one plane, or of two, for one increment; one uses the first of two numbers."""
+
+    elements: int  # E, of the sheath of one wire
+    rest: Array  # (2 E + 2,) stretch of each segment where all positions are zero [m]
+    segment: Segment
+    per_tension: float  # c, friction of an element per tension on each side [-]
+    floor: float  # friction of an element that does not depend on the tension [N]
+    hinge: Hinge
+    joint_friction: Array  # (G,) own friction of a hinge of each group [N m]
+    size: Array  # (G,) hinges of each group
+    arm: float  # r, moment arm of the wires [m]
+    routing: float  # friction coefficient of wires on vertebrae [-]
+    straight: tuple[float, float]  # angle of a hinge where nothing pulls, in each plane [rad]
+    target: tuple[float, float]  # distance that each pulley is driven to [m]
+    holds: float  # friction of the sheath at rest over that of sliding [-]
+
+
+@inlined
+def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array into another one."""
+    for i in range(len(to)):
+        to[i] = values[i]
+
+
+@inlined
+def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array of two dimensions into another one."""
+    for i in range(to.shape[0]):
+        for k in range(to.shape[1]):
+            to[i, k] = values[i, k]
+
+
+@inlined
+def bend_of(size: Array, hinge: Array) -> float:
+    """Return the bending angle [rad] from number and angle of the hinges of each group."""
+    bend = 0.0
+    for g in range(len(hinge)):
+        bend += size[g] * hinge[g]
+    return bend
+
+
+@inlined
+def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, float]:
+    """Return elastic tension [N], tension with damping [N] and its slope [N / m] of a segment.
+
+    It is stretched by `stretch`, and was by `before` at the start of the increment [m].
+    """
+    taut, taut_before = max(stretch, 0.0), max(before, 0.0)
+    tension = taut * (law.stiffness + law.quadratic * taut)
+    force = tension + law.damping * (taut - taut_before)
+    slope = law.stiffness + 2.0 * law.quadratic * taut + law.damping
+    if force <= 0.0:  # no wire pushes, and no jump is left for which there would be no equilibrium
+        force = slope = 0.0
+    return tension, force, slope
+
+
+@inlined
+def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[float, float]:
+    """Return the torque of spring and damping of a hinge [N m] and its slope [N m / rad]."""
+    away = angle - rest
+    torque = away * (law.stiffness + law.cubic * away * away) + law.damping * (angle - before)
+    slope = law.stiffness + 3.0 * law.cubic * away * away + law.damping
+    return torque, slope
+
+
+@inlined
+def larger(a: float, b: float) -> float:
+    """Return the larger of two numbers; infinity where one is no number."""
+    if math.isnan(a) or math.isnan(b):
+        return math.inf
+    return max(a, b)
+
+
+@inlined
+def turn_of(size: float, angle: float, turned: float) -> float:
+    """Return the angle by which a group of `size` hinges turns the wires in both planes [rad].
+
+    One hinge has an `angle` [rad] in this plane, and the square `turned` of it in the other one [rad^2].
+    """
+    return size * math.sqrt(angle * angle + turned)
+
 
 NEWTON_STEPS = 25
-SWEEPS = 25
-"""Sweeps in the first turn; each turn has twice as many as the one before, up to 32 times these."""
-ROUNDS = 40
-"""Times that Newton's steps and sweeps take turns, before the increment is given up."""
-TRIALS = 80
-"""Most steps of the bracketed search for the equilibrium of one node."""
+SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 32 times these
+ROUNDS = 40  # times that Newton's steps and sweeps take turns, before the increment is given up
+TRIALS = 80  # most steps of the bracketed search for the equilibrium of one node
 
 LOWER, MAIN, UPPER, RIGHT, BORDER = range(7, 12)
-"""Rows of the linear system of the nodes, after those of `chain.py`.
+"""Rows of the linear system of the nodes, after those of the chain.
 
 Three diagonals [N / m], right side [N] and then solution [m], and response to the pulley [-].
 """
@@ -66,15 +169,15 @@ that is missing [N m], and its derivative by the angle [N m / rad].
 
 
 class Work(NamedTuple):
-    """Scratch arrays of `solve_plane`."""
+    """Scratch arrays of `solve_plane`, for E elements and G groups of hinges."""
 
-    chain: Array  # (12, N + 1) rows of nodes and segments
+    chain: Array  # (12, 2 E + 2) rows of nodes and segments
     group: Array  # (4, G) rows of groups of hinges
 
-
-def new_work(elements: int, groups: int) -> Work:
-    """Return scratch arrays."""
-    return Work(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
+    @classmethod
+    def of(cls, elements: int, groups: int) -> Self:
+        """Return scratch arrays."""
+        return cls(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
 
 
 @inlined
@@ -99,7 +202,7 @@ def solve_plane(
     _load_segments(plane, chain, pulley)
     if plane.holds > 1.0:
         _hold_caught_up(plane, chain, slip)
-    pulley = pulley + _pulley_force(plane, chain, pulley) / plane.pulley_stiffness
+    pulley = pulley + _pulley_force(plane, chain, pulley) / PULLEY_STIFFNESS
 
     missing = math.inf
     for turns in range(ROUNDS):
@@ -147,7 +250,7 @@ def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
 def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     """Return the force that is missing at the pulley [N], between its spring and both wires."""
     first, last = chain[FORCE, 0], chain[FORCE, 2 * plane.elements + 1]
-    missing: float = plane.pulley_stiffness * (plane.target - pulley) - first + last
+    missing: float = PULLEY_STIFFNESS * (plane.target[0] - pulley) - first + last
     return missing
 
 
@@ -170,19 +273,19 @@ def _settle(
 
 
 @inlined
-def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
-    """Return the direction in which a node slides, from the one assumed, its motion and the net force on it.
+def _direction(force: float, friction: float) -> int:
+    """Return the direction in which a node leaves its place: 1, -1, or 0 where friction holds it."""
+    if not abs(force) > friction:
+        return 0
+    return 1 if force > 0.0 else -1
 
-    One that slid stops where it would go back. One that was held slides where the force exceeds the friction
-    at rest.
-    """
-    if sign != 0:
+
+@inlined
+def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
+    """Return the direction in which a node slides, from that assumed, its motion and the net force on it."""
+    if sign != 0:  # what slid stops where it would go back
         return 0 if moved * sign < 0.0 else sign
-    if force > at_rest + RESIDUAL_N:
-        return 1
-    if force < -at_rest - RESIDUAL_N:
-        return -1
-    return 0
+    return _direction(force, at_rest + RESIDUAL_N)
 
 
 @inlined
@@ -227,7 +330,7 @@ def _assemble_hinges(
         turned = turn_of(size, hinge[g], 0.0)
         wrapped = plane.routing * (passed + turned / 2.0)
         passed += turned
-        torque, slope = hinge_torque(plane.hinge, hinge[g], group[HINGE_BEFORE, g])
+        torque, slope = hinge_torque(plane.hinge, plane.straight[0], hinge[g], group[HINGE_BEFORE, g])
         group[WRAPPED, g], group[HINGE_SLOPE, g] = wrapped, slope
         friction = plane.joint_friction[g] + arm * wrapped * both
         moved = hinge[g] - group[HINGE_BEFORE, g]
@@ -276,7 +379,7 @@ def _step(
 
     first_slope, last_slope = chain[SLOPE, 0], chain[SLOPE, last + 1]
     first, end = chain[BORDER, 0], chain[BORDER, last]
-    yielding = plane.pulley_stiffness + first_slope * (1.0 - first) + last_slope * (1.0 - end)
+    yielding = PULLEY_STIFFNESS + first_slope * (1.0 - first) + last_slope * (1.0 - end)
     pulley: float = (of_pulley + first_slope * chain[RIGHT, 0] + last_slope * chain[RIGHT, last]) / yielding
     for i in range(last + 1):
         chain[RIGHT, i] += chain[BORDER, i] * pulley
@@ -285,11 +388,9 @@ def _step(
     of_b = plane.arm * chain[SLOPE, E + 1] * (chain[RIGHT, E] - chain[RIGHT, E + 1])
     for g in range(len(hinge)):
         s = turn[g]
-        if s == 0:
-            hinge[g] = group[HINGE_BEFORE, g]
-            continue
         pulled = (1.0 - s * group[WRAPPED, g]) * of_a - (1.0 + s * group[WRAPPED, g]) * of_b
-        hinge[g] += (group[HINGE_RESIDUAL, g] + pulled) / group[HINGE_SLOPE, g]
+        moved = hinge[g] + (group[HINGE_RESIDUAL, g] + pulled) / group[HINGE_SLOPE, g]
+        hinge[g] = group[HINGE_BEFORE, g] if s == 0 else moved
     for j in range(last):
         i = j if j < E else j + 1
         chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + chain[RIGHT, i]
@@ -310,17 +411,9 @@ def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, t
         ahead, behind = plane.rest[i] + left, plane.rest[i + 1] - right
         chain[NODE, i], slip[i if i < E else i - 1] = _rest_of_node(plane, chain, i, ahead, behind)
     _load_segments(plane, chain, pulley)
-    yielding = plane.pulley_stiffness + chain[SLOPE, 0] + chain[SLOPE, last + 1]
+    yielding = PULLEY_STIFFNESS + chain[SLOPE, 0] + chain[SLOPE, last + 1]
     moved: float = _pulley_force(plane, chain, pulley) / yielding
     return pulley + moved
-
-
-@inlined
-def _direction(force: float, friction: float) -> int:
-    """Return the direction in which a node leaves its place: 1, -1, or 0 where friction holds it."""
-    if abs(force) <= friction:
-        return 0
-    return 1 if force > 0.0 else -1
 
 
 @inlined
@@ -333,7 +426,7 @@ def _within(x: float, near: float, far: float) -> float:
 def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: float) -> tuple[float, int]:
     """Return where an element comes to rest between its neighbours, and the direction of its motion.
 
-    `ahead` less the position is the stretch on its left, `behind` plus the position that on its right.
+    The stretch on its left is `ahead` less the position, that on its right `behind` plus the position.
     """
     c, before = plane.per_tension, chain[BEFORE, i]
     s, x, near, far = 0, before, before, before
@@ -387,7 +480,7 @@ def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: flo
         z = arm * (others + n * x)
         a, a_force, a_slope = load_of(plane.segment, left - z, chain[STRETCH_BEFORE, E])
         b, b_force, b_slope = load_of(plane.segment, right + z, chain[STRETCH_BEFORE, E + 1])
-        torque, slope = hinge_torque(plane.hinge, x, before)
+        torque, slope = hinge_torque(plane.hinge, plane.straight[0], x, before)
         force = arm * (a_force - b_force) - torque
         friction = plane.joint_friction[g] + arm * wrapped * (a + b)
         if trial == 0:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import DivergedError, InputError
 from twin.mechanics.command import check_alike
-from twin.mechanics.drive import DriveLaw, commands_kept, drive_law, is_rigid
+from twin.mechanics.drive import DriveLaw, drive_law, is_rigid
 from twin.mechanics.friction import (
     LEAST_FRICTION,
     element_friction,
@@ -24,31 +24,25 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
-MISSING_LIMIT_N = 1e-6
-"""Force that may be missing from equilibrium [N]; with more an endoscope has failed."""
+MISSING_LIMIT_N = 1e-6  # force that may be missing from equilibrium [N]; with more an endoscope has failed
 
+# Columns of `Parameters.constants`: of a segment of wire [N / m], its growth [N / m^2], damping [N s / m];
 WIRE_STIFFNESS, WIRE_QUADRATIC, WIRE_DAMPING = range(3)
-"""Columns of `Parameters.constants`: of a segment [N / m], its growth [N / m^2], damping [N s / m]."""
+# coefficient of an element [-], wrap angle of a straight sheath [rad], friction of an element without tension
+# in that [N], what one radian of its bend adds [N], exponent [-], friction at rest over that of sliding [-];
 SHEATH_FRICTION, BEND_OFFSET, FLOOR, GROWTH, EXPONENT, HOLDS = range(3, 9)
-"""Coefficient of one element [-], wrap angle of a straight sheath [rad], friction of one element without
-tension in a straight sheath [N], what one radian of its bend adds [N], exponent of that growth [-], and
-friction at rest over that of sliding [-]."""
+# excess of the friction at the start [-], its time constant [s], growth with the travel [1 / m];
 WARM_UP, WARM_UP_TIME, WEAR = range(9, 12)
-"""Excess of the friction at the start [-], its time constant [s], growth with the travel [1 / m]."""
+# stiffness of one hinge [N m / rad], its growth [N m / rad^3], damping [N m s / rad], moment arm of the wires
+# [m], friction coefficient of wires on vertebrae [-].
 HINGE_STIFFNESS, HINGE_CUBIC, HINGE_DAMPING, ARM, ROUTING = range(12, 17)
-"""Of one hinge [N m / rad], its growth [N m / rad^3], damping [N m s / rad], moment arm of the wires [m], and
-friction coefficient of wires on vertebrae [-]."""
-RIGID = 17
-"""1 where the pulley follows the command exactly."""
-DRIVE = 18
-"""First of the constants of `DriveLaw`."""
-ZERO = DRIVE + len(DriveLaw._fields)
-"""First of two commands at which the endoscope is neutral [m]."""
-HINGE_REST = ZERO + 2
-"""First of two angles of a hinge that nothing pulls [rad]."""
-
-TIME, TRAVEL, MISSING_FORCE, COMMAND = range(4)
-"""Columns of `ReducedState.run`; `COMMAND` is the first of three."""
+RIGID = 17  # 1 where the pulley follows the command exactly
+DRIVE = 18  # first of the constants of `DriveLaw`
+ZERO = DRIVE + len(DriveLaw._fields)  # first of two commands at which the endoscope is neutral [m]
+HINGE_REST = ZERO + 2  # first of two angles of a hinge that nothing pulls [rad]
+TIME, TRAVEL, MISSING_FORCE, COMMAND = range(
+    4
+)  # columns of `ReducedState.run`; the last is the first of three
 
 
 class Parameters(NamedTuple):
@@ -73,20 +67,15 @@ class Parameters(NamedTuple):
 class ReducedState(NamedTuple):
     """State of M endoscopes with P planes, E elements in the sheath of a wire and G groups of hinges."""
 
-    element: Array
-    """(M, P, 2 E) positions of the sheath elements, pulley to tip of the first wire, then tip to pulley of
-    its antagonist, towards the end of the chain [m]."""
+    element: Array  # (M, P, 2 E) positions of the sheath elements, towards the end of the chain [m]
     hinge: Array  # (M, P, G) angle of a hinge of each group [rad]
     slip: Signs  # (M, P, 2 E) direction in which each element slid in the last increment: -1, 0 or 1
     turn: Signs  # (M, P, G) the same of each group
     pulley: Array  # (M, P) position of the pulley [m]
     drive: Array  # (M, P, 3) motor, its last stride and the gear after it [m]
     past: Array  # (M, P, L) commands of the last control periods that a delay keeps, the last one first [m]
-    run: Array
-    """(M, 6) time since the start of the run [s], travel of the pulleys [m], largest force missing from
-    equilibrium since the state was made [N], and command: pull [m], lateral pull [m], sheath bend [rad]."""
-    layout: NDArray[np.int64]
-    """(3,) numbers of planes, elements and vertebrae: endoscopes of others cannot have this state."""
+    run: Array  # (M, 6) by the columns above: the four properties below
+    layout: NDArray[np.int64]  # (3,) numbers of planes, elements and vertebrae
 
     @property
     def time(self) -> Array:
@@ -119,7 +108,6 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
     order = np.array([place[preset] for preset in presets])
 
     def each(value: Callable[[Preset], ArrayLike]) -> Array:
-        """Return a number, or numbers, of every endoscope."""
         rows: Array = np.array([value(preset) for preset in unique], dtype=float)[order]
         return rows
 
@@ -129,7 +117,7 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
         joint_friction=each(joint_friction),
         size=np.array([len(group) for group in hinge_groups(presets[0].vertebrae)], dtype=float),
         planes=presets[0].bending_planes,
-        late=max(commands_kept(drive_law(preset)) for preset in unique),
+        late=max(math.ceil(drive_law(preset).delay) for preset in unique),
         control_period=presets[0].control_period,
     )
 
@@ -171,9 +159,10 @@ def _chain_at_rest(preset: Preset) -> Array:
 
 def refuse_gravity(preset: Preset) -> None:
     """Refuse an endoscope with gravity."""
-    for name in ("gravity_x", "gravity_y", "gravity_z"):
-        if value := getattr(preset, name):
-            raise InputError(f"{name} = {value:g}: the reduced twin has no gravity, choose that in MuJoCo")
+    for axis, value in zip("xyz", preset.gravity, strict=True):
+        if value:
+            rule = "the reduced twin has no gravity, choose that in MuJoCo"
+            raise InputError(f"gravity_{axis} = {value:g}: {rule}")
 
 
 def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:

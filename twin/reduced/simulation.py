@@ -5,7 +5,6 @@ import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from twin.errors import InputError
 from twin.mechanics.command import Command, commands_of, record_of
 from twin.mechanics.friction import group_of_hinge
 from twin.preset.preset import Preset, parameter_limits
-from twin.reduced.advance import Trace, advance_record, keep, new_trace, new_workspace, state_at_rest
+from twin.reduced.advance import Trace, Workspace, advance, state_at_rest
 from twin.reduced.parameters import (
     MISSING_LIMIT_N,
     Parameters,
@@ -29,8 +28,7 @@ from twin.reduced.twins import ReducedEndoscope
 
 Array = NDArray[np.float64]
 
-SHARE = 1e-4
-"""Step of a parameter as a share of its value: far above what equilibrium leaves open, far below a loop."""
+SHARE = 1e-4  # step of a parameter: far above what equilibrium leaves open, far below a loop
 
 
 def simulate_batch(
@@ -99,9 +97,8 @@ def _approach(parameters: Parameters, state: ReducedState, m: int, command: Comm
     each, path = command.between.shape[1], command.before
     stops = np.arange((len(path) - 1) % each + 1, len(path) + 1, each)
     state.command[m, 2] = command.sheath_bend[0]
-    periods = np.diff(stops, prepend=0)
-    trace = new_trace(parameters, len(stops))
-    advance_record(parameters, state, new_workspace(parameters), m, path[stops - 1], periods, trace)
+    inputs, periods = path[stops - 1][:, None], np.diff(stops, prepend=0)
+    advance(parameters, state, Workspace.of(parameters), m, inputs, periods, Trace.of(parameters, 0))
 
 
 def _record(
@@ -113,18 +110,15 @@ def _record(
 ) -> Episode | None:
     """Advance one endoscope from the first sample of its command along the others; return the record."""
     samples = np.stack([command.pull, command.lateral_pull, command.sheath_bend], axis=1)
-    count = len(samples)
-    trace, work = new_trace(parameters, count), new_workspace(parameters)
     state.command[m] = samples[0]
-    keep(parameters, state, m, trace, 0)
-    if on_sample is not None:
-        on_sample()
-    stride = 1 if on_sample is not None else max(count - 1, 1)
-    for start in range(1, count, stride):
+    periods = np.full(len(samples), command.between.shape[1])
+    periods[0] = 0
+    trace, work = Trace.of(parameters, len(samples)), Workspace.of(parameters)
+    stride = len(samples) if on_sample is None else 1
+    for start in range(0, len(samples), stride):
         rows = slice(start, start + stride)
-        periods = np.full(len(samples[rows]), command.between.shape[1])
         part = Trace(*(kept[rows] for kept in trace))
-        advance_record(parameters, state, work, m, samples[rows], periods, part)
+        advance(parameters, state, work, m, samples[rows, None], periods[rows], part)
         if on_sample is not None:
             on_sample()
     if not state.missing[m] <= MISSING_LIMIT_N:
@@ -189,18 +183,20 @@ def derivatives(
         sheath_bends=[sheath_bend] * count,
         threads=threads,
     )
-    inputs: dict[str, Any] = {"lateral_pull": lateral_pull, "sheath_bend": sheath_bend}
-    # Of one without equilibrium, another run says by how much it was missed.
-    whole = [
-        simulate(one, pull, sample_time, **inputs) if record is None else record
-        for one, record in zip(presets, records, strict=True)
-    ]
-    changes = [
-        _weighed([whole[0], whole[1 + 2 * place], whole[2 + 2 * place]], weights)
-        for place, weights in enumerate(shares)
-    ]
-    bend, lateral = (np.stack(columns, axis=1) for columns in zip(*changes, strict=True))
-    return Derivatives(whole[0], bend, lateral)
+    whole = []
+    for one, record in zip(presets, records, strict=True):
+        if record is None:  # another run gives the error, with the force that is missing
+            record = simulate(one, pull, sample_time, lateral_pull=lateral_pull, sheath_bend=sheath_bend)
+        whole.append(record)
+    bends = np.array([record.bend for record in whole])
+    laterals = np.array([record.lateral_bend for record in whole])
+
+    def weighed(of: Array) -> Array:
+        """Return the weighed sums (N, P) of records (1 + 2 P, N): the first, and two for each parameter."""
+        columns = [w[0] * of[0] + w[1] * of[2 * k + 1] + w[2] * of[2 * k + 2] for k, w in enumerate(shares)]
+        return np.stack(columns, axis=1)
+
+    return Derivatives(whole[0], weighed(bends), weighed(laterals if laterals.size else 0 * bends))
 
 
 def _stencil(preset: Preset, name: str, step: float | None) -> tuple[list[float], Array]:
@@ -221,14 +217,3 @@ def _stencil(preset: Preset, name: str, step: float | None) -> tuple[list[float]
             f"{name} = {value:g} cannot take steps of {step:g}: its limits are {low:g} to {high:g}"
         )
     return [value + side, value + 2 * side], np.array([-1.5, 2.0, -0.5]) / side
-
-
-def _weighed(records: Sequence[Episode], weights: Array) -> tuple[Array, Array]:
-    """Return the weighed sums of bends and lateral bends, both (N,)."""
-    bend: Array = sum(weight * record.bend for weight, record in zip(weights, records, strict=True))
-    if not len(records[0].lateral_bend):
-        return bend, np.zeros_like(bend)
-    lateral: Array = sum(
-        weight * record.lateral_bend for weight, record in zip(weights, records, strict=True)
-    )
-    return bend, lateral

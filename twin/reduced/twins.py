@@ -26,8 +26,7 @@ from twin.reduced.parameters import (
 )
 
 if TYPE_CHECKING:
-    from twin.reduced.advance import Workspace
-    from twin.reduced.inverse import Inverse
+    from twin.reduced.inverse import Inverse, Trial
 
 Array = NDArray[np.float64]
 
@@ -47,13 +46,14 @@ class ReducedTwins:
 
         A sample is a whole multiple of their control period, or one control period.
         """
-        from twin.reduced.advance import new_workspace, state_at_rest
+        from twin.reduced.advance import Trace, Workspace, state_at_rest
 
         self.presets = list(presets)
         self._parameters = parameters_of(presets)
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
         self._state = state_at_rest(self.presets, self.parameters)
-        self._trial_state, self._work = self.save_state(), new_workspace(self.parameters)
+        self._trial_state, self._work = self.save_state(), Workspace.of(self.parameters)
+        self._no_trace = Trace.of(self.parameters, 0)
         self._inputs = self.state.command.copy()
 
     @property
@@ -88,7 +88,9 @@ class ReducedTwins:
         from twin.reduced.advance import advance
 
         self._set_inputs(pull, lateral_pull, sheath_bend)
-        advance(self._parameters, self._state, self._work, self._inputs, samples * self._periods)
+        periods = np.array([samples * self._periods])
+        state, inputs = self._state, self._inputs[None]
+        advance(self._parameters, state, self._work, 0, inputs, periods, self._no_trace)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
@@ -142,7 +144,7 @@ class ReducedTwins:
 
         shape = target.shape
         found = Inverse(np.empty(shape), np.empty(shape), np.empty((*shape, 2)), np.zeros(shape[0], bool))
-        find_pulls(*self._trial(), np.ones(1), target, limits, float(tolerance), found)
+        find_pulls(self._trial(np.ones(1)), target, limits, float(tolerance), found)
         return found
 
     def common_pull(
@@ -165,14 +167,15 @@ class ReducedTwins:
         from twin.reduced.inverse import find_common_pull
 
         found = np.empty(4)
-        shares, limits = np.asarray(weights, dtype=float), np.array(stroke, dtype=float)
-        find_common_pull(*self._trial(), shares, float(bend), limits, float(tolerance), found)
+        trial, limits = self._trial(np.asarray(weights, dtype=float)), np.array(stroke, dtype=float)
+        find_common_pull(trial, float(bend), limits, float(tolerance), found)
         return float(found[0]), float(found[1])
 
-    def _trial(self) -> "tuple[Parameters, ReducedState, ReducedState, Workspace, Array, int]":
-        """Return the arguments that both inverses share."""
-        of_twins = (self._parameters, self._state, self._trial_state)
-        return *of_twins, self._work, self._inputs, self._periods
+    def _trial(self, weights: Array) -> "Trial":
+        from twin.reduced.inverse import Trial
+
+        of_twins = self._parameters, self._state, self._trial_state, self._work
+        return Trial(*of_twins, self._inputs, self._periods, 0, weights)
 
     @property
     def converged(self) -> NDArray[np.bool_]:

@@ -20,14 +20,15 @@ from equilibrium.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
 from twin.mechanics.kernels import inlined, kernel
-from twin.reduced.chain import (
+from twin.reduced.one_plane import (
     BEFORE,
     FORCE,
     HELD,
@@ -53,29 +54,20 @@ from twin.reduced.chain import (
 
 Index = NDArray[np.int64]
 
-PARTS = 5
-"""Parts that an increment is divided into: the direction of friction turns within it."""
-MOST_PARTS = 1024
-"""Most of them, where no equilibrium is found."""
-SWEEPS = 25
-"""Sweeps in the first turn; each turn has twice as many as the one before, up to 8 times these."""
-ROUNDS = 12
-"""Times that Newton's steps and sweeps take turns, before the increment is given up."""
+PARTS = 5  # that an increment is divided into: the direction of friction turns within it
+MOST_PARTS = 1024  # where no equilibrium is found
+SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 8 times these
+ROUNDS = 12  # times that Newton's steps and sweeps take turns, before the increment is given up
 NEWTON_STEPS = 25
-EAGER = 6
-"""Whole steps; then one that led away is followed by a shorter one, as where wires turn slack and taut."""
-FARTHEST = 2e-4
-"""Longest travel of an element in a step, besides twice that of the pulleys [m]: slack hardly holds it."""
-LEAST_SHARE = 1 / 16
-"""Shortest of these steps, as a share of a whole one."""
-NEAR = 3
-"""Unknowns after its own that a row of an element holds: its neighbour, and the next element of both."""
-TRIALS = 12
-"""Most steps of the search for the rest of one pair: its wires may turn slack or taut."""
-ROOT_STEPS = 30
-"""Most steps of the search for the travel of a pair that slides."""
-LEAST_TORQUE = 1e-12
-"""Smallest friction of a hinge [N m]: a force over its friction must be a number."""
+EAGER = 6  # whole steps; then one that led away is followed by a shorter one, as where wires turn slack
+LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
+FARTHEST = (
+    2e-4  # travel of an element in a step, besides twice that of the pulleys [m]: slack hardly holds it
+)
+NEAR = 3  # unknowns after its own that a row of an element holds: its neighbour, the next element of both
+TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
+ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
+LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
 
 HELD_FORCE, FRICTION, SLIPPED, STIFFNESS, MISSING = range(5)
 """Rows of two neighbours, one of each plane.
@@ -87,88 +79,71 @@ OF_FORCE, OF_FRICTION, OF_SLIP = 5, 7, 9
 """First of two rows each: derivatives of the missing force of a neighbour by those of both."""
 
 
-class Start(NamedTuple):
-    """Positions and slip of two planes at the start of an increment, as of `ReducedState`."""
+class Positions(NamedTuple):
+    """Positions and slip of two planes, as of `ReducedState`."""
 
-    element: Array  # (2, 2 E)
-    hinge: Array  # (2, G)
-    pulley: Array  # (2,)
-    slip: Signs  # (2, 2 E)
-    turn: Signs  # (2, G)
+    element: Array  # (2, 2 E) [m]
+    hinge: Array  # (2, G) [rad]
+    pulley: Array  # (2,) [m]
+    slip: Signs  # (2, 2 E) whether elements slide
+    turn: Signs  # (2, G) whether groups of hinges do
 
 
 class BothPlanes(NamedTuple):
     """Scratch arrays of two planes: N = 2 E + 1 nodes in each, U = 4 E + 2 G + 4 unknowns."""
 
-    chain: Array  # (7, 2, N + 1) rows of `chain.py` of each plane
+    start: Positions  # at the start of the increment
+    chain: Array  # (7, 2, N + 1) rows as in `one_plane.py`, of each plane
     hinge: Array  # (2, 2, G) angle at the start of the increment [rad], slope of the torque [N m / rad]
     pair: Array  # (11, 2) rows of neighbours
     column: Index  # (2, N + 2) unknown of each node, with the pulley before and after them
     matrix: Array  # (U, U) linear system: elements, hinges, tip, pulleys [N / m]; rows of hinges [N m]
     right: Array  # (U,) its right side, then its solution
 
-
-def new_start(elements: int, groups: int) -> Start:
-    """Return room for the start of an increment."""
-    sign = np.int8
-    slip, turn = np.zeros((2, 2 * elements), sign), np.zeros((2, groups), sign)
-    return Start(np.zeros((2, 2 * elements)), np.zeros((2, groups)), np.zeros(2), slip, turn)
-
-
-def new_both_planes(elements: int, groups: int) -> BothPlanes:
-    """Return scratch arrays."""
-    nodes, unknowns = 2 * elements + 1, 4 * elements + 2 * groups + 4
-    column = np.empty((2, nodes + 2), np.int64)
-    for p in range(2):
-        column[p, 0] = column[p, -1] = unknowns - 2 + p
-        column[p, elements + 1] = unknowns - 4 + p
-        for i in range(elements):  # of both wires from the pulley to the tip, neighbours side by side
-            column[p, 1 + i] = 2 * i + p
-            column[p, nodes - i] = 2 * (elements + i) + p
-    return BothPlanes(
-        chain=np.zeros((7, 2, nodes + 1)),
-        hinge=np.zeros((2, 2, groups)),
-        pair=np.zeros((11, 2)),
-        column=column,
-        matrix=np.zeros((unknowns, unknowns)),
-        right=np.zeros(unknowns),
-    )
+    @classmethod
+    def of(cls, elements: int, groups: int) -> Self:
+        """Return scratch arrays."""
+        nodes, unknowns = 2 * elements + 1, 4 * elements + 2 * groups + 4
+        column = np.empty((2, nodes + 2), np.int64)
+        for p in range(2):
+            column[p, 0] = column[p, -1] = unknowns - 2 + p
+            column[p, elements + 1] = unknowns - 4 + p
+            for i in range(elements):  # of both wires from the pulley to the tip, neighbours side by side
+                column[p, 1 + i] = 2 * i + p
+                column[p, nodes - i] = 2 * (elements + i) + p
+        element, hinge = np.zeros((2, 2 * elements)), np.zeros((2, groups))
+        return cls(
+            start=Positions(element, hinge, np.zeros(2), element.astype(np.int8), hinge.astype(np.int8)),
+            chain=np.zeros((7, 2, nodes + 1)),
+            hinge=np.zeros((2, 2, groups)),
+            pair=np.zeros((11, 2)),
+            column=column,
+            matrix=np.zeros((unknowns, unknowns)),
+            right=np.zeros(unknowns),
+        )
 
 
 @inlined
-def solve_both_planes(
-    plane: Plane,
-    rest: tuple[float, float],
-    target: tuple[float, float],
-    both: BothPlanes,
-    start: Start,
-    element: Array,
-    hinge: Array,
-    pulley: Array,
-    slip: Signs,
-    turn: Signs,
-    periods: int,
-) -> float:
+def _copy(to: Positions, values: Positions) -> None:
+    copy_rows(to.element, values.element)
+    copy_rows(to.hinge, values.hinge)
+    copy_row(to.pulley, values.pulley)
+    copy_rows(to.slip, values.slip)
+    copy_rows(to.turn, values.turn)
+
+
+@inlined
+def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: int) -> float:
     """Bring two planes to equilibrium after an increment, in as many parts as that takes.
 
-    The second plane has the parameters of the first but for `rest`, the angle of a hinge where nothing pulls
-    [rad], and `target`, the distance that each pulley is driven to [m]. Rewritten are the positions of the
-    elements (2, 2 E) [m], hinges (2, G) [rad] and pulleys (2,) [m], and whether elements and groups slide. A
-    part has at least one of the control periods to begin with. Return the largest force that is missing [N].
+    Positions and slip are rewritten. A part has at least one of the control periods to begin with. Return
+    the largest force that is missing [N].
     """
-    copy_rows(start.element, element)
-    copy_rows(start.hinge, hinge)
-    copy_row(start.pulley, pulley)
-    copy_rows(start.slip, slip)
-    copy_rows(start.turn, turn)
+    start, target = both.start, plane.target
+    _copy(start, now)
     missing, parts = math.inf, min(periods, PARTS)
     while not missing <= RESIDUAL_N and parts <= MOST_PARTS:
-        copy_rows(element, start.element)
-        copy_rows(hinge, start.hinge)
-        copy_row(pulley, start.pulley)
-        copy_rows(slip, start.slip)
-        copy_rows(turn, start.turn)
-        of_part = _divided(plane, parts)
+        _copy(now, start)
         missing = 0.0
         for part in range(1, parts + 1):
             share = part / parts
@@ -176,8 +151,7 @@ def solve_both_planes(
                 start.pulley[0] + (target[0] - start.pulley[0]) * share,
                 start.pulley[1] + (target[1] - start.pulley[1]) * share,
             )
-            now = _solve_part(of_part, rest, there, both, element, hinge, pulley, slip, turn)
-            missing = max(missing, now)
+            missing = max(missing, _solve_part(_part_of(plane, parts, there), both, now))
             if not missing <= RESIDUAL_N:
                 break
         parts *= 4
@@ -185,7 +159,7 @@ def solve_both_planes(
 
 
 @inlined
-def _divided(plane: Plane, parts: int) -> Plane:
+def _part_of(plane: Plane, parts: int, target: tuple[float, float]) -> Plane:
     """Return the parameters for one of equal parts of an increment, in which damping counts as much more."""
     segment, hinge = plane.segment, plane.hinge
     return Plane(
@@ -194,31 +168,22 @@ def _divided(plane: Plane, parts: int) -> Plane:
         Segment(segment.stiffness, segment.quadratic, segment.damping * parts),
         plane.per_tension,
         plane.floor,
-        Hinge(hinge.stiffness, hinge.cubic, hinge.rest, hinge.damping * parts),
+        Hinge(hinge.stiffness, hinge.cubic, hinge.damping * parts),
         plane.joint_friction,
         plane.size,
         plane.arm,
         plane.routing,
-        plane.pulley_stiffness,
-        plane.target,
+        plane.straight,
+        target,
         plane.holds,
     )
 
 
 @kernel
-def _solve_part(
-    plane: Plane,
-    rest: tuple[float, float],
-    target: tuple[float, float],
-    both: BothPlanes,
-    element: Array,
-    hinge: Array,
-    pulley: Array,
-    slip: Signs,
-    turn: Signs,
-) -> float:
+def _solve_part(plane: Plane, both: BothPlanes, now: Positions) -> float:
     """Bring two planes to equilibrium after a part of an increment; return the largest force missing [N]."""
-    E, chain = plane.elements, both.chain
+    E, chain, target, slip = plane.elements, both.chain, plane.target, now.slip
+    element, hinge, pulley = now.element, now.hinge, now.pulley
     farthest = FARTHEST + 2 * max(abs(target[0] - pulley[0]), abs(target[1] - pulley[1]))
     for p in range(2):
         for j in range(2 * E):
@@ -233,18 +198,17 @@ def _solve_part(
         _fill_stretch(plane, chain, STRETCH_BEFORE, p, pulley[p])
     _load_both(plane, chain, pulley)
     for p in range(2):
-        pulley[p] += _pulley_force(plane, target[p], chain, pulley, p) / plane.pulley_stiffness
+        pulley[p] += _pulley_force(plane, chain, pulley, p) / PULLEY_STIFFNESS
     if plane.holds > 1.0:
         _hold_caught_up(plane, chain, slip)
 
     missing = math.inf
     for turns in range(ROUNDS):
-        begins = turns == 0
-        missing, settled = _settle(plane, rest, target, both, hinge, pulley, slip, turn, farthest, begins)
+        missing, settled = _settle(plane, both, now, farthest, turns == 0)
         if settled:
             break
         for _ in range(SWEEPS << min(turns, 3)):
-            _sweep_both(plane, rest, target, both, hinge, pulley, slip, turn)
+            _sweep_both(plane, both, now)
     for p in range(2):
         for j in range(2 * E):
             element[p, j] = chain[NODE, p, j if j < E else j + 1]
@@ -287,10 +251,10 @@ def _load_both(plane: Plane, chain: Array, pulley: Array) -> None:
 
 
 @inlined
-def _pulley_force(plane: Plane, target: float, chain: Array, pulley: Array, p: int) -> float:
+def _pulley_force(plane: Plane, chain: Array, pulley: Array, p: int) -> float:
     """Return the force that is missing at a pulley [N], between its spring and both wires."""
     first, last = chain[FORCE, p, 0], chain[FORCE, p, 2 * plane.elements + 1]
-    missing: float = plane.pulley_stiffness * (target - pulley[p]) - first + last
+    missing: float = PULLEY_STIFFNESS * (plane.target[p] - pulley[p]) - first + last
     return missing
 
 
@@ -307,22 +271,18 @@ def _load_elements(plane: Plane, chain: Array, pair: Array, i: int) -> None:
 
 
 @inlined
-def _load_hinges(
-    plane: Plane, rest: tuple[float, float], both: BothPlanes, hinge: Array, g: int, passed: float
-) -> tuple[float, float]:
+def _load_hinges(plane: Plane, both: BothPlanes, hinge: Array, g: int, passed: float) -> tuple[float, float]:
     """Fill in the same of the two hinges of group g.
 
-    `rest` is the angle of a hinge where nothing pulls, in each plane; `passed` the angle by which the groups
-    before it turn the wires [rad]. Return the friction of the group per tension of the wires, a moment arm
-    [m], and `passed` for the next one.
+    `passed` is the angle by which the groups before it turn the wires [rad]. Return the friction of the group
+    per tension of the wires, a moment arm [m], and `passed` for the next one.
     """
     E, arm, pair, law, size = plane.elements, plane.arm, both.pair, plane.hinge, plane.size[g]
     chain = both.chain
     turned = turn_of(size, hinge[0, g], hinge[1, g] ** 2)
     wrapped = arm * plane.routing * (passed + turned / 2.0)
     for p in range(2):
-        of_plane = Hinge(law.stiffness, law.cubic, rest[p], law.damping)
-        torque, slope = hinge_torque(of_plane, hinge[p, g], both.hinge[0, p, g])
+        torque, slope = hinge_torque(law, plane.straight[p], hinge[p, g], both.hinge[0, p, g])
         both.hinge[1, p, g] = slope
         pair[HELD_FORCE, p] = arm * (chain[FORCE, p, E] - chain[FORCE, p, E + 1]) - torque
         rubbing = wrapped * (chain[TENSION, p, E] + chain[TENSION, p, E + 1])
@@ -361,23 +321,14 @@ def rub(pair: Array, limit: float) -> bool:
 
 @inlined
 def _settle(
-    plane: Plane,
-    rest: tuple[float, float],
-    target: tuple[float, float],
-    both: BothPlanes,
-    hinge: Array,
-    pulley: Array,
-    slip: Signs,
-    turn: Signs,
-    farthest: float,
-    begins: bool,
+    plane: Plane, both: BothPlanes, now: Positions, farthest: float, begins: bool
 ) -> tuple[float, bool]:
     """Take Newton's steps; return the largest force missing [N], and whether it is in equilibrium.
 
     An element goes no further than `farthest` in a step [m]; where it `begins`, what slid in the last
     increment is let go first.
     """
-    E, right = plane.elements, both.right
+    E, right, pulley = plane.elements, both.right, now.pulley
     missing, before, share = math.inf, math.inf, 1.0
     for step in range(NEWTON_STEPS):
         for row in range(len(right)):
@@ -385,9 +336,9 @@ def _settle(
                 both.matrix[row, k] = 0.0
         _load_both(plane, both.chain, pulley)
         first = begins and step == 0
-        of_elements, moved = _assemble_elements(plane, both, slip, first)
-        of_hinges, turned = _assemble_hinges(plane, rest, both, hinge, turn, first)
-        missing = max(of_elements, of_hinges, _assemble_ends(plane, target, both, pulley))
+        of_elements, moved = _assemble_elements(plane, both, now.slip, first)
+        of_hinges, turned = _assemble_hinges(plane, both, now.hinge, now.turn, first)
+        missing = max(of_elements, of_hinges, _assemble_ends(plane, both, pulley))
         if missing <= RESIDUAL_N and not moved and not turned:
             return missing, True
         if not missing < math.inf:
@@ -399,16 +350,13 @@ def _settle(
         longest = 1e-12
         for k in range(4 * E):
             longest = max(longest, abs(right[k]))
-        _move(plane, both, min(share, farthest / longest), hinge, pulley, slip, turn)
+        _move(plane, both, now, min(share, farthest / longest))
     return missing, False
 
 
 @inlined
 def _limit(slides: int, holds: float, begins: bool) -> float:
-    """Return the factor on the friction to be overcome before neighbours slide.
-
-    What slid in the last step goes on at its own friction; what slid in the last increment is let go first.
-    """
+    """Return the factor on the friction to be overcome before neighbours slide."""
     if slides == 0:
         return holds
     return 0.0 if begins else 1.0
@@ -447,14 +395,14 @@ def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool
 
 @inlined
 def _assemble_hinges(
-    plane: Plane, rest: tuple[float, float], both: BothPlanes, hinge: Array, turn: Signs, begins: bool
+    plane: Plane, both: BothPlanes, hinge: Array, turn: Signs, begins: bool
 ) -> tuple[float, bool]:
     """Fill the rows of the groups of hinges; return likewise."""
     E, arm, pair, chain = plane.elements, plane.arm, both.pair, both.chain
     column, matrix, right = both.column, both.matrix, both.right
     missing, unsettled, passed = 0.0, False, 0.0
     for g in range(hinge.shape[1]):
-        wrapped, passed = _load_hinges(plane, rest, both, hinge, g, passed)
+        wrapped, passed = _load_hinges(plane, both, hinge, g, passed)
         slides = rub(pair, _limit(turn[0, g], 1.0, begins))
         for p in range(2):
             row = 4 * E + 2 * g + p
@@ -476,7 +424,7 @@ def _assemble_hinges(
 
 
 @inlined
-def _assemble_ends(plane: Plane, target: tuple[float, float], both: BothPlanes, pulley: Array) -> float:
+def _assemble_ends(plane: Plane, both: BothPlanes, pulley: Array) -> float:
     """Fill the rows of the tip and of the pulleys; return the largest force missing [N]."""
     first, last, missing = 4 * plane.elements, 2 * plane.elements + 1, 0.0
     chain, column, matrix = both.chain, both.column, both.matrix
@@ -487,9 +435,9 @@ def _assemble_ends(plane: Plane, target: tuple[float, float], both: BothPlanes, 
         for g in range(len(plane.size)):
             matrix[row, first + 2 * g + p] = plane.arm * plane.size[g]
         row = column[p, 0]
-        force = _pulley_force(plane, target[p], chain, pulley, p)
+        force = _pulley_force(plane, chain, pulley, p)
         both.right[row] = -force
-        matrix[row, row] -= plane.pulley_stiffness + chain[SLOPE, p, 0] + chain[SLOPE, p, last]
+        matrix[row, row] -= PULLEY_STIFFNESS + chain[SLOPE, p, 0] + chain[SLOPE, p, last]
         matrix[row, column[p, 1]] += chain[SLOPE, p, 0]
         matrix[row, column[p, last]] += chain[SLOPE, p, last]
         missing = larger(missing, abs(force))
@@ -508,12 +456,10 @@ def _add_segments(
 
 
 @inlined
-def _move(
-    plane: Plane, both: BothPlanes, share: float, hinge: Array, pulley: Array, slip: Signs, turn: Signs
-) -> None:
+def _move(plane: Plane, both: BothPlanes, now: Positions, share: float) -> None:
     """Move nodes, hinges and pulleys by a share of the step; what is held goes back to where it was."""
     E, G, chain = plane.elements, len(plane.size), both.chain
-    travel, column = both.right, both.column
+    travel, column, hinge, slip, turn = both.right, both.column, now.hinge, now.slip, now.turn
     for p in range(2):
         for j in range(2 * E):
             i = j if j < E else j + 1
@@ -525,7 +471,7 @@ def _move(
             hinge[p, g] = both.hinge[0, p, g] if turn[p, g] == 0 else moved
             bend += plane.size[g] * hinge[p, g]
         chain[NODE, p, E] = plane.arm * bend
-        pulley[p] += share * travel[column[p, 0]]
+        now.pulley[p] += share * travel[column[p, 0]]
 
 
 @kernel
@@ -572,21 +518,12 @@ def _near(k: int, elements: int, hinges: int, count: int) -> int:
 
 
 @kernel
-def _sweep_both(
-    plane: Plane,
-    rest: tuple[float, float],
-    target: tuple[float, float],
-    both: BothPlanes,
-    hinge: Array,
-    pulley: Array,
-    slip: Signs,
-    turn: Signs,
-) -> None:
-    """Bring one pair after the other to its own equilibrium; arguments are those of `solve_both_planes`."""
-    E, chain, pair = plane.elements, both.chain, both.pair
+def _sweep_both(plane: Plane, both: BothPlanes, now: Positions) -> None:
+    """Bring one pair after the other to its own equilibrium."""
+    E, chain, pair, pulley, slip = plane.elements, both.chain, both.pair, now.pulley, now.slip
     for i in range(2 * E + 1):
         if i == E:
-            _sweep_hinges(plane, rest, both, hinge, pulley, turn)
+            _sweep_hinges(plane, both, now)
             continue
         slides = False
         for _ in range(TRIALS):
@@ -603,8 +540,8 @@ def _sweep_both(
         slip[0, j] = slip[1, j] = 1 if slides else 0
     _load_both(plane, chain, pulley)
     for p in range(2):
-        yielding = plane.pulley_stiffness + chain[SLOPE, p, 0] + chain[SLOPE, p, 2 * E + 1]
-        pulley[p] += _pulley_force(plane, target[p], chain, pulley, p) / yielding
+        yielding = PULLEY_STIFFNESS + chain[SLOPE, p, 0] + chain[SLOPE, p, 2 * E + 1]
+        pulley[p] += _pulley_force(plane, chain, pulley, p) / yielding
 
 
 @inlined
@@ -621,16 +558,15 @@ def _load_sides(plane: Plane, chain: Array, pulley: Array, i: int) -> None:
 
 
 @inlined
-def _sweep_hinges(
-    plane: Plane, rest: tuple[float, float], both: BothPlanes, hinge: Array, pulley: Array, turn: Signs
-) -> None:
+def _sweep_hinges(plane: Plane, both: BothPlanes, now: Positions) -> None:
     """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
     E, passed, chain, pair = plane.elements, 0.0, both.chain, both.pair
+    hinge, pulley, turn = now.hinge, now.pulley, now.turn
     for g in range(hinge.shape[1]):
         slides, then = False, passed
         for _ in range(TRIALS):
             _load_sides(plane, chain, pulley, E)
-            _, then = _load_hinges(plane, rest, both, hinge, g, passed)
+            _, then = _load_hinges(plane, both, hinge, g, passed)
             slides, farthest = come_to_rest(pair, 1.0), 0.0
             for p in range(2):
                 moved = both.hinge[0, p, g] + pair[SLIPPED, p]
@@ -652,15 +588,11 @@ def come_to_rest(pair: Array, limit: float) -> bool:
     Return whether they slide: they do where the force exceeds `limit` times the friction.
     """
     F, k = (pair[FRICTION, 0], pair[FRICTION, 1]), (pair[STIFFNESS, 0], pair[STIFFNESS, 1])
-    start = (
-        pair[HELD_FORCE, 0] + k[0] * pair[SLIPPED, 0],
-        pair[HELD_FORCE, 1] + k[1] * pair[SLIPPED, 1],
-    )
-    if math.hypot(start[0] / F[0], start[1] / F[1]) <= limit:
+    start = (pair[HELD_FORCE, 0] + k[0] * pair[SLIPPED, 0], pair[HELD_FORCE, 1] + k[1] * pair[SLIPPED, 1])
+    tau, travel = (start[0] / F[0], start[1] / F[1]), 0.0
+    if math.hypot(tau[0], tau[1]) <= limit:
         pair[SLIPPED, 0] = pair[SLIPPED, 1] = 0.0
         return False
-    travel = 0.0
-    tau = (start[0] / F[0], start[1] / F[1])
     for _ in range(ROOT_STEPS):
         tau = (start[0] / (F[0] + travel * k[0] / F[0]), start[1] / (F[1] + travel * k[1] / F[1]))
         size = math.hypot(tau[0], tau[1])

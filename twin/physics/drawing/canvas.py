@@ -15,14 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Layer = NDArray[np.uint8]
-"""(height, width, 4) red, green, blue and alpha; the colours are multiplied by alpha."""
+Layer = NDArray[np.uint8]  # (height, width, 4) red, green, blue and alpha, by which colours are multiplied
 
 HOW_TO_INSTALL = (
     "install libegl1 and libgl1-mesa-dri, or libosmesa6 (apt-get install libegl1 libgl1-mesa-dri)"
 )
-LARGEST = 4096
-"""Most pixels along a side of a picture."""
+LARGEST = 4096  # pixels along a side of a picture
 _MOST_SHAPES = 4000
 _OPEN: "weakref.WeakSet[Canvas]" = weakref.WeakSet()
 
@@ -34,8 +32,7 @@ class View:
     position: Array  # (3,) [m]
     forward: Array  # (3,) unit vector to what it looks at
     up: Array  # (3,) unit vector, at right angles to that
-    half_height: float
-    """Half the height that is seen [m]; with perspective, of what is seen at a distance of 1 m."""
+    half_height: float  # half the height that is seen [m]; with perspective, at a distance of 1 m
     parallel: bool = False  # a parallel projection, in which a length is the same wherever it is
     shift: tuple[float, float] = (0.0, 0.0)  # of the picture right and up, in half heights
 
@@ -122,7 +119,7 @@ class Canvas:
         return np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[::-1].copy()
 
     def close(self) -> None:
-        """Give the renderer back; nothing can be drawn from then on."""
+        """Free the renderer; nothing can be drawn from then on."""
         if hasattr(self, "_context"):
             with contextlib.suppress(Exception):  # of a library that is gone already
                 self._context.make_current()
@@ -131,7 +128,7 @@ class Canvas:
             del self._context
 
     def __del__(self) -> None:
-        """Give the renderer back."""
+        """Free the renderer."""
         self.close()
 
 

@@ -33,16 +33,11 @@ from twin.physics.drawing.surfaces import (
 )
 from twin.preset.preset import Preset
 
-SCENES = ("bench", "overview", "lumen")
-"""Surroundings of the section: a straight shaft; sheath and pulleys; a cavity lit by the tip alone."""
-AWAY = np.array([0.0, 1e3, 0.0])
-"""Place of what is not in use [m]: far beyond everything."""
-OUTER = 1.40
-"""Radius of sleeve and sheath."""
-WIRE_PLACES = {"a": (0.0, 1.0), "b": (0.0, -1.0), "c": (1.0, 0.0), "d": (-1.0, 0.0)}
-"""Place of each wire across the section, (y, z)."""
-SLEEVES = ("cut", "whole", "none")
-"""Ways in which the sleeve of the bending section is drawn."""
+SCENES = ("bench", "overview", "lumen")  # a straight shaft; sheath and pulleys; a cavity lit by the tip alone
+SLEEVES = ("cut", "whole", "none")  # of the bending section
+AWAY = np.array([0.0, 1e3, 0.0])  # place of what is not in use [m]: far beyond everything
+OUTER = 1.40  # radius of sleeve and sheath
+WIRE_PLACES = {"a": (0.0, 1.0), "b": (0.0, -1.0), "c": (1.0, 0.0), "d": (-1.0, 0.0)}  # across, (y, z)
 
 _PALER = 2.1
 _CAP, _INNER, _VERTEBRA, _CORE, _WIRE = 1.46, 1.26, 0.94, 0.42, 0.19
@@ -87,16 +82,13 @@ class DrawnEndoscope:
             more(spec)
         self.model = spec.compile()
         self._data = mujoco.MjData(self.model)
-        self._body = {
-            self.model.body(index).name: int(self.model.body_mocapid[index])
-            for index in range(1, self.model.nbody)
-        }
-        names = [self.model.skin(index).name for index in range(self.model.nskin)]
-        self._skins = {  # of each length of each wire
-            (WIRES.index(name[5]), int(name[6:])): index
-            for index, name in enumerate(names)
-            if name.startswith("wire_")
-        }
+        model = self.model
+        self._body = {model.body(i).name: int(model.body_mocapid[i]) for i in range(1, model.nbody)}
+        names = [(index, model.skin(index).name) for index in range(model.nskin)]
+        wires = [(index, name) for index, name in names if name.startswith("wire_")]
+        self._skins = {
+            (WIRES.index(name[5]), int(name[6:])): index for index, name in wires
+        }  # of each length
         self.place("base", np.zeros(3), np.eye(3))
         self.place_sheath(sheath_frames(preset, 0.0))
 
@@ -278,16 +270,11 @@ def add_sheath(spec: mujoco.MjSpec, preset: Preset, bones: Bones, *, opened: boo
                 add_skin(spec, f"wire_{wire}{element}", tube, bones, "wire")
         add_skin(spec, "sheath_core", round_tube(along, _CORE * radius, 8), bones, "core")
     _shell(spec, "sheath", along, opening, _UPWARDS, preset, bones)
-    _cylinder(
-        spec.body("base"), -1.4 * radius, 0.7 * radius, _CAP * radius, "cap"
-    )  # over the joint with the sleeve
+    _cylinder(spec.body("base"), -1.4 * radius, 0.7 * radius, _CAP * radius, "cap")  # over the joint
 
 
 def add_station(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Add the end of the sheath, and for each bending plane a wheel on its motor, with the wires to it.
-
-    The body `station` stands where the sheath ends; `wheel_0` and `wheel_1` turn on the axes of their motors.
-    """
+    """Add the end of the sheath, and for each bending plane a wheel on its motor, with the wires to it."""
     station = spec.worldbody.add_body(name="station", mocap=True)
     behind = 1.0 if math.cos(preset.sheath_bend) >= 0 else -1.0  # motors stand behind the wheels
     radius, wheel = preset.wire_offset, preset.pulley_radius
@@ -300,12 +287,9 @@ def add_station(spec: mujoco.MjSpec, preset: Preset) -> None:
         start, end = (centre + share * wheel * axis for share in (0.5 * _WHEEL_THICK, 1.5))
         _between(station, start, end, 0.62 * wheel, "motor")
         for wire in WIRES[2 * plane : 2 * plane + 2]:
-            y, z = WIRE_PLACES[wire]
-            across = np.array([0.0, y, z])
-            on_wheel = centre + (wheel - 0.5 * _WIRE * radius) * across
-            _between(
-                station, radius * across, on_wheel, _WIRE * radius, "wire", "CAPSULE", name=f"wire_{wire}"
-            )
+            across = np.array([0.0, *WIRE_PLACES[wire]])
+            ends = radius * across, centre + (wheel - 0.5 * _WIRE * radius) * across
+            _between(station, *ends, _WIRE * radius, "wire", "CAPSULE", name=f"wire_{wire}")
 
 
 def wheel_place(preset: Preset, plane: int) -> tuple[float, float, float]:
@@ -395,12 +379,10 @@ def _revolved(
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     points = [[x, r * np.cos(a), r * np.sin(a)] for x, r in profile for a in angle]
     points += [[profile[-1][0], 0.0, 0.0]]
-    faces = []
-    for row in range(len(profile) - 1):
-        for k in range(sides):
-            here, right = row * sides + k, row * sides + (k + 1) % sides
-            faces += [[here, right, right + sides], [here, right + sides, here + sides]]
-    last, centre = (len(profile) - 1) * sides, len(points) - 1
+    last, centre, faces = (len(profile) - 1) * sides, len(points) - 1, []
+    for here in range(last):
+        right = here + 1 if (here + 1) % sides else here + 1 - sides
+        faces += [[here, right, right + sides], [here, right + sides, here + sides]]
     faces += [[last + k, last + (k + 1) % sides, centre] for k in range(sides)]
     spec.add_mesh(
         name=name,
@@ -425,8 +407,7 @@ class Plate:
 
     def corners(self) -> Array:
         """Return the corners of its front (4, 3) in the body's frame, from the upper left clockwise [m]."""
-        right = np.array(self.right) * self.size[0] / 2
-        down = np.array(self.down) * self.size[1] / 2
+        right, down = np.array(self.right) * self.size[0] / 2, np.array(self.down) * self.size[1] / 2
         around = np.array([-right - down, right - down, right + down, -right + down])
         corners: Array = np.array(self.centre) + around
         return corners

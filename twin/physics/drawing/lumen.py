@@ -11,11 +11,7 @@ _SEED = 7  # of its shape and its vessels: there is one lumen
 _RADIUS, _CENTRE = 1.18, 0.5  # in lengths of the bending section
 _ROWS, _COLUMNS = 96, 192
 _TEXTURE = (768, 1536)
-_PINK, _PALE, _VESSEL = (
-    np.array([0.80, 0.40, 0.35]),
-    np.array([0.93, 0.62, 0.53]),
-    np.array([0.55, 0.10, 0.12]),
-)
+_PINK, _PALE, _VESSEL = np.array([[0.80, 0.40, 0.35], [0.93, 0.62, 0.53], [0.55, 0.10, 0.12]])
 _CALYCES = 11
 
 

@@ -20,12 +20,9 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
 _SHEATH_LENGTHS, _SHEATH_RADII = 4.0, 36.0
-SHEATH_BONES = 40
-"""Number of frames along the drawn sheath."""
-_STRAIGHT = 0.12
-"""Share of the drawn sheath that is straight at either end."""
-_RISE = 3.2
-"""Height that a sheath gains over a whole turn, in distances of the wires: a loop passes over itself."""
+SHEATH_BONES = 40  # frames along the drawn sheath
+_STRAIGHT = 0.12  # share of the drawn sheath that is straight at either end
+_RISE = 3.2  # height that it gains over a whole turn, in distances of the wires: a loop passes over itself
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,17 +109,15 @@ def _sheet(along: Array, radius: Array, opening: Array, sides: int, towards: flo
     angle = towards + opening[:, None] + share * (2 * np.pi - 2 * opening[:, None])
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * radius[:, None, None]
     vertices = np.concatenate([np.repeat(along[:, None, None], sides + 1, axis=1), ring], axis=-1)
-    return Surface(vertices.reshape(-1, 3), _grid_faces(len(along), sides + 1))
+    return Surface(vertices.reshape(-1, 3), grid_faces(len(along), sides + 1))
 
 
 def _strip(first: Array, second: Array) -> Surface:
     """Return the band between two lines of vertices (n, 3)."""
-    count = len(first)
-    faces = _grid_faces(2, count)
-    return Surface(np.concatenate([first, second]), faces)
+    return Surface(np.concatenate([first, second]), grid_faces(2, len(first)))
 
 
-def _grid_faces(rows: int, columns: int) -> Faces:
+def grid_faces(rows: int, columns: int) -> Faces:
     """Return two triangles for each cell of a grid of vertices, outside of a tube of rows along x."""
     index = np.arange(rows * columns).reshape(rows, columns)
     here, right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
@@ -154,8 +149,7 @@ def drawn_sheath_length(preset: Preset) -> float:
 def sheath_frames(preset: Preset, bend: float) -> Frames:
     """Return frames along the drawn sheath, evenly from the base to the pulley, (`SHEATH_BONES` + 1).
 
-    It leaves the base straight, turns by `bend` in the horizontal plane, away from the viewer, and ends
-    straight.
+    Straight at both ends, it turns by `bend` in the horizontal plane, away from the viewer.
     """
     length = drawn_sheath_length(preset)
     share = np.linspace(0.0, 1.0, 20 * SHEATH_BONES + 1)
