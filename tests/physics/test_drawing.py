@@ -55,13 +55,8 @@ def bent_vertices(radius: float, bend: float, links: int = 12, length: float = 0
     origin = link * np.arange(links)
     for name, x in zip(names, origin, strict=True):
         spec.worldbody.add_body(name=name, pos=[x, 0, 0], mocap=True)
-    add_skin(
-        spec,
-        "tube",
-        round_tube(np.linspace(0, length, 60), radius, 12),
-        Bones(names, origin, origin + link / 2),
-        "",
-    )
+    tube = round_tube(np.linspace(0, length, 60), radius, 12)
+    add_skin(spec, "tube", tube, Bones(names, origin, origin + link / 2), "")
     model = spec.compile()
     data = mujoco.MjData(model)
     frames = link_frames(np.full((1, links), bend / links), np.empty(0), length)
@@ -70,9 +65,8 @@ def bent_vertices(radius: float, bend: float, links: int = 12, length: float = 0
         data.mocap_quat[k] = Rotation.from_matrix(frames.rotation[0, k]).as_quat(scalar_first=True)
     mujoco.mj_kinematics(model, data)
     scene = mujoco.MjvScene(model, 10)
-    mujoco.mjv_updateScene(
-        model, data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL.value, scene
-    )
+    every, option, camera = mujoco.mjtCatBit.mjCAT_ALL.value, mujoco.MjvOption(), mujoco.MjvCamera()
+    mujoco.mjv_updateScene(model, data, option, None, camera, every, scene)
     return np.array(scene.skinvert).reshape(-1, 13, 3)
 
 

@@ -34,14 +34,6 @@ def test_friction_is_at_its_limit_where_the_section_came_to_rest_and_never_beyon
     assert held.max() > 0.9 * joint_friction(CURVED).min()
 
 
-def test_section_that_was_let_go_stays_where_it_is(twin):
-    endoscope = twin.endoscope.from_preset(CURVED)
-    begun = endoscope.bend()
-    for _ in range(200):
-        endoscope.advance(0.0)
-    assert endoscope.bend() == pytest.approx(begun, abs=np.radians(1e-3))
-
-
 @pytest.mark.parametrize("planes", [1, 2])
 @pytest.mark.parametrize("curve", [-0.4, 0.1, 1.0])
 def test_both_twins_come_to_rest_at_the_same_bend(curve, planes):

@@ -1,17 +1,10 @@
 """Wires pull and never push: their tension is the force that acts, and where there is none they are slack."""
 
 import numpy as np
-import pytest
 from both_twins import MUJOCO
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest, sine
 
-from twin.episode import Episode
 from twin.physics import Endoscope
-
-
-@pytest.fixture(scope="module")
-def loop_episode(twin) -> Episode:
-    return twin.simulate(PRESET, sine(8.0, 2), SAMPLE_TIME)
 
 
 def test_tension_is_the_force_that_acts_and_never_pushes():
@@ -32,8 +25,9 @@ def test_tension_is_the_force_that_acts_and_never_pushes():
     assert (tension[:, :, [0, -1]] == 0).any(axis=0).all()  # slack at times, at the pulley and at the tip
 
 
-def test_slack_is_what_the_way_of_the_wire_leaves_over(loop_episode):
+def test_slack_is_what_the_way_of_the_wire_leaves_over(twin):
     """No wire is lost: stretch (less slack) grows by what the pulley takes up less what the tip gives."""
+    loop_episode = twin.simulate(PRESET, sine(8.0, 2), SAMPLE_TIME)
     stiffness = PRESET.wire_stiffness * (PRESET.sheath_elements + 1)  # of one of the lengths in series
     half = PRESET.wire_stiffening * stiffness / 2
     stretched = (np.sqrt(1 + 4 * half * loop_episode.wire_tension / stiffness) - 1) / (2 * half)

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from both_twins import TWINS, Twin, same_state
+from both_twins import Twin, same_state
 from plain_endoscope import PLAIN
 
 from twin.episode import Episode
@@ -76,12 +76,6 @@ def test_state_of_another_endoscope_is_refused(twin, other):
     with pytest.raises(ValueError, match="does not fit this endoscope") as refused:
         twin.endoscope.from_preset(PLAIN).restore_state(state)
     assert "\n" not in str(refused.value)
-
-
-def test_state_of_the_other_twin_is_refused(twin):
-    (other,) = (one for one in TWINS if one is not twin)
-    with pytest.raises(ValueError, match=r"is needed, this is a (Reduced)?State"):
-        twin.endoscope.from_preset(PLAIN).restore_state(other.endoscope.from_preset(PLAIN).save_state())
 
 
 def test_reset_is_as_new_with_drive_and_wear(twin):

@@ -4,16 +4,10 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from presets import NUMBERS, PERIODS, values_of
+from presets import NUMBERS, PERIODS, values_of, write
 
 from twin.preset.file import load_preset, preset_names
 from twin.preset.preset import Preset
-
-
-def write(tmp_path, text: str):
-    path = tmp_path / "mine.yaml"
-    path.write_text(text)
-    return path
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -50,11 +44,9 @@ def test_unknown_preset_is_refused_with_the_valid_ones_and_a_guess():
     ("text", "rule"),
     [
         ("- 1\n- 2", "holds no preset"),
-        ("just words", "holds no preset"),
         ("", "holds no preset"),
         ("a: [1,", "is not a YAML file"),
         ("wire_stiffness: -5", "must be positive"),
-        ("wire_stiffness: 5", r"must be from 10 to 1e\+06"),
         ("sheath_friction: .nan", "must be a finite number"),
         ("bending_planes: 3", "must be a whole number from 1 to 2"),
         ("encoder_counts: 4e3", "must be a whole number from 0 to 16777216"),
@@ -73,8 +65,3 @@ def test_preset_comes_back_from_yaml_to_the_last_digit(tmp_path_factory, values,
     path = tmp_path_factory.getbasetemp() / "round.yaml"
     path.write_text(yaml.safe_dump(preset.to_dict()))
     assert load_preset(path) == preset
-
-
-def test_a_number_without_point_and_sign_in_its_exponent_is_a_number(tmp_path):
-    path = write(tmp_path, "wire_stiffness: 2e4\n")
-    assert load_preset(path).wire_stiffness == 2e4

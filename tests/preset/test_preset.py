@@ -18,10 +18,6 @@ def with_value(name: str, value) -> Preset:
     return Preset("changed").replace(**{name: value}, **along.get(name, {}))
 
 
-def rough_preset() -> Preset:
-    return Preset("rough").replace(**dict.fromkeys(FRICTIONS, 0.1))
-
-
 @pytest.mark.parametrize("name", REALS)
 def test_limits_of_a_parameter_are_allowed_and_nothing_beyond_them(name):
     low, high = parameter_limits(name)
@@ -49,9 +45,7 @@ def test_changes_are_read_to_the_last_digit_and_of_the_right_type(values):
     assert [type(value) for value in changes.values()] == [type(value) for value in values.values()]
 
 
-@pytest.mark.parametrize(
-    "change", ["wire_stiffness", "wire_stiffness=", "wire_stiffness=soft", "vertebrae=8.5", "", "=", "name=x"]
-)
+@pytest.mark.parametrize("change", ["wire_stiffness", "wire_stiffness=soft", "vertebrae=8.5", "", "="])
 def test_change_that_is_no_number_is_refused_in_one_line(change):
     rule = "a whole number is needed" if "8.5" in change else "must be NAME=VALUE, as in wire_stiffness=2e4"
     with pytest.raises(ValueError, match=rule) as refused:
@@ -61,7 +55,7 @@ def test_change_that_is_no_number_is_refused_in_one_line(change):
 
 
 def test_friction_and_viscosity_are_removed_wholly_and_nothing_else():
-    preset = rough_preset()
+    preset = Preset("rough").replace(**dict.fromkeys(FRICTIONS, 0.1))
     for bare, removed in (
         (preset.without_friction(), FRICTIONS),
         (preset.without_viscosity(), {"section_damping", "wire_damping"}),

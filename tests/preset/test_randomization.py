@@ -1,31 +1,19 @@
 """Domain randomisation: what is drawn follows its distribution, and no range leaves the endoscopes."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from presets import COUNTS, NUMBERS, PERIODS, write
 
 from twin.preset.file import load_preset, preset_names, read_preset_file
 from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges, load_ranges
 
 PRESET = Preset("nominal")
-PERIODS = {"time_step", "control_period"}
-REALS = [
-    field.name
-    for field in dataclasses.fields(Preset)[1:]
-    if isinstance(field.default, float) and field.name not in PERIODS
-]
+REALS = sorted(set(NUMBERS) - set(COUNTS) - PERIODS)
 DRAWS = 1500
-
-
-def write(tmp_path, text: str):
-    path = tmp_path / "mine.yaml"
-    path.write_text(text)
-    return path
 
 
 def draw_many(*limits: tuple[str, float, float], seed: int = 0) -> np.ndarray:
@@ -80,27 +68,14 @@ def test_shipped_ranges_lie_around_their_preset_and_give_endoscopes(name):
     ("ranges", "message"),
     [
         ("{wire_stifness: [1e4, 2e4]}", r"unknown preset parameter 'wire_stifness' \(did you mean"),
-        ("{name: [1, 2]}", "unknown preset parameter 'name'"),
         ("{7: [1, 2]}", "unknown preset parameter '7'; valid: bending_planes"),
         ("{pretension: [4, 2]}", r"range of pretension = \[4, 2\]: must rise, within \[0, 500\]"),
-        ("{pretension: [2, 2]}", r"range of pretension = \[2, 2\]: must rise"),
-        ("{pretension: [-1, 2]}", r"range of pretension = \[-1, 2\]: must rise, within \[0, 500\]"),
         ("{pretension: [1, 501]}", r"range of pretension = \[1, 501\]: must rise, within \[0, 500\]"),
         ("{pretension: [.nan, 2]}", r"range of pretension = \[nan, 2\]: must rise"),
-        ("{pretension: [1, .inf]}", r"range of pretension = \[1, inf\]: must rise"),
         ("{pretension: 3}", r"range of pretension = 3: must be \[low, high\]"),
-        ("{pretension: [3]}", r"range of pretension = \[3\]: must be \[low, high\]"),
-        ("{pretension: [1, 2, 3]}", r"range of pretension = \[1, 2, 3\]: must be \[low, high\]"),
         ("{pretension: [low, high]}", r"range of pretension = \['low', 'high'\]: must be \[low, high\]"),
-        ("{pretension: [1, null]}", r"range of pretension = \[1, None\]: must be \[low, high\]"),
-        ("{pretension: }", r"range of pretension = None: must be \[low, high\]"),
         ("{vertebrae: [8, 16]}", "range of vertebrae: it is not drawn"),
-        ("{bending_planes: [1, 2]}", "range of bending_planes: it is not drawn"),
-        ("{sheath_elements: [1, 9]}", "range of sheath_elements: it is not drawn"),
-        ("{encoder_counts: [100, 200]}", "range of encoder_counts: it is not drawn"),
         ("{}", "mine.yaml states no ranges: add `ranges:` with"),
-        ("[1, 2]", "mine.yaml states no ranges"),
-        ("wide", "mine.yaml states no ranges"),
         ("", "mine.yaml states no ranges"),
     ],
 )

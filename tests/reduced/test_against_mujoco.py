@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from twin.preset.file import load_preset
-from twin.preset.preset import Preset
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import simulate_batch
 
@@ -80,9 +79,3 @@ def test_the_same_drive_is_before_it(drive):
     pull = command("triangle", (-2e-3, 2e-3), 15.0, T, np.random.default_rng(6))
     ((mujoco, reduced),) = both([preset], [pull])
     assert_close(mujoco, reduced)
-
-
-def test_gravity_is_refused():
-    preset: Preset = load_preset("ureteroscope").replace(gravity_z=-9.81)
-    with pytest.raises(ValueError, match=r"gravity_z = -9.81: the reduced twin has no gravity"):
-        simulate_batch([preset], [np.zeros(10)], T, physics="reduced")

@@ -54,14 +54,9 @@ def sheath(**changes):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"drawn": {}}, "drawn"),
-        ({"drawn": {"pretension": [5.0]}}, "at least 2 items"),
         ({"drawn": {"pretension": [5.0, 6.0], "wire_offset": [1e-3] * 3}}, "from 2 to 512"),
         ({"drawn": {"pretension": [5.0, -6.0]}}, "pretension = -6"),
         ({"drawn": {"nothing": [5.0, 6.0]}}, "unknown preset parameter"),
-        ({"drawn": {"pretension": [5.0, "six"]}}, "drawn"),
-        ({"preset": {"nothing": 1.0}}, "unknown preset parameter"),
-        ({"preset": 3}, "preset = 3"),
         ({"preset": {"control_period": 1e-6, "time_step": 1e-6}}, "must be at least 0.001 s"),
         ({"preset": {"gravity_x": 9.81}}, "gravity_x = 9.81"),
         ({"preset": {"bending_planes": 2}}, "two bending planes"),
@@ -69,10 +64,8 @@ def sheath(**changes):
         (None, "members = None"),
         (sheath(other=[1.0, 2.0]), "each with a value of all that differs"),
         (sheath(other=[1.0, 2.0, 99.0]), "bends of their sheaths"),
-        (sheath(other=[1.0, 2.0, -0.1]), "bends of their sheaths"),
         (sheath(other=[1.0, 2.0, np.nan]), "other"),
         (sheath(period=[1.0, 2.0, 0.0]), "period"),
-        (sheath(phase=[0.0, 0.5, 1.5]), "phase"),
         ({"sheath": {"other": [1.0, 2.0, 3.0]}}, "sheath"),
     ],
 )

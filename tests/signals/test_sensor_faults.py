@@ -34,7 +34,7 @@ def test_correlated_noise_has_its_variance_and_forgets_in_its_time(sample_time):
     assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.03
 
 
-def test_a_mixture_has_the_mean_square_that_is_told_and_leans_to_one_side():
+def test_a_mixture_has_the_mean_square_that_is_given_and_leans_to_one_side():
     errors = draw("mixture", 2.5, np.zeros(400_000))
     assert np.mean(errors**2) == pytest.approx(noise_variance("mixture", 2.5), rel=0.02)
     deviation = np.sqrt(2.5 / (0.8 + 0.2 * 9))
@@ -62,13 +62,9 @@ def test_a_late_sensor_measures_the_angle_of_then():
     measured = SLOW + draw("delayed", 0.2)
     apart = round(0.2 / T)
     assert (measured[apart:] - SLOW[:-apart]).var() == pytest.approx(KNOWN_DEG2, rel=0.05)
-    np.testing.assert_allclose(
-        draw("delayed", 0.2),
-        draw("delayed", 0.0)
-        + np.interp(np.arange(len(SLOW)) * T - 0.2, np.arange(len(SLOW)) * T, SLOW)
-        - SLOW,
-        atol=1e-9,
-    )
+    time = np.arange(len(SLOW)) * T
+    then = np.interp(time - 0.2, time, SLOW)
+    np.testing.assert_allclose(draw("delayed", 0.2), draw("delayed", 0.0) + then - SLOW, atol=1e-9)
 
 
 def test_a_stuck_sensor_says_the_same_for_two_seconds_and_then_the_truth_again():

@@ -1,6 +1,7 @@
 """The parameters of a preset, and values that they may have."""
 
 import dataclasses
+from pathlib import Path
 
 from hypothesis import strategies as st
 
@@ -24,3 +25,10 @@ def values_of(names) -> st.SearchStrategy[dict]:
         numbers = st.integers if name in COUNTS else st.floats
         optional[name] = numbers(*parameter_limits(name))
     return st.fixed_dictionaries({}, optional=optional)
+
+
+def write(folder: Path, text: str) -> Path:
+    """A preset's file of a text."""
+    path = folder / "mine.yaml"
+    path.write_text(text)
+    return path

@@ -22,10 +22,6 @@ GAMMA_SHAPE = 2.0
 DITHER_DEG2 = 1 / 12  # variance of what dithers counts: even over their step of a degree [deg^2]
 
 
-def _level(level: float) -> float:
-    return level
-
-
 @dataclasses.dataclass(frozen=True)
 class _Kind:
     """Kind of noise: how it is drawn, and its moments as functions of the level."""
@@ -33,8 +29,7 @@ class _Kind:
     draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]  # of a level and a shape [deg]
     variance: Callable[[float], float]  # [deg^2]
     bound: Callable[[float], float] = lambda level: np.inf  # largest magnitude [deg]
-    information: Callable[[float], float | None] = lambda level: None
-    """Fisher information [1 / deg^2]; None where it is not finite."""
+    information: Callable[[float], float | None] = lambda level: None  # [1 / deg^2]; None: not finite
 
 
 def draw_noise(kind: str, level: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -59,7 +54,7 @@ def draw_errors(
 ) -> Array:
     """Draw the errors of a sensor along a true angle (N,) [deg]: noise, or those of one of `SENSORS`.
 
-    They are NaN where nothing is measured [deg].
+    They are NaN where nothing is measured.
     """
     sensor = SENSORS.get(kind)
     if sensor is None:
@@ -132,22 +127,22 @@ def _salt_and_pepper_information(level: float) -> float:
 
 
 NOISES: dict[str, _Kind] = {
-    "gaussian": _Kind(_gaussian, _level, information=lambda level: 1 / level),
-    "poisson": _Kind(lambda level, shape, rng: rng.poisson(level, shape).astype(float), _level),
+    "gaussian": _Kind(_gaussian, float, information=lambda level: 1 / level),
+    "poisson": _Kind(lambda level, shape, rng: rng.poisson(level, shape).astype(float), float),
     "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + DITHER_DEG2),
     "laplace": _Kind(
         lambda level, shape, rng: rng.laplace(0.0, np.sqrt(level / 2), shape),
-        _level,
+        float,
         information=lambda level: 2 / level,
     ),
     "student-t": _Kind(
         lambda level, shape, rng: _student_scale(level) * rng.standard_t(STUDENT_FREEDOM, shape),
-        _level,
+        float,
         information=_student_information,
     ),
     "uniform": _Kind(
         lambda level, shape, rng: rng.uniform(-np.sqrt(3 * level), np.sqrt(3 * level), shape),
-        _level,
+        float,
         bound=lambda level: float(np.sqrt(3 * level)),
     ),
     "salt-and-pepper": _Kind(
@@ -156,7 +151,7 @@ NOISES: dict[str, _Kind] = {
         information=_salt_and_pepper_information,
     ),
     "gamma": _Kind(
-        lambda level, shape, rng: rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape), _level
+        lambda level, shape, rng: rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape), float
     ),
 }
 """Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""

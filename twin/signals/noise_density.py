@@ -42,30 +42,23 @@ class NoiseDensity:
     informations: Array  # (spreads,), (R + s^2) times the Fisher information of an innovation
     log_densities: Array  # as `scores`: (R + s^2) times the log-density below its largest
     log_peaks: Array  # (spreads,) largest log-density of an innovation
-    rough: bool = False
-    """True if it only stands for what the sensor does: counts with a dither that is not small, errors that
-    depend on the angle."""
+    rough: bool = False  # it only stands for the sensor: counts with little dither, errors of the angle
 
     def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
         """Return the log-density of innovations [of 1 / deg]; arguments as of `score`."""
-        lower, share = _place(spread_deg)
-        row = (1 - share) * self.log_densities[lower] + share * self.log_densities[lower + 1]
-        peak = (1 - share) * self.log_peaks[lower] + share * self.log_peaks[lower + 1]
+        row, peak = _between(self.log_densities, spread_deg), _between(self.log_peaks, spread_deg)
         found: Array = peak + np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
         return found
 
     def score(self, innovation_deg: Array, spread_deg: float) -> Array:
         """Return the score (B,) [1 / deg] of innovations (B,) [deg] at a standard deviation of the belief."""
-        lower, share = _place(spread_deg)
-        row = (1 - share) * self.scores[lower] + share * self.scores[lower + 1]
+        row = _between(self.scores, spread_deg)
         score: Array = np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
         return score
 
     def information(self, spread_deg: float) -> float:
         """Return the Fisher information of an innovation [1 / deg^2]: the mean slope of the score."""
-        lower, share = _place(spread_deg)
-        information = (1 - share) * self.informations[lower] + share * self.informations[lower + 1]
-        return float(information) / (self.variance + spread_deg**2)
+        return float(_between(self.informations, spread_deg)) / (self.variance + spread_deg**2)
 
 
 @functools.lru_cache
@@ -84,12 +77,9 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
         density, slope = _mixture(_INNOVATIONS[:, None] - places, variances + spread**2, widths)
         density, slope = density @ weights, slope @ weights
         known = np.flatnonzero(density > 1e-14)
-        first, last = known[0], known[-1]
-        scores[row, first : last + 1] = -slope[first : last + 1] / np.maximum(
-            density[first : last + 1], 1e-14
-        )
         # Outside of the support the score is extended by its last value.
-        scores[row, :first], scores[row, last + 1 :] = scores[row, first], scores[row, last]
+        inside = np.clip(np.arange(len(density)), known[0], known[-1])
+        scores[row] = (-slope / np.maximum(density, 1e-14))[inside]
         informations[row] = integrate.trapezoid(scores[row] ** 2 * density, _INNOVATIONS)
         peaks[row] = np.log(density.max())
     variance = noise_variance(kind, level)
@@ -98,7 +88,9 @@ def noise_density(kind: str, level: float) -> NoiseDensity:
     scores *= unit[:, None]
     logs = -integrate.cumulative_trapezoid(scores, _INNOVATIONS, axis=1, initial=0.0)
     logs -= logs.max(axis=1, keepdims=True)
-    return NoiseDensity(mean, variance, scores, informations * unit, logs, peaks, _is_rough(kind, level))
+    dithered = kind == "poisson" and _MOST_DITHER * (level + DITHER_DEG2) < DITHER_DEG2
+    rough = dithered or kind == STEREO
+    return NoiseDensity(mean, variance, scores, informations * unit, logs, peaks, rough)
 
 
 def family_densities(variance: float) -> list[NoiseDensity]:
@@ -108,12 +100,6 @@ def family_densities(variance: float) -> list[NoiseDensity]:
     if 0 < outliers <= 1:
         levels["salt-and-pepper"] = outliers
     return [noise_density(*family) for family in levels.items()]
-
-
-def _is_rough(kind: str, level: float) -> bool:
-    if kind == "poisson":
-        return _MOST_DITHER * (level + DITHER_DEG2) < DITHER_DEG2
-    return kind == STEREO
 
 
 def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
@@ -130,11 +116,13 @@ def _mixture(away: Array, variance: Array, width: Array) -> tuple[Array, Array]:
     return density, bells / width
 
 
-def _place(spread_deg: float) -> tuple[int, float]:
-    """Return the index of the tabulated spread below, and the logarithmic weight of the next."""
+def _between(rows: Array, spread_deg: float) -> Array:
+    """Return the row of a table at a spread, linear in its logarithm between those of `_SPREADS`."""
     position = np.log(max(spread_deg, _SPREADS[0]) / _SPREADS[0]) / np.log(_SPREADS[1] / _SPREADS[0])
     lower = min(int(position), len(_SPREADS) - 2)
-    return lower, min(float(position) - lower, 1.0)
+    share = min(float(position) - lower, 1.0)
+    row: Array = (1 - share) * rows[lower] + share * rows[lower + 1]
+    return row
 
 
 _Mixture = tuple[Any, Any, Any, Any]  # weights, places, variances and widths of the components

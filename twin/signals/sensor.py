@@ -10,17 +10,11 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-LARGEST_BEND_DEG = 720.0
-"""Largest plausible magnitude of a bending angle, two full turns: no section bends so far [deg]."""
-LARGEST_PULL_MM = 200.0
-"""Largest plausible magnitude of a pulling distance, ten times the stroke of a long section [mm]."""
-LARGEST_TIME_S = 9.2e9
-"""Largest plausible magnitude of a time stamp: nanoseconds since 1970 end there too [s].
-
-These limits of logs and live streams find a broken packet or another unit, not a bad endoscope.
-"""
-_COINCIDENT = 1e-6
-"""Tolerance of times, relative to the shortest sample time: sums of periods differ by rounding."""
+# Largest plausible magnitudes in logs and live streams: they find a broken packet or another unit.
+LARGEST_BEND_DEG = 720.0  # two full turns [deg]
+LARGEST_PULL_MM = 200.0  # ten times the stroke of a long section [mm]
+LARGEST_TIME_S = 9.2e9  # nanoseconds since 1970 end there too [s]
+_COINCIDENT = 1e-6  # tolerance of times, relative to the shortest sample time: sums of periods round
 
 
 def samples_late(latency: float, sample_time: float) -> int:

@@ -20,21 +20,16 @@ from numpy.typing import NDArray
 from twin.files.assets import assets_folder
 
 Array = NDArray[np.float64]
+Hidden = NDArray[np.bool_]
+# Errors (N,) [deg] of a level along a true angle (N,) [deg] every T [s], NaN where nothing is seen.
 Draw = Callable[[float, Array, float, np.random.Generator], Array]
-"""Errors (N,) [deg] of a level along a true angle (N,) [deg] every T [s], NaN where nothing is seen."""
 
-KNOWN_DEG2 = 1.0
-"""Known R of a sensor that has a fault [deg^2]."""
-FINE_DEG2 = 0.1
-"""R of a sensor that counts in steps, besides them [deg^2]."""
-GAP_S = 1.0
-"""Mean length of a gap [s]; lengths are drawn exponentially."""
-STUCK_S = 2.0
-"""Time for which a sensor repeats its last value [s]."""
-_FINEST_DEG = 1e-9
-"""Steps below it are none [deg]."""
-_SEEN_WELL, _SEEN_BADLY, _BADLY = 0.8, 0.2, 3.0
-"""Shares of a mixture, and how many times the second is as wide as the first."""
+KNOWN_DEG2 = 1.0  # known R of a sensor that has a fault [deg^2]
+FINE_DEG2 = 0.1  # R of a sensor that counts in steps, besides them [deg^2]
+GAP_S = 1.0  # mean length of a gap [s]; lengths are drawn exponentially
+STUCK_S = 2.0  # for which a sensor repeats its last value [s]
+_FINEST_DEG = 1e-9  # steps below it are none [deg]
+_SEEN_WELL, _SEEN_BADLY, _BADLY = 0.8, 0.2, 3.0  # shares of a mixture, and how much wider the second is
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +50,7 @@ def _white(samples: int, variance: float, rng: np.random.Generator) -> Array:
 
 def _drifting(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
     """Add a bias that walks: its standard deviation is `level` deg after a minute."""
-    steps = level * np.sqrt(T / 60) * rng.standard_normal(len(bend_deg))
-    drift: Array = np.cumsum(steps)
+    drift = np.cumsum(level * np.sqrt(T / 60) * rng.standard_normal(len(bend_deg)))
     return drift + _white(len(bend_deg), KNOWN_DEG2, rng)
 
 
@@ -116,7 +110,7 @@ def _stuck(level: float, bend_deg: Array, T: float, rng: np.random.Generator) ->
 
 def _episodes(
     share: float, seconds: float, samples: int, T: float, rng: np.random.Generator, *, fixed: bool
-) -> NDArray[np.bool_]:
+) -> Hidden:
     """Return where something lasts: episodes of a length apart such that they take a share of the time."""
     inside = np.zeros(samples, dtype=bool)
     if share <= 0:
@@ -134,23 +128,18 @@ def _known(level: float) -> float:
     return KNOWN_DEG2
 
 
-def _of_steps(level: float) -> float:
-    return FINE_DEG2 + level**2 / 12
-
-
 FAULTS = {
     "drifting-bias": SensorErrors("Drift, {:g} deg a minute", "deg in a minute", 1e3, _drifting, _known),
     "correlated": SensorErrors("Correlated over {:g} s", "s", 1e3, _correlated, _known),
-    "mixture": SensorErrors("Mixture, R = {:g} deg²", "deg^2", 1e6, _mixed, lambda level: level),
-    "quantised": SensorErrors("Steps of {:g} deg", "deg", 1e3, _in_steps, _of_steps),
+    "mixture": SensorErrors("Mixture, R = {:g} deg²", "deg^2", 1e6, _mixed, float),
+    "quantised": SensorErrors(
+        "Steps of {:g} deg", "deg", 1e3, _in_steps, lambda level: FINE_DEG2 + level**2 / 12
+    ),
     "drop-outs": SensorErrors("Gaps, {:g} of the time", "of the time", 0.95, _with_gaps, _known),
     "delayed": SensorErrors("Late by {:g} s", "s", 60.0, _late, _known),
     "stuck": SensorErrors("Stuck, {:g} of the time", "of the time", 0.95, _stuck, _known),
 }
-"""Faults by name."""
-
-STEREO = "stereo-vision"
-"""Name of the noise; its level is the number of instruments that pass in a minute."""
+STEREO = "stereo-vision"  # its level is the number of instruments that pass in a minute
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,14 +168,11 @@ class StereoNoise:
         rest = (errors - mean[:, None]) * np.sqrt(repeats / (repeats - 1)) if repeats > 1 else errors * 0
         place = np.interp(bend_deg, self.bends_deg, np.arange(len(mean)))
         near = np.rint(place).astype(int)
-        drawn = (
-            np.interp(place, np.arange(len(mean)), mean) + rest[near, rng.integers(repeats, size=len(near))]
-        )
+        drawn = np.interp(place, np.arange(len(mean)), mean)
+        drawn += rest[near, rng.integers(repeats, size=len(near))]
         return np.where(self._hidden(level, len(drawn), sample_time, rng), np.nan, drawn)
 
-    def _hidden(
-        self, level: float, samples: int, sample_time: float, rng: np.random.Generator
-    ) -> NDArray[np.bool_]:
+    def _hidden(self, level: float, samples: int, sample_time: float, rng: np.random.Generator) -> Hidden:
         seconds = samples * sample_time
         count = rng.poisson(level * self.hides_per_pass * seconds / 60)
         starts, lasting = rng.uniform(0, seconds, count), rng.choice(self.hidden_s, count)

@@ -1,7 +1,6 @@
 """One door to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PHYSICS = ("mujoco", "reduced")
-"""Names of the twins; the first is the default."""
+PHYSICS = ("mujoco", "reduced")  # the first is the default
 
 
 def check_physics(physics: str) -> None:
@@ -28,13 +26,17 @@ def check_physics(physics: str) -> None:
         raise InputError(f"unknown physics {physics!r:.40}; valid: {', '.join(PHYSICS)}")
 
 
-@contextmanager
-def _needs_extra(what: str) -> Iterator[None]:
-    """Say which extra to install where MuJoCo is missing."""
+def _twin(physics: str, function: str) -> Any:
+    """Return a function of a twin; the error of a missing MuJoCo names the extra to install."""
+    check_physics(physics)
     try:
-        yield
+        if physics == "reduced":
+            from twin import reduced as chosen
+        else:
+            from twin import physics as chosen  # type: ignore[no-redef]
     except ModuleNotFoundError as error:
-        raise missing_extra(error, what) or error from None
+        raise missing_extra(error, f"twin.{function}") or error from None
+    return getattr(chosen, function)
 
 
 def simulate(
@@ -70,14 +72,7 @@ def simulate(
         ValueError: a signal, the sample time, the state or gravity does not fit the endoscope and its twin.
         FloatingPointError: the simulation diverged.
     """
-    check_physics(physics)
-    chosen: Callable[..., Episode]
-    if physics == "reduced":
-        from twin.reduced import simulate as chosen
-    else:
-        with _needs_extra("twin.simulate"):
-            from twin.physics import simulate as chosen
-    return chosen(
+    record: Episode = _twin(physics, "simulate")(
         preset,
         pull,
         sample_time,
@@ -87,6 +82,7 @@ def simulate(
         endoscope=endoscope,
         on_sample=on_sample,
     )
+    return record
 
 
 def simulate_batch(
@@ -115,12 +111,7 @@ def simulate_batch(
     Returns:
         B records; None in the place of an endoscope whose simulation diverged.
     """
-    check_physics(physics)
-    chosen: Callable[..., list[Episode | None]]
-    if physics == "reduced":
-        from twin.reduced import simulate_batch as chosen
-    else:
-        with _needs_extra("twin.simulate_batch"):
-            from twin.physics import simulate_batch as chosen
     options: dict[str, Any] = {"sheath_bends": sheath_bends, "lateral_pulls": lateral_pulls}
-    return chosen(presets, pulls, sample_time, threads=threads, on_sample=on_sample, **options)
+    options |= {"threads": threads, "on_sample": on_sample}
+    records: list[Episode | None] = _twin(physics, "simulate_batch")(presets, pulls, sample_time, **options)
+    return records
