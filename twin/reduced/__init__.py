@@ -1,5 +1,6 @@
 """Reduced twin: the same endoscope in quasi-static equilibrium, without MuJoCo and far faster."""
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 from twin.reduced.twins import ReducedEndoscope, ReducedTwins
@@ -11,15 +12,10 @@ else:
 
     def __getattr__(name: str) -> Any:
         """Load what has kernels when it is first used: Numba takes half a second."""
-        if name == "Inverse":
-            from twin.reduced.inverse import Inverse
-
-            return Inverse
-        if name not in ("Derivatives", "derivatives", "simulate", "simulate_batch"):
+        if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from twin.reduced import simulation
-
-        return getattr(simulation, name)
+        module = "twin.reduced.inverse" if name == "Inverse" else "twin.reduced.simulation"
+        return getattr(importlib.import_module(module), name)
 
 
 __all__ = [

@@ -1,8 +1,7 @@
 """Members: the twins that an estimator predicts by, some of them in a sheath that is bent on by and by.
 
-A sheath moves while an endoscope is pushed on, and no sensor measures it. Members whose sheaths stay as they
-are say nothing of that; those of some sheaths that move, each at a pace of its own, are directions in which
-the weights of an ensemble can follow.
+A sheath moves while an endoscope is pushed on, and no sensor measures it. Members with sheaths that move,
+each at a pace of its own, are directions in which the weights of an ensemble can follow.
 """
 
 import math
@@ -62,9 +61,8 @@ class MemberSet(NamedTuple):
     def at_start(self) -> list[Preset]:
         """Return the twins with the sheaths that they have at the start."""
         bends = self.sheath_bend(0.0)
-        return [
-            preset.replace(sheath_bend=float(bend)) for preset, bend in zip(self.presets, bends, strict=True)
-        ]
+        pairs = zip(self.presets, bends.tolist(), strict=True)
+        return [preset.replace(sheath_bend=bend) for preset, bend in pairs]
 
 
 NO_MEMBERS = MemberSet.still(())
@@ -79,11 +77,7 @@ def members_to_dict(members: MemberSet) -> dict[str, Any]:
         "drawn": {name: [of[name] for of in values] for name in varied},
     }
     if members.moves:
-        held["sheath"] = {
-            "other": members.other.tolist(),
-            "period": members.period.tolist(),
-            "phase": members.phase.tolist(),
-        }
+        held["sheath"] = {name: getattr(members, name).tolist() for name in ("other", "period", "phase")}
     return held
 
 
@@ -97,9 +91,8 @@ def members_from_dict(values: Any) -> MemberSet:
     if not isinstance(values, Mapping):
         raise InputError(f"members = {shown(values)}: must be their preset and what differs")
     file = validated(MembersFile, values)
-    counts = {len(drawn) for drawn in file.drawn.values()}
-    if file.sheath is not None:
-        counts |= {len(of) for of in (file.sheath.other, file.sheath.period, file.sheath.phase)}
+    course = [] if file.sheath is None else [file.sheath.other, file.sheath.period, file.sheath.phase]
+    counts = {len(of) for of in (*file.drawn.values(), *course)}
     if len(counts) != 1:
         raise InputError(f"members: must be from 2 to {MOST_MEMBERS}, each with a value of all that differs")
     if fixed := [name for name in file.drawn if name in NEVER_DRAWN]:
@@ -115,22 +108,18 @@ def members_from_dict(values: Any) -> MemberSet:
     least, most = parameter_limits("sheath_bend")
     if not all(least <= bend <= most for bend in file.sheath.other):
         raise InputError(f"members: bends of their sheaths must be within [{least:g}, {most:g}] rad")
-    course = (np.array(of, float) for of in (file.sheath.other, file.sheath.period, file.sheath.phase))
-    return MemberSet(presets, *course)
+    return MemberSet(presets, *(np.array(of, float) for of in course))
 
 
 def check_members(presets: Sequence[Preset]) -> None:
     """Refuse members that reduced twins cannot be, or that would take hours for a sample."""
     for preset in presets:
         if preset.bending_planes != 1:
-            raise InputError(
-                f"{preset.name!r} has two bending planes: RAM (twins) estimates the angle of one"
-            )
+            rule = "RAM (twins) estimates the angle of one"
+            raise InputError(f"{preset.name!r} has two bending planes: {rule}")
         refuse_gravity(preset)
-        if preset.control_period < LEAST_PERIOD_S:
-            raise InputError(
-                f"control_period = {preset.control_period:g} s: must be at least {LEAST_PERIOD_S:g} s"
-            )
+        if (period := preset.control_period) < LEAST_PERIOD_S:
+            raise InputError(f"control_period = {period:g} s: must be at least {LEAST_PERIOD_S:g} s")
 
 
 class Following(NamedTuple):

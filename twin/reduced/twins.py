@@ -17,7 +17,6 @@ from twin.reduced.parameters import (
     WARM_UP,
     WARM_UP_TIME,
     WEAR,
-    Parameters,
     ReducedState,
     not_converged,
     parameters_of,
@@ -30,16 +29,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TOLERANCE = np.radians(0.01)
-"""Distance from the wanted bend that an inverse may leave [rad]."""
+TOLERANCE = np.radians(0.01)  # distance from the wanted bend that an inverse may leave [rad]
 
 
 class ReducedTwins:
-    """M endoscopes in quasi-static equilibrium, advanced together; the whole state is plain arrays.
-
-    Attributes:
-        presets: their parameters.
-    """
+    """M endoscopes in quasi-static equilibrium, advanced together; the whole state is plain arrays."""
 
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
         """Build M endoscopes of one layout that are at rest.
@@ -49,22 +43,12 @@ class ReducedTwins:
         from twin.reduced.advance import Trace, Workspace, state_at_rest
 
         self.presets = list(presets)
-        self._parameters = parameters_of(presets)
+        self.parameters = parameters_of(presets)  # as the kernels take them
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)
-        self._state = state_at_rest(self.presets, self.parameters)
+        self.state = state_at_rest(self.presets, self.parameters)  # its arrays may be written
         self._trial_state, self._work = self.save_state(), Workspace.of(self.parameters)
         self._no_trace = Trace.of(self.parameters, 0)
         self._inputs = self.state.command.copy()
-
-    @property
-    def parameters(self) -> Parameters:
-        """Parameters of the endoscopes, as the kernels take them."""
-        return self._parameters
-
-    @property
-    def state(self) -> ReducedState:
-        """State of the endoscopes; its arrays may be written."""
-        return self._state
 
     def reset(self) -> None:
         """Reset all endoscopes to rest, with new sheaths; drives and wear are reset too."""
@@ -89,21 +73,22 @@ class ReducedTwins:
 
         self._set_inputs(pull, lateral_pull, sheath_bend)
         periods = np.array([samples * self._periods])
-        state, inputs = self._state, self._inputs[None]
-        advance(self._parameters, state, self._work, 0, inputs, periods, self._no_trace)
+        state, inputs = self.state, self._inputs[None]
+        advance(self.parameters, state, self._work, 0, inputs, periods, self._no_trace)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
         """Set and check the inputs at the end of the next sample; see `step`."""
-        self._inputs[:, 0], self._inputs[:, 1] = pull, lateral_pull
-        self._inputs[:, 2] = self.state.command[:, 2] if sheath_bend is None else sheath_bend
-        if not np.isfinite(self._inputs[:, :2]).all():
-            wrong = self._inputs[:, :2][~np.isfinite(self._inputs[:, :2])][0]
+        inputs = self._inputs
+        inputs[:, 0], inputs[:, 1] = pull, lateral_pull
+        inputs[:, 2] = self.state.command[:, 2] if sheath_bend is None else sheath_bend
+        pulls, bend = inputs[:, :2], inputs[:, 2]
+        if not np.isfinite(pulls).all():
+            wrong = pulls[~np.isfinite(pulls)][0]
             raise InputError(f"commanded pulling distance {wrong}: must be a finite number")
-        if self._inputs[:, 1].any() and self.presets[0].bending_planes == 1:
-            name, wrong = self.presets[0].name, self._inputs[:, 1].max()
+        if inputs[:, 1].any() and self.presets[0].bending_planes == 1:
+            name, wrong = self.presets[0].name, inputs[:, 1].max()
             raise InputError(f"lateral pull of {wrong:g} m: {name!r} has one bending plane")
-        bend = self._inputs[:, 2]
         if not (np.isfinite(bend) & (bend >= 0)).all():
             raise InputError(f"sheath bend of {bend.min()} rad: must be finite and not negative")
 
@@ -135,9 +120,8 @@ class ReducedTwins:
                     raise InputError(f"wanted bend of {target[:, plane].max()} rad: must be a finite number")
         limits = np.array([stroke, lateral_stroke or stroke][:planes], dtype=float)
         if not (np.isfinite(limits).all() and (limits[:, 0] < limits[:, 1]).all()):
-            raise InputError(
-                f"stroke {limits.tolist()} m: must be finite, the lowest pull before the highest"
-            )
+            rule = "must be finite, the lowest pull before the highest"
+            raise InputError(f"stroke {limits.tolist()} m: {rule}")
         if not tolerance > 0:
             raise InputError(f"tolerance = {tolerance:g} rad: must be positive")
         from twin.reduced.inverse import Inverse, find_pulls
@@ -174,7 +158,7 @@ class ReducedTwins:
     def _trial(self, weights: Array) -> "Trial":
         from twin.reduced.inverse import Trial
 
-        of_twins = self._parameters, self._state, self._trial_state, self._work
+        of_twins = self.parameters, self.state, self._trial_state, self._work
         return Trial(*of_twins, self._inputs, self._periods, 0, weights)
 
     @property

@@ -172,10 +172,9 @@ def cap_length(preset: Preset) -> float:
 
 
 def add_bodies(spec: mujoco.MjSpec, preset: Preset) -> tuple[Bones, Bones]:
-    """Add the bodies that are placed for each picture; returns the bones of the section and of the sheath.
+    """Add the bodies that are placed for each picture; return the bones of the section and of the sheath.
 
-    Those of the section are base, links and tip; the base holds the shaft straight. Those of the sheath go
-    from the pulley to the base, so that x increases.
+    Those of the section are base, links and tip; those of the sheath go from the pulley to the base.
     """
     count, length = preset.vertebrae, drawn_sheath_length(preset)
     link = preset.section_length / count
