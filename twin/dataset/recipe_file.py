@@ -23,12 +23,9 @@ from twin.signals.excitation import SIGNALS
 from twin.simulation import PHYSICS
 from twin.vision.rig import StereoRig, stereo_rig
 
-LEAST_EPISODES = 5
-"""Number of episodes where a recipe does not state it, even if it has fewer combinations."""
-MOST_CONDITIONS = 1000
-"""Number of signals, of strokes and of bends that a recipe may list."""
-RESOLVED_KEYS = ("given_pull_m", "given_lateral_pull_m")
-"""Keys of a recipe that `generate` wrote: samples of a command, which are not written by hand."""
+LEAST_EPISODES = 5  # where a recipe does not state it, even if it has fewer combinations
+MOST_CONDITIONS = 1000  # signals, strokes and bends that a recipe may list
+RESOLVED_KEYS = ("given_pull_m", "given_lateral_pull_m")  # written by `generate`, not by hand
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Number, Number]
@@ -71,17 +68,10 @@ class SensorFile(_Strict):
     @property
     def parameters(self) -> dict[str, float]:
         """Parameters of the preset that are given, in SI units."""
-        noise, resolution = (
-            None if value is None else float(np.radians(value))
-            for value in (self.noise_deg, self.resolution_deg)
-        )
-        given = {
-            "sensor_noise": noise,
-            "sensor_resolution": resolution,
-            "sensor_period": self.period_s,
-            "sensor_latency": self.latency_s,
-        }
-        return {name: value for name, value in given.items() if value is not None}
+        degrees = {"sensor_noise": self.noise_deg, "sensor_resolution": self.resolution_deg}
+        given = {name: float(np.radians(value)) for name, value in degrees.items() if value is not None}
+        seconds = {"sensor_period": self.period_s, "sensor_latency": self.latency_s}
+        return given | {name: value for name, value in seconds.items() if value is not None}
 
 
 class CommandFile(_Strict):

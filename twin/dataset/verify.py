@@ -193,19 +193,12 @@ def _wrong_origin(path: Path, metadata: Mapping[str, Any], file: Entry, contents
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """Result of simulating a file again.
+    """Result of simulating a file again."""
 
-    Attributes:
-        same: whether the bytes are the same.
-        sha256: of the file.
-        differs: the quantities that differ, and by how much, one line each.
-        line: all of it in one sentence.
-    """
-
-    same: bool
-    sha256: str
-    differs: list[str]
-    line: str
+    same: bool  # the bytes are the same
+    sha256: str  # of the file
+    differs: list[str]  # quantities, and by how much
+    line: str  # all of it in one sentence
 
 
 def replay(path: Path) -> Replay:

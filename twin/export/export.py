@@ -47,25 +47,15 @@ class Plan:
 
 @dataclasses.dataclass
 class Tally:
-    """Counts of an export, and losses of damaged files.
-
-    Attributes:
-        episodes: written.
-        samples: in all episodes.
-        seconds: in all episodes [s].
-        recovered: of each damaged file: samples that were read, how many there once were, and what is wrong.
-        lost: each file that nothing is left of, and why.
-        pictures: records whose pictures are written.
-        pictures_left_out: records whose pictures are not, as the format has none, or samples were thinned.
-    """
+    """Counts of an export, and losses of damaged files."""
 
     episodes: int = 0
-    samples: int = 0
-    seconds: float = 0.0
-    recovered: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    lost: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    pictures: int = 0
-    pictures_left_out: int = 0
+    samples: int = 0  # in all episodes
+    seconds: float = 0.0  # in all episodes
+    recovered: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # samples and faults of each
+    lost: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # files that nothing is left of
+    pictures: int = 0  # records whose pictures are written
+    pictures_left_out: int = 0  # records whose pictures are not, as the format has none
 
     @property
     def damage(self) -> str:

@@ -3,23 +3,14 @@
 from twin.errors import InputError
 from twin.files.shown import shown
 
-LONGEST_SECONDS = 100_000.0
-"""Longest record that is simulated, more than a day [s]."""
-MOST_SEEDS = 10_000
-"""Largest number of draws of a noise."""
-MOST_WORKERS = 1024
-"""Largest number of processes, more than any machine has cores."""
-SAMPLE_TIMES = (1e-6, 1000.0)
-"""Shortest and longest time between two samples [s]."""
-MOST_TRAININGS = 100
-"""Training runs of one method that are compared as one row."""
-LARGEST_ERROR_DEG = 10_000.0
-"""Largest error of an initial estimate [deg]."""
-LARGEST_VARIANCE_DEG2 = 1e9
-"""Largest variance of a measurement [deg^2]."""
-LONGEST_NAME = 120
-"""Characters of a name: longer ones do not fit into the names of files."""
-
+LONGEST_SECONDS = 100_000.0  # of a record that is simulated, more than a day
+MOST_SEEDS = 10_000  # draws of a noise
+MOST_WORKERS = 1024  # processes, more than any machine has cores
+SAMPLE_TIMES = (1e-6, 1000.0)  # shortest and longest time between two samples [s]
+MOST_TRAININGS = 100  # of one method that are compared as one row
+LARGEST_ERROR_DEG = 10_000.0  # of an initial estimate
+LARGEST_VARIANCE_DEG2 = 1e9  # of a measurement
+LONGEST_NAME = 120  # characters: longer ones do not fit into the names of files
 _MOST_BYTES = 200  # of a file's name in UTF-8, without its ending: file systems take 255 with endings
 _HUGE = "a number of more than 30 digits"  # Python refuses to write one of thousands
 # More than a letter to a page or a shell. Colons are free: loggers put times into names.

@@ -19,10 +19,7 @@ from twin.files.json_text import first_fault, parse_json_object
 from twin.files.shown import cut, shown
 
 NAME = "dataset.json"
-"""Name of the file in the folder of a dataset."""
-
-MOST_BYTES = 64 * MEBIBYTE
-"""Limit of the file: a dataset of 20,000 episodes stays below it."""
+MOST_BYTES = 64 * MEBIBYTE  # a dataset of 20,000 episodes stays below it
 
 Count = Annotated[int, Field(ge=1)]
 Whole = Annotated[int, Field(ge=0)]

@@ -17,8 +17,7 @@ if TYPE_CHECKING:  # plain values are read without it
     from pydantic import BaseModel, ValidationError
 
 MOST_BYTES = 4 * MEBIBYTE
-MOST_DIGITS = 300
-"""Digits of a number: every integer of these is below the largest float."""
+MOST_DIGITS = 300  # of a number: every integer of these is below the largest float
 
 Model = TypeVar("Model", bound="BaseModel")
 
@@ -95,8 +94,8 @@ def rule_of(message: str) -> str:
     return cut(re.sub(r"^\w+( \w+)? should ", "must ", message))
 
 
+# Parts of a place that are not of the file: they name the alternative that was tried.
 _TRIED = ("float", "int", "str", "bool", "constrained-float", "constrained-int", "constrained-str")
-"""Parts of a place that are not of the file: they name the alternative that was tried."""
 
 
 def key_name(path: Sequence[int | str]) -> str:

@@ -14,19 +14,12 @@ from twin import __version__
 from twin.files.bounded import sha256_of
 from twin.files.dataset_json import NAME
 
-PACKAGES = ("mujoco", "numpy", "scipy", "onnxruntime")
-"""Packages whose versions a result may depend on, in addition to EndoTwin's own."""
-
+PACKAGES = ("mujoco", "numpy", "scipy", "onnxruntime")  # whose versions a result may depend on
 Line = Annotated[str, Field(max_length=4000)]
 
 
 class DataHash(BaseModel):
-    """Hash of what a result was made from.
-
-    Attributes:
-        path: as the command names it.
-        sha256: of the file; of a dataset's folder, that of its `dataset.json`, which has those of its files.
-    """
+    """Hash of what a result was made from, as the command names it; see `data_sha256`."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 
@@ -35,13 +28,7 @@ class DataHash(BaseModel):
 
 
 class Origin(BaseModel):
-    """Origin of a result, as its JSON file states it.
-
-    Attributes:
-        command: that makes it again, without the place of its output.
-        versions: of EndoTwin, Python and the packages that count, by name.
-        data: hashes of what it was made from.
-    """
+    """Origin of a result, as its JSON file states it: the command without the place of its output."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 

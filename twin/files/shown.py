@@ -4,10 +4,8 @@ import re
 import reprlib
 from typing import Any
 
-LONGEST = 40
-"""Characters of a value in a message."""
-LONGEST_PATH = 180
-"""Characters of a path in a message."""
+LONGEST = 40  # characters of a value in a message
+LONGEST_PATH = 180  # characters of a path in a message
 
 _REPR = reprlib.Repr()
 _REPR.maxlevel = 2
