@@ -36,6 +36,8 @@ def is_sound(state: Any) -> bool:
 
 
 def _is_bounded(values: NDArray[Any]) -> bool:
+    if values.size == 1:
+        return bool(-LARGEST < values.item() < LARGEST)
     if values.size > SMALL:
         return bool(np.abs(values).max() < LARGEST)  # NaN is the largest, and not below
     numbers = values.ravel().tolist()

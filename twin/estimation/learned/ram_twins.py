@@ -85,25 +85,12 @@ class RamTwins(LearnedStep):
         memory["rows_covariance"][:, -1, -1] += off**2
         return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
 
-    def step(
-        self,
-        state: StepState,
-        pull_mm: Array,
-        previous_pull_mm: Array,
-        measurement_deg: Array,
-        reference_deg: Array | None = None,
-    ) -> StepState:
-        """Step the members along the command, and the graph with what they predict."""
-        following = self.members.step(state.following, pull_mm)
-        bend, half_width, memory = self.network.step(
-            state.memory,
-            **self.constants(len(pull_mm)),
-            measurement_deg=measurement_deg,
-            members_deg=following.of_filters(),
-            way_mm=np.abs(pull_mm - previous_pull_mm),
-        )
-        assert half_width is not None
-        return StepState(memory, following, bend, half_width)
+    def follow(
+        self, following: "Members", pull_mm: Array, previous_pull_mm: Array
+    ) -> tuple[dict[str, Array], "Members"]:
+        """Step the members along the command, and return what they predict."""
+        after = self.members.step(following, pull_mm)
+        return {"members_deg": after.of_filters(), "way_mm": np.abs(pull_mm - previous_pull_mm)}, after
 
     @property
     def has_physics(self) -> bool:

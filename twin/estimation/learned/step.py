@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.array_form import ArrayForm
 from twin.estimation.estimator import Estimator, Sensor, time_first
 from twin.estimation.knowledge import Case
 from twin.estimation.learned.reference import ESTIMATE, PREVIOUS, after
@@ -27,7 +28,7 @@ from twin.estimation.learned.trained_file import (
     read_trained_file,
 )
 from twin.files.shown import shown
-from twin.hysteresis import HysteresisModel, model_from_dict
+from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
 
 Array = NDArray[np.float64]
 Memory = tuple[NDArray[Any], ...]
@@ -74,15 +75,6 @@ class StepNetwork:
     states_interval: bool
     first: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Travel to a worker without the arrays that a session is bound to."""
-        return {name: value for name, value in vars(self).items() if name != "bound"}
-
-    @functools.cached_property
-    def bound(self) -> BoundFile:
-        """The file on one filter, for live streams."""
-        return BoundFile(self.file)
-
     def start(self, batch: int, bend_deg: Array | None = None) -> Memory:
         """Return the state before anything is measured, at (B,) initial estimates [deg]."""
         number = self.file.precision
@@ -97,9 +89,11 @@ class StepNetwork:
     def step(self, memory: Memory, **inputs: NDArray[Any]) -> tuple[Array, Array | None, Memory]:
         """Return the (B,) estimate, half of its 95 % interval or None [deg], and the state after a sample."""
         given = {name: inputs[name] for name in self.inputs}
-        given.update(zip(self.state, memory, strict=True))
-        one = len(inputs["measurement_deg"]) == 1 and isinstance(self.file, TrainedFile)
-        bend, *rest = self.bound.run(given) if one else self.file.run(**given)
+        return self.named(self.file.run(**given, **dict(zip(self.state, memory, strict=True))))
+
+    def named(self, outputs: list[NDArray[Any]]) -> tuple[Array, Array | None, Memory]:
+        """Return estimate, half width or None, and state from the outputs of the graph."""
+        bend, *rest = outputs
         half_width = rest.pop(0) if self.states_interval else None
         return bend, half_width, tuple(bend if name == PREVIOUS else rest.pop(0) for name in self.state)
 
@@ -219,19 +213,29 @@ class LearnedStep(Estimator[StepState]):
         measurement_deg: Array,
         reference_deg: Array | None = None,
     ) -> StepState:
-        """Step the graph with what the model predicts of the command."""
-        inputs = self.constants(len(pull_mm)) | {
-            "increment_mm": pull_mm - previous_pull_mm,
-            "measurement_deg": measurement_deg,
-            "reference_deg": measurement_deg if reference_deg is None else reference_deg,
-        }
-        memory = state.following
+        """Step the graph along the command; the residual refers to `reference_deg`, or the measurement."""
+        inputs, following = self.follow(state.following, pull_mm, previous_pull_mm)
+        bend, half_width, memory = self.network.step(
+            state.memory,
+            **self.constants(len(pull_mm)),
+            **inputs,
+            measurement_deg=measurement_deg,
+            reference_deg=measurement_deg if reference_deg is None else reference_deg,
+        )
+        return StepState(memory, following, bend, state.half_width_deg if half_width is None else half_width)
+
+    def follow(self, following: Any, pull_mm: Array, previous_pull_mm: Array) -> tuple[dict[str, Array], Any]:
+        """Return the inputs of the graph that follow from the command, and the model's memory after it."""
+        inputs = {"increment_mm": pull_mm - previous_pull_mm}
         if self.model is not None:
-            inputs["keep"], inputs["drive_deg"], memory = affine_step(
-                self.model, memory, pull_mm, previous_pull_mm
+            inputs["keep"], inputs["drive_deg"], following = affine_step(
+                self.model, following, pull_mm, previous_pull_mm
             )
-        bend, half_width, remembered = self.network.step(state.memory, **inputs)
-        return StepState(remembered, memory, bend, state.half_width_deg if half_width is None else half_width)
+        return inputs, following
+
+    def single(self) -> "LearnedForm":
+        """Return the estimator on one stream, on arrays of its own."""
+        return LearnedForm(self)
 
     def bend_deg(self, state: StepState) -> Array:
         """Return the (B,) estimate [deg]."""
@@ -245,6 +249,37 @@ class LearnedStep(Estimator[StepState]):
     def half_width_deg(self, state: StepState) -> Array:
         """Return half of the (B,) 95 % intervals about the estimates [deg]."""
         return state.half_width_deg
+
+
+class LearnedForm(ArrayForm):
+    """A learned estimator on one stream, whose graph runs on arrays that stay where they are."""
+
+    def __init__(self, estimator: LearnedStep):
+        super().__init__(estimator)
+        self._network, self._follow = estimator.network, estimator.follow
+        self._bound = BoundFile(estimator.network.file)
+        for name, values in estimator.constants(1).items():
+            if name in self._network.inputs:
+                self._bound.inputs[name][...] = values
+        given = [name for name in self._network.inputs if name not in estimator.constants(1)]
+        self._given = [(name, self._bound.inputs[name]) for name in given]
+        self._memory = [self._bound.inputs[name] for name in self._network.state]
+
+    def step(
+        self, state: StepState, pull_mm: float, previous_pull_mm: float, measurement_deg: float
+    ) -> StepState:
+        """Return the state one sample later."""
+        with np.errstate(all="ignore"):  # what overflows is not sound
+            inputs, following = self._follow(
+                state.following, np.array([pull_mm]), np.array([previous_pull_mm])
+            )
+        inputs["measurement_deg"] = inputs["reference_deg"] = measurement_deg
+        for name, array in self._given:
+            array[...] = inputs[name]
+        for array, values in zip(self._memory, state.memory, strict=True):
+            array[...] = values
+        bend, half_width, memory = self._network.named(self._bound.run())
+        return StepState(memory, following, bend, state.half_width_deg if half_width is None else half_width)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -299,6 +334,11 @@ def affine_step(
     model: HysteresisModel, memory: Array, pull_mm: Array, previous_pull_mm: Array
 ) -> tuple[Array, Array, Array]:
     """Return keep and drive [deg] of a step keep theta + drive, and the memory of the model after it."""
+    if pull_mm.size == 1 and isinstance(model, ColemanHodgdon):  # a stream: NumPy takes longer
+        pull, increment = pull_mm.item(), pull_mm.item() - previous_pull_mm.item()
+        forget = model.a_per_mm * abs(increment)
+        drive = forget * model.b_deg_per_mm * pull + model.c_deg_per_mm * increment
+        return np.array([1 - forget]), np.array([drive]), memory
     rest = np.zeros_like(pull_mm)
     drive, after = model.step(rest, memory, pull_mm, previous_pull_mm)
     return model.slope(rest, pull_mm, previous_pull_mm), drive, after

@@ -62,34 +62,32 @@ class TrainedFile:
 
 
 class BoundFile:
-    """A trained network on arrays of its own for one filter: a run converts and allocates nothing."""
+    """A trained network on arrays of its own for one filter: a run converts and allocates nothing.
+
+    Attributes:
+        inputs: arrays to fill before a run, by name.
+    """
 
     def __init__(self, file: TrainedFile):
-        session = file.session
-        self._session, self._binding = session, session.io_binding()
-        self._given, self._returned = (
+        self._session, self._binding = file.session, file.session.io_binding()
+        self.inputs, self._outputs = (
             {
-                part.name: np.zeros(
-                    [size if isinstance(size, int) else 1 for size in part.shape], file.precision
-                )
+                part.name: np.zeros([n if isinstance(n, int) else 1 for n in part.shape], file.precision)
                 for part in parts
             }
-            for parts in (session.get_inputs(), session.get_outputs())
+            for parts in (file.session.get_inputs(), file.session.get_outputs())
         )
         for arrays, bind in (
-            (self._given, self._binding.bind_input),
-            (self._returned, self._binding.bind_output),
+            (self.inputs, self._binding.bind_input),
+            (self._outputs, self._binding.bind_output),
         ):
             for name, array in arrays.items():
                 bind(name, "cpu", 0, file.precision, array.shape, array.ctypes.data)
 
-    def run(self, inputs: Mapping[str, NDArray[Any]]) -> list[NDArray[Any]]:
-        """Return copies of the outputs for named inputs of one filter."""
-        given = self._given
-        for name, values in inputs.items():
-            given[name][...] = values
+    def run(self) -> list[NDArray[Any]]:
+        """Return copies of the outputs for what the inputs hold."""
         self._session.run_with_iobinding(self._binding)
-        return [array.copy() for array in self._returned.values()]
+        return [array.copy() for array in self._outputs.values()]
 
 
 def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`endotwin train`") -> TrainedFile:
