@@ -140,13 +140,11 @@ class BatchEnvironment(SharedEnvironment):
         return self._observe()
 
     def _begin_again(self, ended: NDArray[np.bool_]) -> None:
-        """Begin a complete episode where one has ended."""
         self.record[ended], self.measurement[ended], initial = self.task.draw(int(ended.sum()), self.rng)
         self._start(ended, initial)
         self.first[ended], self.sample[ended], self.episode_return[ended] = 0, 1, 0.0
 
     def _start(self, which: NDArray[np.bool_], bend_deg: Array) -> None:
-        """Start some of the estimators at their initial estimates."""
         begun = torch.from_numpy(which)
         for name, values in self.state.items():
             values[begun] = self.filter_step.start.get(name, 0.0)

@@ -35,15 +35,6 @@ def export_step(
     """Write one sample of a filter as ONNX in double precision, with reference steps.
 
     A filter adds up the roundings of its covariance: single precision would part the graph from the step.
-
-    Args:
-        graph: to write: inputs and state in, outputs and the state after the sample out; the estimate, an
-            output, is not returned again as a state.
-        inputs: shape for one filter of each input; `parts` is shared by all.
-        state: shape for one filter of each array of the state.
-        description: plain values; `agent` is the word that it was trained under.
-        path: the file, written complete or not at all.
-        outputs: names of what it returns before the state.
     """
     graph = copy.deepcopy(graph).double()
     shapes = {**inputs, **state}
@@ -57,7 +48,6 @@ def export_step(
 
 
 def _reference_inputs(inputs: Mapping[str, tuple[int, ...]]) -> dict[str, Tensor]:
-    """Return inputs of a few steps."""
     rng = torch.Generator().manual_seed(0)  # of its own: what is drawn for a training stays as it is
     steps = _REFERENCE_STEPS, _BATCH
     given = {
@@ -139,6 +129,9 @@ def onnx_graph(
         verbose=False,
     )
     assert program is not None
+    for value in (value for node in program.model.graph for value in node.outputs):
+        if value.name in inputs:  # named after its operator
+            value.name += "_inside"
     return program.model_proto
 
 
@@ -148,7 +141,6 @@ def _reference(
     inputs: Mapping[str, Tensor],
     outputs: Sequence[str],
 ) -> dict[str, Any]:
-    """Return steps of the module from a state of zeros, as a trained file holds them."""
     steps, batch = next(iter(given.values())).shape[:2]
     memory = {
         name: example.new_zeros(batch, *example.shape[1:])

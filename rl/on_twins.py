@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rl.trainers import RATES, OnProgress, Trainer, register_trainer
-from rl.twins.graph import export_memory, export_recurrent_step, export_twins
+from rl.twins.graph import export_twins, export_with_model
 from rl.twins.learning import fit_ood_detector, learn_laws
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
@@ -89,7 +89,7 @@ def untrained_memory(settings: NetworkTraining) -> MemoryStep:
 
 assert methods.RAM_MEMORY.training is not None
 train_ram_memory = functools.partial(
-    train_with_model, methods.RAM_MEMORY.training, untrained_memory, export_memory
+    train_with_model, methods.RAM_MEMORY.training, untrained_memory, export_with_model
 )
 """Train RAM (memory) into a folder, as `train_with_model` does."""
 
@@ -166,7 +166,7 @@ for _rival in RIVALS.values():
     assert _rival.spec.training is not None
     _register(
         _rival.spec,
-        functools.partial(train_with_model, _rival.spec.training, _rival.untrained, export_recurrent_step),
+        functools.partial(train_with_model, _rival.spec.training, _rival.untrained, export_with_model),
         _rival.settings,
         {"width": _rival.widths},
     )

@@ -48,7 +48,6 @@ class TrainingOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run."""
         if not self.agent:
             object.__setattr__(self, "agent", proposed_method().agent)
         find_training(self.agent)

@@ -243,7 +243,6 @@ def _train(
     folder: Path,
     on_progress: OnProgress | None,
 ) -> Path:
-    """Train a network on the losses that `prepare` returns for a task, and write its step."""
     assert spec.training is not None
     agent, path = spec.training.agent, folder / spec.training.file
 
@@ -260,13 +259,12 @@ def _train(
     return train_once(path, records, active_model, training, train)
 
 
-def _lstm(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
-    return train_lstm(records, active_model, SequenceTraining().scaled(options), *rest)
+def _register(spec: MethodSpec, train: Callable[..., Path]) -> None:
+    def run(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
+        return train(records, active_model, SequenceTraining().scaled(options), *rest)
+
+    register_trainer(Trainer(spec, run))
 
 
-def _gru(records: Records, active_model: ActiveModel, options: TrainingOptions, *rest: Any) -> Path:
-    return train_gru(records, active_model, SequenceTraining().scaled(options), *rest)
-
-
-register_trainer(Trainer(LSTM, _lstm))
-register_trainer(Trainer(GRU, _gru))
+_register(LSTM, train_lstm)
+_register(GRU, train_gru)

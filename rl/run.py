@@ -72,11 +72,7 @@ def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
-    """Return the state of a checkpoint; None if there is none, or one of another run. Nothing is unpickled.
-
-    Raises:
-        ValueError: the file is no checkpoint, or it is damaged; it stays as it is.
-    """
+    """Return the state of a checkpoint; None if there is none, or one of another run. Unpickles nothing."""
     if not path.exists():
         return None
     try:

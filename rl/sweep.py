@@ -45,20 +45,8 @@ class TrainingRun(NamedTuple):
     folder: Path
 
 
-class Share(NamedTuple):
-    """Progress of one training.
-
-    Attributes:
-        done: of it, from 0 to 1.
-        reward: latest mean reward per sample [deg^2].
-    """
-
-    done: float
-    reward: float
-
-
-Shares = MutableMapping[int, Share]
-"""Progress of each training, by its place among them."""
+Shares = MutableMapping[int, tuple[float, float]]
+"""Progress of each training from 0 to 1, and its latest mean reward per sample [deg^2], by its place."""
 
 
 def seeds_from(first: int, count: int) -> range:
@@ -128,7 +116,7 @@ def _train(run: TrainingRun, place: int, shares: Shares | None) -> Path:
 
     def show(done: int, total: int, reward: float) -> None:
         if shares is not None:
-            shares[place] = Share(done / total, reward)
+            shares[place] = done / total, reward
 
     return find_trainer(run.options.agent).run(run.material, run.options, run.folder, show)
 
@@ -137,8 +125,8 @@ def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProg
     if on_progress is None:
         return
     shown = dict(shares or {})
-    parts = [share.done for place, share in shown.items() if place not in done]
-    rewards = [share.reward for share in shown.values() if not math.isnan(share.reward)]
+    parts = [share for place, (share, _) in shown.items() if place not in done]
+    rewards = [reward for _, reward in shown.values() if not math.isnan(reward)]
     mean = sum(rewards) / len(rewards) if rewards else math.nan
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)
 

@@ -202,7 +202,6 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe()
 
     def _check_signals(self) -> None:
-        """Refuse references and noise that cannot be drawn, before an episode is."""
         if not self.signals:
             raise InputError(f"signals: at least one is needed; valid: {', '.join(SIGNALS)}")
         rng = np.random.default_rng(0)

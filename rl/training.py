@@ -109,14 +109,12 @@ def train_policy(
 
 
 def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return a configuration without one setting of a part of it."""
     part, setting = name.split(".")
     kept = {key: value for key, value in configuration[part].items() if key != setting}
     return configuration | {part: kept}
 
 
 def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
-    """Refuse to go on from nothing where there was a shorter run, or from beyond the end."""
     if shorter and not ppo.num_timesteps:
         raise InputError(
             f"{run.folder} holds a shorter run, whose {CHECKPOINT_FILE} is not of this version: "
@@ -129,7 +127,6 @@ def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
 
 
 def _learn(ppo: PPO, run: "_Run") -> None:
-    """Train to the end."""
     if ppo.num_timesteps < run.total:
         # Its own random numbers after each stop, not those of the beginning again.
         set_random_seed(
@@ -217,13 +214,11 @@ class _Run(BaseCallback):
         self.actions: list[NDArray[np.float32]] = []
 
     def save(self) -> None:
-        """Write a checkpoint."""
         check_finite(self.ppo)
         state = {"samples": self.ppo.num_timesteps, "curve": self.curve, **self.ppo.get_parameters()}
         save_checkpoint(self.checkpoint, self.key, state)
 
     def restore(self) -> None:
-        """Bring policy, optimiser and curve to the checkpoint, if there is one of this training."""
         state = load_checkpoint(self.checkpoint, self.key)
         if state is not None:
             try:
@@ -233,7 +228,6 @@ class _Run(BaseCallback):
                 raise unusable(self.checkpoint) from error
 
     def write(self) -> None:
-        """Write the curve."""
         actions = action_columns(self.environment.filter_step.actions)
         write_curve(self.folder, self.curve, ["samples", "mean_reward", *UPDATE, *actions])
 
@@ -251,7 +245,6 @@ class _Run(BaseCallback):
         self._take_update()
 
     def _take_update(self) -> None:
-        """Take the figures of the latest update, if there has been one."""
         logged = self.logger.name_to_value
         if logged.keys() >= set(UPDATE.values()):
             self.update = [float(logged[name]) for name in UPDATE.values()]

@@ -80,8 +80,6 @@ def _settings(file: TrainedFile) -> dict[str, Any]:
 
 
 def _differences(one: TrainedFile, other: TrainedFile) -> list[str]:
-    """Return the names of differences between two training runs of one agent, apart from the seed."""
-
     def facts(file: TrainedFile) -> dict[str, Any]:
         of_run = {name: of for name, of in file.description.items() if name not in (*_OF_SEED, "training")}
         return of_run | {name: of for name, of in _settings(file).items() if name != "seed"}

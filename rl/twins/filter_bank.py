@@ -56,7 +56,6 @@ class NoiseModelParameters(torch.nn.Module):
     """Parameters of the noise_models."""
 
     def __init__(self, count: int):
-        """Start with parts of all widths at places that cover them."""
         super().__init__()
         of_deviation = PARTS - _IN_DEGREES
         places, weights, widths = torch.zeros(2, PARTS), torch.zeros(3, PARTS), torch.zeros(2, PARTS)
@@ -192,7 +191,6 @@ class FilterBank(torch.nn.Module):
     """Filters of twins, one for each noise_model."""
 
     def __init__(self, motion: MemberMotion, noise_models: int):
-        """Start with untrained noise_models."""
         super().__init__()
         self.motion = motion
         self.noise_models = NoiseModelParameters(noise_models)

@@ -78,7 +78,6 @@ class FilterStep(torch.nn.Module):
     actions: ClassVar[int]
 
     def __init__(self, seen: int):
-        """Start with the interval of a normal noise_model."""
         super().__init__()
         self.seen = seen
         self.interval = network(seen, 16, 1, layers=1)
@@ -90,14 +89,13 @@ class FilterStep(torch.nn.Module):
         """Return the state, a named tuple, before anything is measured, for (B,) variances R [deg^2]."""
         raise NotImplementedError
 
+    def begun(self, state: Any, variance: Tensor) -> Any:
+        """Return a state, or the first one where it is all zero; for (B,) variances R [deg^2]."""
+        return state
+
     def widen(self, seen: Tensor) -> Tensor:
         """Return (...) how many standard deviations half of a 95 % interval has."""
         return DEVIATIONS_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
-
-
-def log_scale(values: Tensor) -> Tensor:
-    """Return values on a symmetric logarithmic scale."""
-    return torch.sign(values) * torch.log1p(values.abs())
 
 
 MEMORY_MM = 5.0  # way of the tendon after which d is forgotten

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -87,7 +87,6 @@ class TypicalErrors:
         return factors / window.variance**POWER
 
     def _weights(self, sample_time: float) -> NDArray[np.float64]:
-        """Return how many windows of a record each window of an episode stands for."""
         weights = np.ones(self.means.shape[2])
         rest = RECORD_S / (self.window * sample_time) - len(weights) + 1
         weights[-1] = min(max(rest, 1.0), MOST_LAST)
@@ -149,11 +148,7 @@ class Keeper:
         save_checkpoint(self.path, self.key, state)
 
     def restore(self, optimiser: torch.optim.Optimizer) -> int:
-        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none.
-
-        Raises:
-            ValueError: the file is no checkpoint, or damaged.
-        """
+        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none."""
         state = load_checkpoint(self.path, self.key)
         if state is None:
             return 0
@@ -255,7 +250,6 @@ def _window_loss(
     typical: TypicalErrors,
     place: int,
 ) -> tuple[torch.Tensor, Any]:
-    """Return the loss of one window, and the state behind it."""
     squares, variances, likelihoods, departures = [], [], [], []
     of_bias = window.bias_deg / torch.sqrt(window.variance)
     for sample, (output, after) in enumerate(filter_sequences(step, window, ALL, state)):
@@ -309,27 +303,20 @@ def _finished(
     rng: np.random.Generator,
     batch: int,
 ) -> Iterator[tuple[int, Sequences, tuple[Output, Any]]]:
-    """Yield place, sequences, and output and state there, of whole episodes, so many of them at a time."""
     for _ in range(max(settings.interval_sequences // batch, 1)):
         drawn = source.draw(batch, settings.episode, rng)
         for place, reached in enumerate(filter_sequences(step, drawn, ALL)):
             yield place, drawn, reached
 
 
-class Validation(NamedTuple):
-    """Result of a step on held-out sequences.
+def validation(
+    step: FilterStep, source: SequenceSource, settings: SimulatedTraining
+) -> tuple[float, list[float]]:
+    """Return the loss on held-out sequences, the same ones each time, and the moments of each action.
 
-    Attributes:
-        loss: mean logarithm of the mean square error, at both ends of T.
-        actions: of each action, as it is bounded, the mean and the standard deviation.
+    The loss is the mean logarithm of the mean square error, at both ends of T; moments are mean and standard
+    deviation of each action as it is bounded.
     """
-
-    loss: float
-    actions: list[float]
-
-
-def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTraining) -> Validation:
-    """Return how a step does on held-out sequences; the same ones each time."""
     rng = random_stream(settings.seed, SeedUse.LESSON_VALIDATION)
     losses, actions = [], []
     for stride in (max(source.strides), min(source.strides)):
@@ -342,9 +329,9 @@ def validation(step: FilterStep, source: SequenceSource, settings: SimulatedTrai
         losses.append(float(torch.log(torch.stack(squares).mean(dim=0) + SMALLEST_ERROR_DEG2).mean()))
     loss, every = float(np.mean(losses)), torch.cat(actions)
     if not step.actions:
-        return Validation(loss, [])
+        return loss, []
     moments = torch.stack([every.mean(dim=0), every.std(dim=0)], dim=1)
-    return Validation(loss, moments.flatten().tolist())
+    return loss, moments.flatten().tolist()
 
 
 def descend(

@@ -138,7 +138,6 @@ def _along_commands(
 def _in_sheaths(
     presets: Sequence[Preset], preset: Preset, ranges: Ranges, seed: int, moving: int
 ) -> MemberSet:
-    """Return twins, the last of which are in sheaths that move to another bend from the ranges and back."""
     still = MemberSet.still(presets)
     if not moving:
         return still

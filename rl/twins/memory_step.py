@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import torch
 
+from rl.policies import log_scale
 from rl.twins.filter_bank import HISTORY
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, log_scale, network
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, network
 
 HIDDEN = 48
 SEEN = 10  # numbers that the policy sees
@@ -52,7 +53,6 @@ class MemoryStep(FilterStep):
     actions = len(REACH)
 
     def __init__(self, hidden: int = HIDDEN):
-        """Start untrained, with a policy that does nothing."""
         super().__init__(hidden + SEEN)
         self.hidden = hidden
         self.reach = torch.nn.Buffer(torch.tensor(REACH))
@@ -74,6 +74,11 @@ class MemoryStep(FilterStep):
             torch.zeros(batch),
             torch.zeros(batch),
         )
+
+    def begun(self, state: MemoryState, variance: Tensor) -> MemoryState:
+        """Return a state, or the first one where it is all zero."""
+        begins = 1 - torch.sign(state.covariance.abs().sum(dim=1, keepdim=True))
+        return state._replace(covariance=state.covariance + begins * self.first)
 
     def forward(
         self,
@@ -148,7 +153,6 @@ class MemoryStep(FilterStep):
         return Output(bend, half_width, bias, bias_variance, action, deviation, known), after
 
     def _remember(self, features: Tensor, hidden: Tensor) -> Tensor:
-        """Return what the gated recurrent unit remembers after one more sample."""
         of_input = self.input(features).split(self.hidden, dim=1)
         of_memory = self.memory(hidden).split(self.hidden, dim=1)
         reset = torch.sigmoid(of_input[0] + of_memory[0])

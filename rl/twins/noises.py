@@ -140,7 +140,6 @@ def _weibull(samples: int, rng: np.random.Generator) -> _Drawn:
 
 
 def _part(value: float, limits: tuple[float, float], parts: int) -> int:
-    """Return which of equal parts of a range a value is in."""
     low, high = limits
     return min(int(parts * (value - low) / (high - low)), parts - 1)
 

@@ -75,7 +75,6 @@ class OodDetector(torch.nn.Module):
     """
 
     def __init__(self, noise_models: int):
-        """Start before anything is learned, when all is familiar."""
         super().__init__()
         begin, end, count = LEVELS
         self.centres = torch.nn.Buffer(torch.linspace(begin, end, count))
@@ -130,7 +129,6 @@ class OodDetector(torch.nn.Module):
             self._limit(held_out.weights, found, held_out.counts.sum(dim=-1).clamp(min=LEAST_COUNTS))
 
     def _limit(self, weights: Tensor, found: Tensor, total: Tensor) -> None:
-        """Set the limits by the (S,) divergences that were found, of so many counts."""
         groups = [rows for rows in torch.argsort(total).tensor_split(_GROUPS) if len(rows)]
         middle = torch.stack([found[rows].median() for rows in groups])
         inverse = torch.stack([(1 / total[rows]).mean() for rows in groups])

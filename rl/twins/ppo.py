@@ -44,7 +44,6 @@ class TwinsEnvironment(SharedEnvironment):
     def __init__(
         self, step: TwinsStep, source: SequenceSource, settings: SimulatedTraining, count: int, scale: float
     ):
-        """Meet every sample time once, so that rewards are balanced from the start."""
         actions = gymnasium.spaces.Box(-LARGEST_ACTION, LARGEST_ACTION, (ACTIONS,))
         super().__init__(count, gymnasium.spaces.Box(-np.inf, np.inf, (step.seen,)), actions)
         self.filter_step, self.source, self.settings, self.scale = step, source, settings, scale
@@ -83,7 +82,6 @@ class TwinsEnvironment(SharedEnvironment):
 
     @torch.no_grad()
     def _observe(self) -> Array32:
-        """Predict the next sample and return what the policy sees of it."""
         drawn, sample = self.drawn, self.sample
         if sample % self.settings.window == 0:
             self.squares = torch.zeros(self.num_envs)
@@ -103,7 +101,6 @@ class TwinsEnvironment(SharedEnvironment):
 
     @torch.no_grad()
     def _advance(self, action: torch.Tensor) -> Array32:
-        """Return the reward (count,) of an action."""
         drawn, window = self.drawn, self.settings.window
         output, self.state = self.filter_step.update(self.predicted, action)
         square = (output.bend_deg - drawn.truth_deg[self.sample]) ** 2 + SMALLEST_ERROR_DEG2
@@ -149,7 +146,6 @@ def learn_by_ppo(
 
 
 def _shared(ppo: PPO, step: TwinsStep) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    """Return the weights of PPO's policy, each with that of the step."""
     layers = [*ppo.policy.mlp_extractor.policy_net, ppo.policy.action_net]
     theirs = [values for layer in layers for values in layer.parameters()]
     return list(zip(theirs, step.policy.parameters(), strict=True))

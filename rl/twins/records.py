@@ -93,7 +93,6 @@ def simulate_records(
 def _members_along(
     members: MemberSet, samples: int, rng: np.random.Generator
 ) -> tuple[list[Preset], list[NDArray[np.float64] | None]]:
-    """Return presets and sheaths of the members along a record that begins at any time of their courses."""
     if not members.moves:
         return list(members.presets), [None] * len(members.presets)
     begun = members.later(rng.uniform(0.0, _LONGEST))

@@ -18,8 +18,9 @@ from typing import NamedTuple
 
 import torch
 
+from rl.policies import log_scale
 from rl.twins.filter_bank import HISTORY
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, log_scale, network
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, network
 
 Tensor = torch.Tensor
 
@@ -198,7 +199,6 @@ class RecurrentStep(FilterStep):
     """Variance that is stated of the mean of the noise, in units of R, in addition to the output."""
 
     def __init__(self, cell: Callable[[int, int], MemoryCell], width: int):
-        """Start untrained, with almost no output, with a cell made of what it sees and its width."""
         made = cell(SEEN, width)
         super().__init__(made.width + SEEN)
         self.cell = made

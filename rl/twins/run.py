@@ -135,7 +135,6 @@ def _train(
     path: Path,
     shown: "_Shown",
 ) -> None:
-    """Choose members, simulate, learn, and write the curve and the file."""
     members = learner.choose(shown.of("members")) if learner.choose else NO_MEMBERS
     records = simulate_records(
         preset,
@@ -162,12 +161,12 @@ def _train(
     losses: list[float] = []  # since the last validation
 
     def validate(samples: int) -> None:
-        found = validation(step, unseen, settings)
-        error = -math.exp(found.loss)
+        found, actions = validation(step, unseen, settings)
+        error = -math.exp(found)
         if error > max((row[1] for row in keeper.curve), default=-math.inf):
             keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
         loss = sum(losses) / len(losses) if losses else math.nan
-        keeper.curve.append((samples, error, loss, *found.actions))
+        keeper.curve.append((samples, error, loss, *actions))
         write_curve(path.parent, keeper.curve, columns)
         losses.clear()
         shown.error = error
@@ -240,7 +239,6 @@ class _Shown:
         self.error = float("nan")
 
     def of(self, part: str) -> OnShare:
-        """Return a callback for the progress of a part."""
         whole = sum(_COSTS[name] for name in self.parts)
         before = sum(_COSTS[name] for name in self.parts[: self.parts.index(part)])
 

@@ -75,7 +75,6 @@ class SimulatedTraining:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run."""
         check_families(self.noises)
         if self.gain not in self.gains:
             valid = "; ".join(" ".join(words) for words in self.gains)
@@ -122,7 +121,6 @@ class NetworkTraining(SimulatedTraining):
     width: int = 48
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run."""
         super().__post_init__()
         check_between("width", self.width, 1, MOST_WIDTH)
 
@@ -172,7 +170,6 @@ class TwinsTraining(SimulatedTraining):
     ppo_samples: int = 48 * PPO_HORIZON
 
     def __post_init__(self) -> None:
-        """Refuse a training that cannot run."""
         super().__post_init__()
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("moving", self.moving, 0, self.members)

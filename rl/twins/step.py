@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 import torch
 
+from rl.policies import log_scale
 from rl.twins.filter_bank import HISTORY, FilterBank, FilterBankPrediction, FilterBankState, NoiseBelief
 from rl.twins.filter_step import (
     LEAST_VARIANCE,
@@ -36,7 +37,6 @@ from rl.twins.filter_step import (
     Output,
     along,
     last_layer,
-    log_scale,
     network,
 )
 from rl.twins.ood_detector import BINS, Fallback, OodDetector, ResidualHistogram, Verdict
@@ -133,7 +133,6 @@ class PlainFilter(torch.nn.Module):
     """Kalman filter of c, d and b."""
 
     def __init__(self, motion: MemberMotion):
-        """Take the motion of c and d."""
         super().__init__()
         self.motion = motion
         units = torch.eye(len(motion.of_error) + 1)
@@ -349,6 +348,15 @@ class TwinsStep(FilterStep):
             torch.zeros(batch),
             torch.zeros(batch, STATISTICS),
             *self.filter_bank.start(variance),
+        )
+
+    def begun(self, state: FilterState, variance: Tensor) -> FilterState:
+        """Return a state, or the first one where it is all zero; for (B,) variances R [deg^2]."""
+        of_error = self.motion.of_error
+        begins = 1 - torch.sign(along(along(state.rows_covariance, of_error), of_error))[:, None, None]
+        return state._replace(
+            covariance=state.covariance + begins * self.plain.first_covariance(variance),
+            rows_covariance=state.rows_covariance + begins * self.motion.first_covariance(variance),
         )
 
     def forward(self, *given: Any) -> tuple[Output, FilterState]:

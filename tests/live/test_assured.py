@@ -16,7 +16,6 @@ from twin.estimation.deployment import Deployment
 from twin.estimation.estimator import Estimator
 from twin.estimation.gaussian import Belief
 from twin.live.assured import DISTRUSTED, AssuredEstimator
-from twin.live.monitor import Monitor
 from twin.live.online import OnlineEstimator
 from twin.live.reading import Alarm, Health, Source
 
@@ -183,14 +182,6 @@ def test_trust_is_lost_by_three_alarms_in_a_row_and_returns_after_five_seconds_w
             assert any(all(alarmed[m - 2 : m + 1]) for m in range(k - 6, k + 1))
 
 
-def test_command_beyond_the_training_switches_to_the_fallback():
-    live, pull, _, measurement = begun()
-    for k in range(200, 260):
-        reading = live.push(k * T, min(pull[200] + 0.05 * (k - 199), 5.5), measurement[200])
-    assert Alarm.COMMAND in reading.alarms
-    assert reading.source is Source.FALLBACK
-
-
 @pytest.mark.parametrize("kind", [int, np.float32, np.array])
 def test_stuck_sensor_is_found_within_three_samples_and_does_not_hold_the_estimate(kind):
     live, pull, truth, _ = begun()
@@ -207,21 +198,6 @@ def test_repeated_packets_do_not_make_a_stuck_sensor_usual():
             live.push(k * T, pull[k], measurement[k])
     alarms = [live.push(k * T, pull[k], measurement[299]).alarms for k in range(300, 310)]
     assert all(Alarm.STUCK in alarm for alarm in alarms[2:])
-
-
-def test_quantised_sensor_is_soon_not_stuck():
-    pull, truth, _ = stream(2000)
-    live, rounded = assured(), np.round(truth / 2) * 2
-    alarms = [Alarm.STUCK in live.push(k * T, pull[k], rounded[k]).alarms for k in range(2000)]
-    assert 0 < sum(alarms[:200]) < 100
-    assert sum(alarms[200:]) < 20
-
-
-def test_silence_of_the_sensor_is_found():
-    live, pull, _, _ = begun()
-    alarms = [live.push(k * T, pull[k]).alarms for k in range(200, 230)]
-    assert Alarm.TIMEOUT in alarms[-1]
-    assert Alarm.TIMEOUT not in alarms[2]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
@@ -279,27 +255,6 @@ def test_estimate_and_interval_are_numbers_whatever_comes(samples):
         assert reading.high_deg - reading.low_deg <= 360
 
 
-def test_what_is_no_number_is_refused_and_changes_nothing():
-    live = assured()
-    live.push(0.0, 3.0, 60.0)
-    before = live.reading
-    for _ in range(3):  # the number after it has not been seen either
-        with pytest.raises(ValueError, match="time_s = 'x': must be a number"):
-            live.push("x", 3.0, 60.5)
-    assert live.reading == before
-    assert Alarm.STUCK not in live.push(0.1, 3.0, 60.5).alarms
-
-
-def test_fault_before_the_stream_begins_is_an_alarm():
-    live = assured()
-    assert live.push(math.nan, 1.0, 1.0).alarms == Alarm.BEGINNING | Alarm.INPUT
-    waiting = live.push(0.0, math.nan, 1.0)
-    assert waiting.interval_deg is None
-    assert waiting.high_deg - waiting.low_deg == pytest.approx(360)
-    live.push(0.1, 3.0, 65.0)
-    assert live.push(0.2, 3.0, 65.5).interval_deg is not None
-
-
 def test_judging_begins_after_the_same_time_however_few_samples_have_a_measurement():
     """As where a camera is slower than the drive."""
     pull, _, measurement = stream(400)
@@ -312,28 +267,6 @@ def test_judging_begins_after_the_same_time_however_few_samples_have_a_measureme
         ended.append(next(k for k, reading in enumerate(readings) if Alarm.BEGINNING not in reading.alarms))
     assert ended[0] * T == pytest.approx(2.5, abs=0.2)
     assert abs(ended[1] - ended[0]) <= 4
-
-
-@pytest.mark.parametrize(("sample_time", "samples"), [(0.02, 125), (T, 25), (2.0, 3)])
-def test_judging_begins_after_a_window_at_any_sample_time(sample_time, samples):
-    monitor = Monitor(DEPLOYMENT, sample_time, R)
-    alarms = [
-        monitor.judge(60.0, 1.0, 60.0, 1.0, 0.1, 0.2, 0.0, 3.0, sample_time, measured=True)
-        for _ in range(samples + 3)
-    ]
-    begun = next(k for k, alarm in enumerate(alarms) if not alarm & Alarm.BEGINNING.value)
-    assert abs(begun - samples) <= 1
-    first = Monitor(DEPLOYMENT, sample_time, R).judge(
-        500.0, 1.0, 60.0, 1.0, 0.1, 0.2, 0.0, 3.0, sample_time, True
-    )
-    assert Alarm(first) == Alarm.RANGE | Alarm.BEGINNING  # no average is needed for it
-
-
-def test_the_fallback_is_tuned_for_another_sample_time_as_a_random_walk():
-    finer = DEPLOYMENT.fallback_at(T / 4, 2.0)
-    assert finer.sample_time == T / 4
-    assert finer.measurement_variance == 2.0
-    np.testing.assert_allclose(np.array(finer.process_variance) * 4, FALLBACK.process_variance)
 
 
 TURN = 1200  # samples after which the stream repeats

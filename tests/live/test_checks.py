@@ -47,14 +47,3 @@ def test_what_follows_a_fault_does_not_become_usual(flagged):
         detector.is_biased(-17.0)
     detector.clear()
     assert any(detector.is_biased(-2.0) for _ in range(30))
-
-
-def test_model_that_is_wrong_from_now_on_is_usual_within_a_minute():
-    detector, _ = detected(np.zeros(1000))
-    far = [detector.is_biased(8 * np.sin(2 * np.pi * k * T / 10)) for k in range(1200)]
-    assert any(far[:200])
-    assert not any(far[600:])
-
-
-def test_offset_is_the_present_one_where_the_residual_shrinks():
-    assert detected(20 - 2 * np.arange(9.0))[0].offset_deg == pytest.approx(4.0)

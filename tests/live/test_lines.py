@@ -7,7 +7,7 @@ import math
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from repository import REPOSITORY
 
@@ -50,14 +50,6 @@ def split(data: bytes) -> list[tuple[int, bytes | None]]:
         for number, content in enumerate(lines, 1)
         if len(content) > LONGEST_LINE or content.strip()
     ]
-
-
-@settings(max_examples=25)
-@given(st.lists(PIECES, max_size=6))
-def test_numbered_lines_are_those_of_the_stream(pieces):
-    data = b"".join(pieces)
-    found = [(number, line and line.removesuffix(b"\n")) for number, line in numbered_lines(io.BytesIO(data))]
-    assert found == split(data)
 
 
 def test_line_of_any_length_is_read_in_bounded_pieces():

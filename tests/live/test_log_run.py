@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from recorded import assert_equal, make_episode, messages
 
-from twin.episode import Record
 from twin.live import load_runtime
-from twin.live.log_run import joined, log_errors, log_targets, read_logs, replay, run_log
+from twin.live.log_run import joined, log_targets, read_logs, replay, run_log
 from twin.live.reading import RunCounts
 from twin.recording import read_episode, write_episode
 
@@ -118,24 +117,3 @@ def test_episodes_with_different_columns_are_joined_by_what_all_have(tmp_path):
     assert offsets == pytest.approx([0.0, 0.38 + 1.0, 0.38 + 1.0 + 0.18 + 1.0])
     np.testing.assert_array_equal(one.bend[20:30], plane.bend)
     assert_equal(read_episode(write_episode(tmp_path / "one.mcap", one)), one)
-
-
-def test_errors_are_against_the_truth_or_the_measurements_from_the_second_sample_on():
-    time = np.arange(100) * 0.1
-    truth = np.sin(time)
-    measured = truth + 0.5
-    measured[7] = np.nan
-    bend = truth + 1.0
-    bend[0] = 1e6  # where the estimate was given
-    every, steady = log_errors(Record(time, time, truth, measured), bend)
-    assert (len(every), len(steady)) == (99, 50)
-    assert every == pytest.approx(np.ones(99))
-    every, _ = log_errors(Record(time, time, measured_deg=measured, source="measured"), bend)
-    assert every == pytest.approx(np.full(98, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("out", "count"), [(None, 0), ("run.mcap", 1), ("RUN.MCAP", 1), ("runs", 2), ("v1.2", 2)]
-)
-def test_the_name_determines_whether_it_is_one_file_or_a_folder(tmp_path, out, count):
-    assert len({*log_targets(out and tmp_path / out, ["a", "b"])}) == count

@@ -40,12 +40,3 @@ def test_the_gradient_is_that_of_the_mean_logarithm_of_the_families_errors():
     )
     (gradient,) = torch.autograd.grad(wanted, square)
     np.testing.assert_allclose(found, gradient, rtol=1e-4)
-
-
-def test_sample_times_are_kept_apart():
-    typical = TypicalErrors(SETTINGS)
-    for stride, square in ((5, 1.0), (1, 9.0)):
-        drawn = sequences(stride)
-        typical.loss(torch.full((64,), square), drawn, 0)
-    assert (typical.means[:, 0, 0] != typical.means[:, 2, 0]).all()
-    assert typical.met.sum() == 4

@@ -1,16 +1,15 @@
-"""The filter bank of RAM (twins) against filters in plain NumPy that are told the noise_model."""
+"""The filter bank of RAM (twins) against filters in plain NumPy that know the noise model."""
 
 import numpy as np
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from small_twins import LAWS, drawn, normal_laws, shorter, small_step
+from small_twins import LAWS, drawn, normal_laws, small_step
 
 from rl.twins.filter_bank import CAUTION, HISTORY, NARROWEST_DEG2
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
-from rl.twins.noises import count_noise_models
 
 RECOGNISER_ALONE = torch.tensor([0.0, 1.0])
 
@@ -80,23 +79,6 @@ def test_the_law_of_the_noise_is_recognised_and_its_mean_removed():
         assert (output.bias - mean).abs().median() < 0.02
 
 
-def test_a_recogniser_that_is_sure_removes_the_mean_of_the_noise():
-    """Told b beyond doubt, the estimate is that of a filter whose measurements are free of it."""
-    sequences = drawn(3, 150, 8, ("gaussian",))
-    bias = 2.0 * torch.sqrt(sequences.variance)
-    shifted = sequences._replace(measurement_deg=sequences.measurement_deg + bias)
-    bends = []
-    for mean, measured in ((2.0, shifted), (0.0, sequences)):
-        with torch.no_grad():
-            *_, (output, _) = filter_sequences(normal_laws(small_step(), mean), measured, RECOGNISER_ALONE)
-        bends.append(output.bend_deg)
-    np.testing.assert_allclose(*bends, atol=0.02)
-
-
-def test_without_a_recogniser_there_is_one_law():
-    assert count_noise_models(shorter(with_classifier=False).known_noises) == 1
-
-
 @given(seed=st.integers(0, 10_000), loud=st.floats(0.1, 20))
 def test_whatever_the_policy_says_each_filter_takes_a_convex_step_towards_the_parts_of_its_law(seed, loud):
     step = small_step(seed, loud=loud)
@@ -140,12 +122,3 @@ def test_without_a_measurement_nothing_is_learned_of_the_noise():
         np.testing.assert_array_equal(getattr(after, name), getattr(state, name))
     assert torch.isfinite(output.bend_deg).all()
     assert torch.isfinite(output.half_width_deg).all()
-
-
-def test_what_was_seen_of_the_noise_is_forgotten():
-    """A noise model that all measurements speak for gains no more than `HISTORY` of them can say."""
-    step, sequences = small_step(), drawn(2, 190, 5, ("gaussian",))
-    with torch.no_grad():
-        evidence = torch.stack([state.evidence for _, state in filter_sequences(step, sequences, ALL)])
-    steps = evidence[1:] - evidence[:-1] * (1 - 1 / HISTORY)
-    assert (evidence.abs() <= HISTORY * steps.abs().amax(dim=0) + evidence[0].abs()).all()

@@ -10,7 +10,7 @@ import torch
 from exported import filtered_by_both
 from small_twins import TINY, generator, small_memory_source, small_memory_step, small_source, small_step
 
-from rl.twins.graph import MemoryGraph, TwinsGraph, export_memory, export_twins
+from rl.twins.graph import StepGraph, export_twins, export_with_model
 from twin.estimation.learned.trained_file import read_trained_file
 
 pytestmark = pytest.mark.usefixtures("own_exporter")
@@ -30,12 +30,12 @@ def test_filter_step(method, samples, tmp_path):
     path = tmp_path / "policy.onnx"
     if method == "ram-twins":
         step, source = small_step(loud=0.3), small_source()
-        graph, names = TwinsGraph(step), ("members_deg", "way_mm")
+        graph, names = StepGraph(step), ("members_deg", "way_mm")
         export_twins(step, TINY.members, {"agent": method}, path)
     else:
         step, source = small_memory_step(loud=0.3), small_memory_source()
-        graph, names = MemoryGraph(step), ("keep", "drive_deg", "increment_mm")
-        export_memory(step, {"agent": method}, path)
+        graph, names = StepGraph(step), ("keep", "drive_deg", "increment_mm")
+        export_with_model(step, {"agent": method}, path)
     names = (*names, *step.start(torch.ones(1))._fields)
     drawn = source.draw(1, 150, generator(3), stride=5)
     for precision in (torch.float64, torch.float32):  # as deployed, as trained

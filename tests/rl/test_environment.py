@@ -30,11 +30,6 @@ def test_registered_environment_passes_both_checkers(agent):
     check_stable_baselines(environment.unwrapped)
 
 
-def test_an_unknown_agent_is_refused_with_the_valid_ones():
-    with pytest.raises(ValueError, match="'rram'; valid: ram, direct"):
-        EstimationEnvironment(agent="rram")
-
-
 def test_single_environment_is_the_batch_of_one(records, model):
     single = EstimationEnvironment(records, model)
     many = batch(TrainingTask(*stack_records(records)), model, 1)
@@ -58,19 +53,6 @@ def test_reward_is_minus_the_squared_error_of_the_estimate(task, model):
     estimate = (observed.bend_deg + 0.5 * observed.phi).numpy()
     _, reward, _, _ = environment.step(np.tile([0.0, -1.0], (6, 1)))
     np.testing.assert_allclose(reward, -((estimate - truth) ** 2), rtol=1e-6)
-
-
-def test_environments_do_not_touch_each_other(task, model):
-    together, again = batch(task, model, 4), batch(task, model, 4)
-    together.reset(), again.reset()
-    actions = np.random.default_rng(0).uniform(-1, 1, (20, 4, 2))
-    for action in actions:
-        first = together.step(action)
-        other = action.copy()
-        other[1] = -other[1]
-        second = again.step(other)
-        np.testing.assert_array_equal(first[1][[0, 2, 3]], second[1][[0, 2, 3]])
-    assert first[1][1] != second[1][1]
 
 
 def test_an_episode_is_truncated_at_the_end_of_its_record_and_the_next_begins(task, model):
@@ -110,14 +92,6 @@ def test_every_stretch_of_samples_holds_starts_in_their_true_proportion(task, mo
     assert all(set(of[1:]) == {complete} for of in lengths)
 
 
-def test_first_estimates_are_off_as_at_any_start(task):
-    first = np.arange(64) * 3
-    record, _, initial = task.draw(64, np.random.default_rng(0), first)
-    off = np.abs(initial - task.bend_deg[record, first])
-    assert off.min() > 0
-    assert 15 < off.max() <= 20
-
-
 def test_observation_holds_measured_residuals_and_never_the_truth(records, model):
     """The same measurements under another truth give the same observations: only the reward knows it."""
     task = TrainingTask(*stack_records(records))
@@ -132,25 +106,3 @@ def test_observation_holds_measured_residuals_and_never_the_truth(records, model
         two = shifted.step(np.zeros((5, 2)))
         np.testing.assert_array_equal(one[0], two[0])
         assert not np.array_equal(one[1], two[1])
-
-
-def test_initial_errors_and_noise_are_those_of_the_task(records):
-    task = TrainingTask(*stack_records(records), noise_level=0.1, initial_error_deg=20.0)
-    record, measurement, initial = task.draw(4000, np.random.default_rng(0))
-    error = initial - task.bend_deg[record, 0]
-    assert np.abs(error).max() <= 20
-    assert np.abs(error).mean() == pytest.approx(10, rel=0.05)
-    assert (measurement - task.bend_deg[record]).var() == pytest.approx(0.1, rel=0.02)
-
-
-def test_direct_environment_shows_the_residual_against_the_last_estimate(task, model):
-    environment = BatchEnvironment(task, ActiveModel(model, 0.1), 2, seed=3, agent="direct")
-    observation = environment.reset()[:, 0].astype(float)
-    residual = np.sign(observation) * np.expm1(np.abs(observation))
-    measured = environment.measurement[[0, 1], environment.sample]
-    np.testing.assert_allclose(residual, measured - environment.bend_deg, rtol=1e-4)
-
-
-def test_records_are_cut_to_the_shortest():
-    pull, bend = stack_records([(np.arange(5.0), np.arange(5.0)), (np.arange(3.0), np.arange(3.0))])
-    assert pull.shape == bend.shape == (2, 3)

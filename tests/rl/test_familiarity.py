@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 import torch
 from scipy import stats
-from small_twins import LAWS, TINY, generator, small_source, small_step
+from small_twins import LAWS, generator
 
-from rl.twins.filter_step import ALL
-from rl.twins.learning import filter_sequences, fit_ood_detector
 from rl.twins.ood_detector import BINS, FAMILIAR, LEVELS, Histograms, OodDetector
 
 
@@ -17,10 +15,10 @@ def test_divergence_is_that_of_kullback_and_leibler():
     weights, counts = rng.dirichlet(np.ones(LAWS), size=6), 50 * rng.dirichlet(np.ones(BINS), size=6)
     ood_detector = OodDetector(LAWS)
     ood_detector.histograms.copy_(torch.as_tensor(np.log(noise_models))[:, None, :].expand(-1, LEVELS[2], -1))
-    told = (
+    given = (
         torch.as_tensor(of, dtype=torch.float32) for of in (weights, counts, np.log([0.1, 0.5, 1, 2, 4, 8]))
     )
-    found = ood_detector.divergence(*told)
+    found = ood_detector.divergence(*given)
     expected = stats.entropy(counts / 50, weights @ noise_models, axis=1)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
 
@@ -75,22 +73,3 @@ def test_of_a_foreign_noise_nothing_is_said(learned):
     for foreign in (bells / bells.sum(), noise_models[1]):
         known = ood_detector(weights, draw(foreign, 500, 100), torch.zeros(500))
         assert (known == 0).float().mean() > 0.95
-
-
-def test_before_anything_is_counted_and_before_it_has_learned_all_is_familiar(learned):
-    weights = torch.full((1, LAWS), 1 / LAWS)
-    for ood_detector in (learned[0], OodDetector(LAWS)):
-        assert ood_detector(weights, torch.zeros(1, BINS), torch.zeros(1)) == 1
-    assert OodDetector(LAWS)(weights, 100 * torch.rand(1, BINS), torch.zeros(1)) == 1
-
-
-def test_the_finished_filter_finds_its_own_noises_familiar():
-    step, source = small_step(loud=0.5), small_source(("gaussian", "uniform"))
-    fit_ood_detector(step, source, TINY)
-    assert step.guarded
-    drawn = source.draw(200, 40, generator(9))
-    with torch.no_grad():
-        *_, (_, state) = filter_sequences(step, drawn, ALL)
-        weights = step.filter_bank.believe(state.evidence, drawn.variance).weights
-        known = step.ood_detector(weights, state.counts, torch.log(drawn.variance))
-    assert (known == 1).float().mean() > 0.85

@@ -1,27 +1,20 @@
 """The active model with a learned gain: the filter around the gain, what the gain sees, what it learns."""
 
-import csv
-import json
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
-from recorded import make_episode
 from torch_network import as_estimator
 
-import scripts.train
 from rl.export import export_step
 from rl.kalman_net import ERROR_GAIN_LIMIT, KalmanNetStep, train_kalman_net
 from rl.policies import log_scale
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.estimator import Sensor
 from twin.estimation.load import load_estimator
-from twin.hysteresis import BoucWen, PrandtlIshlinskii
-from twin.recording import write_episode
+from twin.hysteresis import PrandtlIshlinskii
 
 T = 0.1
 SHORT = SequenceTraining(iterations=250, sequences=32, window=25, hidden=16, learning_rate=1e-2, seed=1)
@@ -126,22 +119,6 @@ def test_the_network_sees_the_features_of_the_paper_less_the_prediction_of_the_m
         np.testing.assert_allclose(Watched.shown[k - 1], log_scale(torch.tensor(expected)), atol=1e-6)
 
 
-@settings(max_examples=10)
-@given(factor=st.floats(0.1, 10), shift=st.floats(-30, 30))
-def test_the_error_scales_with_the_given_noise(trained, stacked, factor, shift):
-    """About any response of the model, the error of the initial estimate being scaled too."""
-    pull, _, measurement = (values[:, :60] for values in stacked)
-    start = measurement[:, 0]
-    response = trained.model.response(pull, start)
-    moved = trained.model.response(pull, start + shift)
-    away = trained.estimate(pull, measurement, start + 10) - response
-    given_noise = trained.with_sensor(Sensor(0.1 * factor**2))
-    scaled = given_noise.estimate(
-        pull, moved + factor * (measurement - response), start + shift + 10 * factor
-    )
-    np.testing.assert_allclose(scaled - moved, factor * away, atol=1e-6)
-
-
 def test_over_a_gap_it_predicts_and_the_network_rests(trained, stacked):
     pull, bend, measurement = stacked
     state = trained.start(pull[:, 0], bend[:, 0])
@@ -167,24 +144,3 @@ def test_the_exported_graph_is_the_step(stacked, tmp_path):
     found = load_estimator(tmp_path / "a.onnx").estimate(pull, holed, 60.0)
     wanted = as_estimator(step, COLEMAN_HODGDON).estimate(pull, holed, 60.0)
     np.testing.assert_allclose(found, wanted, atol=1e-8)
-
-
-def test_a_model_that_is_not_affine_is_refused(records, tmp_path):
-    model = BoucWen(22.0, -12.0, 1.1, 1.0, 1.5)
-    with pytest.raises(ValueError, match="'bouc-wen' is not affine"):
-        train_kalman_net(records, ActiveModel(model, T), SHORT, tmp_path)
-
-
-def test_the_verb_trains_it(tmp_path, model, capsys):
-    write_episode(tmp_path / "one.mcap", make_episode(samples=40))
-    (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
-    line = f"{tmp_path}/one.mcap --model {tmp_path}/model.json --out {tmp_path}/run --agent kalman-net"
-    options = ["--sample-time", "0.02", "--initial-error-deg", "7", "--episodes", "3", "--json"]
-    assert scripts.train.main([*line.split(), *options]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert summary == {"out": f"{tmp_path}/run/kalman_net.onnx", "agent": "kalman-net"}
-    assert load_estimator(tmp_path / "run/kalman_net.onnx").sample_time == 0.02
-    with (tmp_path / "run/progress.csv").open() as file:
-        samples = [int(row["samples"]) for row in csv.DictReader(file)]
-    assert samples == [64 * 39, 2 * 64 * 39]  # 64 filters over the 39 steps that there are
-    assert "initial_error_deg: 7.0" in (tmp_path / "run/config.yaml").read_text()

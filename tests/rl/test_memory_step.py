@@ -103,24 +103,3 @@ def test_whatever_the_policy_says_the_update_is_a_convex_step_and_variances_stay
             assert (of_f > 0).all()
             assert (cross**2 <= p * of_f * (1 + 1e-4) + 1e-6).all()
             assert torch.isfinite(output.half_width_deg).all()
-
-
-def test_without_a_measurement_it_remembers_what_it_did():
-    step, sequences = small_memory_step(loud=1.0), drawn()
-    with torch.no_grad():
-        *_, (_, state) = filter_sequences(step, sequences, ALL)
-        last, missing = [of[-1] for of in sequences.inputs], torch.full((5,), torch.nan)
-        output, after = step(*last, missing, sequences.variance, sequences.sample_time, ALL, state)
-    np.testing.assert_array_equal(after.hidden, state.hidden)
-    np.testing.assert_array_equal(after.samples, state.samples)
-    assert torch.isfinite(output.bend_deg).all()
-
-
-def test_a_policy_that_does_nothing_changes_nothing():
-    step, sequences = small_memory_step(), drawn()
-    with torch.no_grad():
-        acting, idle = (
-            [output.bend_deg for output, _ in filter_sequences(step, sequences, parts)]
-            for parts in (ALL, NOTHING)
-        )
-    np.testing.assert_allclose(torch.stack(acting), torch.stack(idle), atol=1e-4)

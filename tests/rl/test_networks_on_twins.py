@@ -8,14 +8,12 @@ import torch
 from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
 
-from rl.comparison.settings import Suite
 from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL
-from rl.twins.graph import export_recurrent_step
+from rl.twins.graph import export_with_model
 from rl.twins.learning import filter_sequences, learn_gain
 from rl.twins.run import train_with_model
 from twin.estimation.learned.trained_file import read_trained_file
-from twin.estimation.registry import find_method, method_specs
 from twin.hysteresis import model_to_dict
 
 
@@ -33,7 +31,7 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
     """Along whole records, for any number of them, where measurements are missing too."""
     training, step = RIVALS[name].spec.training, loud_step(name)
     path = tmp_path / training.file
-    export_recurrent_step(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
+    export_with_model(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
     for found, wanted in said_by_both(step, training.load(path)):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
@@ -42,7 +40,7 @@ def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_pat
     rival = RIVALS["KalmanNet (twins)"]
     tiny = dataclasses.replace(TINY_MEMORY, width=8)
     training = rival.spec.training
-    path = train_with_model(training, rival.untrained, export_recurrent_step, *twins(), tiny, tmp_path)
+    path = train_with_model(training, rival.untrained, export_with_model, *twins(), tiny, tmp_path)
     assert read_trained_file(path).description["training"]["seed"] == TINY_MEMORY.seed
     assert training.load(path).states_interval
     with pytest.raises(ValueError, match="gru-twins"):
@@ -66,15 +64,3 @@ def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
     before = ratio()
     learn_gain(step, source, settings)
     assert abs(np.log(ratio())) < min(abs(np.log(before)), np.log(2.5))
-
-
-def test_the_full_suite_has_them_only_where_they_are_named_or_given(tmp_path):
-    def names(**changes):
-        return {spec.name for spec in Suite((), tmp_path, suite="full", workers=1, **changes).specs}
-
-    assert names().isdisjoint(RIVALS)
-    assert names(methods=("GRU (twins)", "AM")) == {"GRU (twins)", "AM"}
-    given = names(trained={"ssm-twins": (tmp_path / "network.onnx",)})
-    assert given & set(RIVALS) == {"SSM (twins)"}
-    assert all(find_method(name).presentation.on_request for name in RIVALS)
-    assert names(methods=("all",)) == {spec.name for spec in method_specs()}

@@ -3,19 +3,16 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from torch_network import Constant, as_estimator
 
 from rl.export import export_step
-from rl.policies import POLICY_STEPS, DirectStep, RamStep, log_scale
+from rl.policies import POLICY_STEPS, DirectStep, RamStep
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Case
 from twin.estimation.learned.methods import DIRECT, RAM
 from twin.estimation.learned.step import OracleRun
 from twin.estimation.load import load_estimator
-from twin.estimation.tuning import ConstantGain
 from twin.hysteresis import BoucWen
 from twin.live.online import OnlineEstimator
 
@@ -57,12 +54,6 @@ def test_ram_without_a_second_gain_is_the_active_model(active_model, case, with_
 def test_ram_with_full_gain_is_the_measurement(active_model, case):
     ram = filtered(steered(active_model, 1.0, -1.0), case)
     np.testing.assert_allclose(ram[:, 1:], case.measurement_deg[:, 1:], atol=1e-9)
-
-
-def test_a_policy_of_one_action_is_the_constant_gain(active_model, case):
-    gained = ConstantGain(active_model.model, 0.1, gain=(0.25, 0.75))
-    found = filtered(steered(active_model, -0.5, 0.5), case)
-    np.testing.assert_allclose(found, filtered(gained, case), rtol=1e-9)
 
 
 def test_every_ram_update_lies_between_the_active_model_and_the_measurement(active_model):
@@ -115,14 +106,6 @@ def test_direct_rl_can_follow_the_measurement_exactly_and_moves_no_further_than_
     np.testing.assert_allclose(after, [25.0, 35.0])
 
 
-@given(st.floats(-1e4, 1e4))
-def test_log_scale_is_odd_and_its_inverse_is_that_of_direct_rl(angle):
-    value = log_scale(torch.tensor(angle, dtype=torch.float64))
-    inverse = torch.sign(value) * torch.expm1(torch.abs(value))
-    np.testing.assert_allclose(inverse, angle, rtol=1e-9, atol=1e-12)
-    assert log_scale(torch.tensor(-angle, dtype=torch.float64)) == -value
-
-
 @pytest.mark.parametrize(("agent", "action"), [("ram", (0.2, -0.4)), ("direct", (0.1,))])
 def test_a_stream_gives_what_the_batch_gives(active_model, case, agent, action):
     estimator = steered(active_model, *action, agent=agent)
@@ -133,14 +116,6 @@ def test_a_stream_gives_what_the_batch_gives(active_model, case, agent, action):
     stream = [live.push(0.1 * k, case.pull_mm[0, k], measurement[k]) for k in range(len(measurement))]
     np.testing.assert_array_equal(stream, batch)
     assert np.isfinite(batch).all()
-
-
-def test_a_step_leaves_the_state_that_it_was_given(active_model):
-    estimator = steered(active_model, 0.5, 0.5)
-    pull = np.full(3, 3.0)
-    first = estimator.start(pull, np.array([50.0, 60.0, 70.0]))
-    estimator.step(first, pull + 0.1, pull, np.full(3, 55.0))
-    np.testing.assert_array_equal(estimator.bend_deg(first), [50.0, 60.0, 70.0])
 
 
 def network(step):

@@ -5,19 +5,16 @@ import pickle
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 from torch_network import as_estimator
 
 from rl.recurrent import GruStep, LstmStep, SequenceNetwork, train_gru, train_lstm
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.estimator import Sensor
 from twin.estimation.learned.methods import GRU, LSTM
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator
-from twin.hysteresis import BoucWen, PrandtlIshlinskii
+from twin.hysteresis import PrandtlIshlinskii
 
 SHORT = SequenceTraining(iterations=120, sequences=32, window=100, seed=1)
 TRAIN = {"lstm": train_lstm, "gru": train_gru}
@@ -105,14 +102,6 @@ def test_the_exported_graph_is_the_step(trained, stacked, agent, tmp_path):
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
-def test_the_lstm_does_not_depend_on_the_stroke(trained, stacked):
-    """It sees increments: a constant added to angle and pull is added to the estimate."""
-    estimator, _ = trained["lstm"]
-    pull, bend, _ = stacked
-    shifted = estimator.estimate(pull - 3.0, bend - 60.0, -60.0)
-    np.testing.assert_allclose(shifted, estimator.estimate(pull, bend, 0.0) - 60.0, atol=1e-6)
-
-
 def test_the_lstm_skips_missing_samples_as_if_they_had_not_been(trained, stacked):
     estimator, _ = trained["lstm"]
     pull, _, measurement = stacked
@@ -126,20 +115,6 @@ def test_the_lstm_skips_missing_samples_as_if_they_had_not_been(trained, stacked
     np.testing.assert_array_equal(nothing, np.full_like(measurement, 50.0))
 
 
-@settings(max_examples=10)
-@given(factor=st.floats(0.1, 10), shift=st.floats(-30, 30))
-def test_the_error_of_the_gru_scales_with_the_given_noise(trained, stacked, factor, shift):
-    """About any response of the model, whatever the angle: it sees only what is not predicted."""
-    estimator, _ = trained["gru"]
-    pull, _, measurement = (of[:, :80] for of in stacked)
-    response = estimator.model.response(pull, measurement[:, 0])
-    moved = estimator.model.response(pull, measurement[:, 0] + shift)
-    away = estimator.estimate(pull, measurement, 0.0) - response
-    given_noise = estimator.with_sensor(Sensor(0.1 * factor**2))
-    scaled = given_noise.estimate(pull, moved + factor * (measurement - response), 0.0) - moved
-    np.testing.assert_allclose(scaled[:, 1:], factor * away[:, 1:], atol=1e-6)
-
-
 @pytest.mark.parametrize(
     "reference", [COLEMAN_HODGDON, PrandtlIshlinskii((10.0, 8.0, 6.0), (0.0, 0.3, 0.8))], ids=["c-h", "p-i"]
 )
@@ -148,18 +123,6 @@ def test_without_measurements_the_gru_is_the_model(reference, stacked):
     estimator = as_estimator(GruStep(SequenceNetwork(torch.nn.GRU, 8)), reference)
     alone = estimator.estimate(pull, np.full_like(measurement, np.nan), 40.0)
     np.testing.assert_allclose(alone, reference.response(pull, np.full(3, 40.0)), atol=1e-9)
-
-
-def test_over_a_gap_the_gru_follows_the_model_and_then_filters_on(trained, stacked):
-    estimator, _ = trained["gru"]
-    pull, bend, measurement = stacked
-    holed = measurement.copy()
-    holed[1, 60:70] = np.nan
-    holed[2, :20] = np.nan  # it begins late
-    estimate = estimator.estimate(pull, holed, bend[:, 0] + 20)
-    along = estimator.model.response(pull[1:2, 59:70], estimate[1:2, 59])
-    np.testing.assert_allclose(estimate[1, 59:70], along[0], atol=1e-9)
-    assert np.sqrt(((estimate - bend)[1:, 71:] ** 2).mean()) < 0.6 * np.sqrt(0.1)
 
 
 @pytest.mark.parametrize("agent", AGENTS)
@@ -177,8 +140,3 @@ def test_a_finished_run_stays_and_is_loaded_again(trained, stacked, records, mod
     assert read_trained_file(path).description["training"]["seed"] == 1
     with pytest.raises(ValueError, match="holds the agent"):
         (GRU if agent == "lstm" else LSTM).training.load(path)
-
-
-def test_a_gru_of_a_model_that_is_not_affine_is_refused(records, tmp_path):
-    with pytest.raises(ValueError, match="not affine in the angle"):
-        train_gru(records, ActiveModel(BoucWen(22.0, -12.0, 1.1, 1.0, 1.5), 0.1), SHORT, tmp_path)

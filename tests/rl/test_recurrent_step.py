@@ -1,4 +1,4 @@
-"""Networks and learned gains beside a model, against filters by hand; what is said stays within bounds."""
+"""Networks and learned gains next to a model, against filters by hand; what is said stays within bounds."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,8 @@ from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences
 from rl.twins.recurrent_step import (
-    FIRST_SPREAD,
-    Correction,
     GatedUnit,
     LearnedGain,
-    LearnedGainAndBias,
     RecursiveGain,
 )
 
@@ -70,25 +67,6 @@ def test_constant_gains_are_a_filter_of_constant_gains():
         np.testing.assert_allclose(outputs[:, row], by_hand(sequences, row, 0.3, 0.2), atol=2e-3)
 
 
-def test_a_constant_correction_is_added_in_units_of_the_noise():
-    sequences = drawn()
-    silent, loud = (run(says(Correction, amount), sequences) for amount in (0.0, 0.5))
-    root = torch.sqrt(sequences.variance)
-    first = loud[0][0].bend_deg - silent[0][0].bend_deg
-    np.testing.assert_allclose(first, 0.5 * root, rtol=1e-4)
-
-
-def test_the_mean_of_the_noise_is_taken_away_at_the_output_alone():
-    sequences = drawn()
-    plain, biased = (run(says(LearnedGainAndBias, 0.0, 0.0, bias, 0.0), sequences) for bias in (0.0, 1.0))
-    mean = 4 * np.tanh(0.25) * torch.sqrt(sequences.variance)
-    for (before, one), (after, other) in zip(plain, biased, strict=True):
-        np.testing.assert_allclose(before.bend_deg - after.bend_deg, mean, atol=1e-3)
-        np.testing.assert_array_equal(one.values, other.values)
-    unheard = run(says(LearnedGainAndBias, 0.0, 0.0, 1.0, 0.0), sequences, torch.tensor([1.0, 0.0]))
-    np.testing.assert_array_equal(unheard[-1][0].bend_deg, plain[-1][0].bend_deg)
-
-
 def test_the_variance_of_a_recursive_gain_is_that_of_joseph():
     """P <- (1 - K)^2 (keep^2 P + q) + K^2 R; it only grows while nothing is measured."""
     sequences = drawn()
@@ -132,12 +110,6 @@ def test_the_first_measurement_is_the_first_estimate_and_silence_changes_no_netw
     np.testing.assert_array_equal(before.hidden[1], after.hidden[1])
     np.testing.assert_array_equal(before.samples[1], after.samples[1])
     assert torch.isfinite(torch.stack([output.half_width_deg for output, _ in outputs])).all()
-
-
-def test_where_no_variance_is_computed_the_interval_begins_from_a_share_of_the_noise():
-    sequences = drawn()
-    (output, _), *_ = run(says(Correction, 0.0), sequences)
-    np.testing.assert_allclose(output.deviation_deg, FIRST_SPREAD * torch.sqrt(sequences.variance), rtol=1e-5)
 
 
 @given(seed=st.integers(0, 10_000), loud=st.floats(0.1, 20))

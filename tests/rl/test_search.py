@@ -1,24 +1,19 @@
 """Search of settings: all of the grid are tried, the best on held-out twins is trained with."""
 
 import csv
-import math
 import re
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from small_twins import MODEL, twins
+from small_twins import twins
 
 from rl import sweep
-from rl.on_twins import RAM_MEMORY_SETTINGS, RIVALS, untrained_memory
+from rl.on_twins import RAM_MEMORY_SETTINGS, RIVALS
 from rl.options import TrainingOptions
 from rl.sweep import FILE, grid_of, search_settings, with_settings
 from rl.trainers import Material, Simulated, find_trainer
-from rl.twins.graph import export_memory, export_recurrent_step
-from rl.twins.settings import NetworkTraining
-from twin.estimation.learned.methods import RAM_MEMORY
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.files.run_folder import read_progress
-from twin.hysteresis import model_to_dict
 
 OPTIONS = TrainingOptions(agent="gru-twins", episodes=1, seed=2)
 
@@ -42,25 +37,6 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
     grid = grid_of("ram-memory")
     assert len(grid) == 6
     assert {"learning_rate": RAM_MEMORY_SETTINGS.learning_rate, "width": RAM_MEMORY_SETTINGS.width} in grid
-
-
-def test_the_largest_memory_of_ram_that_a_search_tries_can_be_deployed(tmp_path):
-    training = RAM_MEMORY.training
-    step = untrained_memory(NetworkTraining(width=max(of["width"] for of in grid_of(training.agent)))).eval()
-    path = tmp_path / training.file
-    export_memory(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
-    assert training.load(path).states_interval
-
-
-@pytest.mark.parametrize("name", RIVALS)
-def test_whatever_the_search_takes_can_be_deployed(name, tmp_path):
-    """The largest network of each grid is written and read."""
-    training = RIVALS[name].spec.training
-    widest = max(settings["width"] for settings in grid_of(training.agent))
-    step = RIVALS[name].untrained(NetworkTraining(width=widest)).eval()
-    path = tmp_path / training.file
-    export_recurrent_step(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
-    assert training.load(path).states_interval
 
 
 def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tmp_path, monkeypatch):
@@ -91,11 +67,3 @@ def test_a_method_without_a_grid_is_refused_and_those_with_one_are_named():
     message = "agent 'ram' has no settings to search; valid: bias-kalman-net-twins, gru-twins, "
     with pytest.raises(ValueError, match=re.escape(message)):
         grid_of("ram")
-
-
-def test_settings_out_of_range_are_refused(material, tmp_path):
-    for width in (0, 513, math.inf):
-        with pytest.raises(ValueError, match="width"):
-            find_trainer("gru-twins").run(
-                with_settings(material, {"width": width}), OPTIONS, tmp_path / "run"
-            )

@@ -4,11 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from small_twins import TINY, generator, shorter, small_source, small_step
+from small_twins import TINY, generator, small_source, small_step
 
 from rl.twins.learning import validation
 from rl.twins.records import STRIDES, SequenceSource
-from rl.twins.settings import SAMPLE_TIMES
 
 
 @pytest.mark.parametrize(
@@ -21,18 +20,6 @@ def test_the_first_sample_time_is_met_most_often_and_the_others_alike(strides, s
     met = [drawn.count(stride) / len(drawn) for stride in strides]
     assert sum(met) == pytest.approx(1)
     np.testing.assert_allclose(met, shares, atol=4 * np.sqrt(0.25 / len(drawn)))
-
-
-def test_a_training_meets_the_sample_times_that_it_is_asked_for():
-    assert TINY.strides == STRIDES
-    assert shorter(sample_times=(0.02, 0.1)).strides == (1, 5)
-    assert SAMPLE_TIMES == (0.1, 0.04, 0.02)
-
-
-@pytest.mark.parametrize("times", [(), (0.05,), (0.1, 0.1)])
-def test_sample_times_that_records_do_not_have_are_refused(times):
-    with pytest.raises(ValueError, match=r"sample times .* s: valid are 0\.1, 0\.04, 0\.02, each once"):
-        shorter(sample_times=times)
 
 
 def test_validation_is_at_the_ends_of_what_is_met(monkeypatch):

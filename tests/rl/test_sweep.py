@@ -2,11 +2,9 @@
 
 import dataclasses
 import re
-import shutil
 
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 from scores import simulated_record
 
 from rl.comparison.given import given_files
@@ -18,7 +16,6 @@ from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method
 from twin.evaluation.method import build_method, make_case
 from twin.evaluation.protocol import Protocol
-from twin.files.run_folder import COST_FILE
 from twin.workers.processes import local_workers, shared_table
 
 OPTIONS = TrainingOptions(agent="gru", episodes=7)
@@ -41,35 +38,17 @@ def alone(material, tmp_path):
 
 
 def test_side_by_side_they_are_those_that_run_alone(material, alone, tmp_path):
-    told = []
+    reported = []
     with local_workers(2) as executor, shared_table() as shares:
         paths = train_seeds(
-            material, OPTIONS, SEEDS, tmp_path / "sweep", executor, lambda *of: told.append(of), shares
+            material, OPTIONS, SEEDS, tmp_path / "sweep", executor, lambda *of: reported.append(of), shares
         )
         assert {place: share.done for place, share in shares.items()} == dict.fromkeys(range(2), 1.0)
         assert all(isinstance(share, Share) and share.reward < 0 for share in shares.values())
     assert paths == [folder_of(tmp_path / "sweep", seed) / "gru.onnx" for seed in SEEDS]
     assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in alone]
-    assert told[-1][:2] == (2000, 2000)
-    assert [done for done, *_ in told] == sorted(done for done, *_ in told)
-
-
-def test_a_cluster_trains_the_same(material, alone, tmp_path):
-    with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
-        told = []
-        paths = train_seeds(
-            material,
-            OPTIONS,
-            SEEDS,
-            tmp_path / "sweep",
-            client.get_executor(pure=False),
-            lambda *of: told.append(of),
-        )
-    assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in alone]
-    assert [done for done, *_ in told] in ([1000, 2000], [2000])
+    assert reported[-1][:2] == (2000, 2000)
+    assert [done for done, *_ in reported] == sorted(done for done, *_ in reported)
 
 
 def test_files_of_several_seeds_are_one_method(alone, records):
@@ -86,13 +65,6 @@ def test_files_of_several_seeds_are_one_method(alone, records):
         ((expected, *_),) = only.run(case, 1, range(1, 5))
         np.testing.assert_array_equal(estimate, expected)
     assert np.abs(both[0] - both[1]).max() > 1e-3
-
-
-def test_a_damaged_cost_beside_a_file_is_told_before_any_work(alone, tmp_path):
-    shutil.copytree(alone[0].parent, tmp_path / "run")
-    (tmp_path / "run" / COST_FILE).write_text('{"processor_s": "long"}')
-    with pytest.raises(ValueError, match=r"run/cost\.json: processor_s = 'long': must be"):
-        given_files([tmp_path / "run" / alone[0].name], None, [0.1])
 
 
 def test_files_that_are_no_trainings_of_one_method_are_refused(material, alone, tmp_path):
@@ -114,7 +86,7 @@ def test_files_that_are_no_trainings_of_one_method_are_refused(material, alone, 
         (2**32 - 2, 3, "seed = 4294967294: with 3 seeds it must be at most 4294967293"),
     ],
 )
-def test_seeds_that_nobody_can_train_are_refused(first, count, message):
+def test_seeds_that_are_out_of_range_are_refused(first, count, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         seeds_from(first, count)
     assert list(seeds_from(2**32 - 3, 3)) == [2**32 - 3, 2**32 - 2, 2**32 - 1]

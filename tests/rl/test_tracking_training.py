@@ -8,7 +8,7 @@ from stable_baselines3 import PPO
 
 from rl import tracking_training
 from rl.tracking import TrackingEnvironment
-from rl.tracking_training import TrackingTraining, export_actor, train_tracking
+from rl.tracking_training import export_actor
 from twin.control.controllers.ppo import load_tracking_policy
 from twin.errors import InputError
 
@@ -32,19 +32,6 @@ def test_the_file_is_the_deterministic_actor_within_its_bounds(tmp_path):
     assert any(-0.9 < action < 0.9 for action in expected)
 
 
-def test_a_seed_is_a_policy_and_the_file_states_its_loop(tmp_path):
-    one, same, other = (
-        write_tiny(tmp_path / f"folder/{name}.onnx", seed=seed, speed_mm_s=4.0, sample_time=0.04)
-        for name, seed in (("one", 1), ("same", 1), ("other", 2))
-    )
-    assert said(one) == said(same)
-    assert said(one) != said(other)
-    policy = load_tracking_policy(one)
-    assert (policy.sample_time, policy.speed_mm_s) == (0.04, 4.0)
-    assert policy.network.description["seed"] == 1
-    assert policy.network.description["strokes_mm"] == [[-1.0, 1.0], [2.0, 4.0]]
-
-
 def test_environments_take_the_strokes_in_turn_and_draw_endoscopes(tmp_path, monkeypatch):
     made = []
 
@@ -62,20 +49,6 @@ def test_environments_take_the_strokes_in_turn_and_draw_endoscopes(tmp_path, mon
     assert made[0].plant.preset != made[2].plant.preset
 
 
-def test_progress_counts_samples_and_tells_the_reward_of_whole_episodes(tmp_path, monkeypatch):
-    told = []
-    training = TrackingTraining(samples=2400, horizon=1200, environments=2, minibatch=1200)
-    reward = train_tracking(tmp_path / "ppo.onnx", training=training, on_progress=lambda *of: told.append(of))
-    assert {total for _, total, _ in told} == {2400}
-    done = [count for count, _, _ in told]
-    assert done == sorted(done)
-    assert done[-1] == 2400
-    assert np.isnan(told[0][2])
-    assert told[-1][2] == reward < 0
-    description = load_tracking_policy(tmp_path / "ppo.onnx").network.description
-    assert description["mean_reward_deg2"] == reward
-
-
 def test_a_file_of_before_stays_where_a_training_fails(tmp_path, monkeypatch):
     path = tmp_path / "ppo.onnx"
     path.write_text("of before")
@@ -90,7 +63,7 @@ def test_a_file_of_before_stays_where_a_training_fails(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         ({"samples": 0}, "samples = 0: must be from 1 to"),
         ({"environments": 1}, "environments = 1: must be from 2 to 1000"),
@@ -98,7 +71,7 @@ def test_a_file_of_before_stays_where_a_training_fails(tmp_path, monkeypatch):
         ({"strokes_mm": ((1.0, -1.0), (0.0, 1.0))}, r"stroke \[1, -1\] mm"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(tmp_path, wrong, told):
-    with pytest.raises(InputError, match=told) as refused:
+def test_what_cannot_be_is_refused_in_one_line(tmp_path, wrong, message):
+    with pytest.raises(InputError, match=message) as refused:
         write_tiny(tmp_path / "ppo.onnx", **wrong)
     assert "\n" not in str(refused.value)

@@ -7,10 +7,9 @@ import pytest
 import torch
 
 from rl import training
-from rl.options import TrainingOptions, check_memory
+from rl.options import TrainingOptions
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.load import load_estimator
 from twin.files.run_folder import COST_FILE, read_cost
 
 SHORT = TrainingOptions(episodes=32, environments=16, horizon=512, seed=3)
@@ -44,22 +43,6 @@ def test_run_folder_holds_policy_configuration_and_curve(run_folder):
     assert read_cost(run_folder) > 0
     samples = [count for count, _ in returns(run_folder)]
     assert samples == sorted(set(samples))
-
-
-def test_policy_carries_the_filter_that_it_was_trained_with(run_folder, active_model):
-    estimator = load_estimator(run_folder / "policy.onnx")
-    assert estimator.network.file.agent == "ram"
-    assert (estimator.model, estimator.sample_time) == (active_model.model, 0.1)
-    assert not estimator.states_interval
-
-
-def test_training_improves_the_policy(records, active_model, tmp_path):
-    longer = TrainingOptions(
-        agent="direct", episodes=120, environments=16, horizon=512, learning_rate=1e-3, seed=3
-    )
-    train_policy(records, active_model, longer, tmp_path)
-    curve = [value for _, value in returns(tmp_path)]
-    assert curve[-1] > 0.1 * curve[0]  # both negative: a tenth of the error that a random policy makes
 
 
 def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
@@ -132,8 +115,3 @@ def test_training_that_cannot_run_is_refused(change, message):
     with pytest.raises(ValueError, match=re.escape(message)) as refused:
         TrainingOptions(**change)
     assert len(str(refused.value)) < 300
-
-
-def test_more_measurements_than_memory_holds_are_refused():
-    with pytest.raises(ValueError, match="environments = 1024: must be at most 200 for records of 1000000"):
-        check_memory(TrainingOptions(environments=1024), 1_000_000)

@@ -1,18 +1,13 @@
 """The step of RAM (twins) against a Kalman filter in plain NumPy, and what holds for any policy."""
 
 import numpy as np
-import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
-from small_twins import LAWS, TINY, drawn, small_step
+from small_twins import drawn, small_step
 
 from rl.twins import filter_step as motion
 from rl.twins import step as plain
 from rl.twins.filter_step import ALL, NOTHING
 from rl.twins.learning import filter_sequences
-from rl.twins.ood_detector import ResidualHistogram
-from rl.twins.step import TwinsStep
 
 
 def kalman_filter(members, way, measurement, variance, sample_time, directions):
@@ -89,54 +84,3 @@ def test_under_a_noise_that_training_never_met_nothing_learned_is_heard():
         after_ten(small_step(loud=2.0), 1e-9), after_ten(other, 1e-9), rtol=0, atol=1e-3
     )
     torch.testing.assert_close(after_ten(small_step(loud=2.0), 1e6), after_ten(small_step(loud=2.0), None))
-
-
-@given(residual=st.floats(-50, 50))
-def test_a_residual_counts_once(residual):
-    counted = ResidualHistogram()(torch.tensor([residual]), torch.zeros(1))
-    assert counted.sum() == pytest.approx(1, abs=1e-5)
-    assert (counted > 0).sum() <= 2
-
-
-def whole_and_without(**part):
-    """Estimates of two steps with the same weights, one without a part."""
-    estimates = []
-    for chosen in ({}, part):
-        torch.manual_seed(5)
-        step = TwinsStep(small_step().directions[:, :-1] * (TINY.members - 1) ** 0.5, LAWS, **chosen).eval()
-        with torch.no_grad():
-            step.policy[-1].weight.normal_(0, 1.0)
-            outputs = [of for of, _ in filter_sequences(step, drawn(), ALL)]
-            *_, (_, state) = filter_sequences(step, drawn(), ALL)
-        estimates.append((torch.stack([of.bend_deg for of in outputs]), state, step))
-    return estimates
-
-
-def test_without_a_model_error_state_nothing_is_estimated_of_it():
-    (whole, before, _), (bare, after, _) = whole_and_without(with_error=False)
-    for of_error in (before.rows[:, :, -1], before.mean[:, -2]):
-        assert of_error.abs().max() > 1e-2
-    for of_error in (after.rows[:, :, -1], after.mean[:, -2]):
-        assert of_error.abs().max() < 1e-4
-    assert (whole - bare).abs().max() > 1e-3
-
-
-def test_the_filter_alone_is_computed_only_where_it_is_asked_for():
-    """The estimate is the same with it and without, while everything is heard."""
-    step, sequences = small_step(loud=1.0), drawn()
-    estimates = []
-    for step.goes_along in (True, False):
-        with torch.no_grad():
-            *_, (output, state) = filter_sequences(step, sequences, ALL)
-        estimates.append(output.bend_deg)
-        assert bool(state.counts.any()) == step.goes_along
-    torch.testing.assert_close(*estimates)
-
-
-def test_a_policy_without_layers_is_linear():
-    step = whole_and_without(policy_layers=0)[1][2]
-    one, other = torch.randn(2, 3, step.policy[-1].in_features)
-    nothing = step.policy(torch.zeros_like(one))
-    torch.testing.assert_close(
-        step.policy(one + other) - nothing, step.policy(one) + step.policy(other) - 2 * nothing
-    )

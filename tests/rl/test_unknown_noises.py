@@ -1,4 +1,4 @@
-"""RAM (twins) under five kinds of noise that its training never saw, beside a tuned filter."""
+"""RAM (twins) under five kinds of noise that its training never saw, compared with a tuned filter."""
 
 import numpy as np
 import pytest

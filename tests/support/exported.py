@@ -9,7 +9,7 @@ from small_twins import generator, small_memory_source
 
 from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
-from rl.twins.graph import MemoryGraph, TwinsGraph
+from rl.twins.graph import StepGraph
 from rl.twins.records import Sequences
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.step import LearnedStep
@@ -17,7 +17,7 @@ from twin.estimation.learned.trained_file import TrainedFile
 
 
 def filtered_by_both(
-    graph: TwinsGraph | MemoryGraph,
+    graph: StepGraph,
     file: TrainedFile,
     names: Sequence[str],
     drawn: Sequences,

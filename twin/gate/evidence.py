@@ -189,7 +189,6 @@ class GateMaterial:
         return self._cases(self.ranges, _HELD_OUT)
 
     def _cases(self, ranges: Ranges, purpose: int) -> tuple[list[Case], list[Any], int]:
-        """Return a case for each noise, the stroke of each twin in it, and the number of failed twins."""
         rng, size = self.random(purpose), self.size
         records, left_out = self.twins(ranges, rng, seconds=size.seconds, kinds=size.kinds, count=size.twins)
         self.on_progress(0.05)
@@ -329,11 +328,6 @@ def gather(
 
     The stroke within which twins are pulled [mm] and T [s] are those of the training, if not given; without a
     stroke in the file, that of the logs.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is not a trained file, it cannot run at this sample time, the preset has a second
-            bending plane, gravity or another reach, or a log is too short.
     """
     file = read_trained_file(path)
     if sample_time is not None:

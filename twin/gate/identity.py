@@ -55,13 +55,7 @@ def made_for_endoscope(material: GateMaterial) -> Check:
 
 
 def differing_parameters(trained: Mapping[str, Any], ranges: Any, preset: Preset) -> list[dict[str, Any]]:
-    """Return the parameters of a preset that differ from the trained ones, and are not within their ranges.
-
-    Args:
-        trained: the preset of the training.
-        ranges: of the training: lowest and highest value by name.
-        preset: the other one.
-    """
+    """Return the parameters of a preset that differ from the trained ones beyond their ranges."""
     limits = ranges if isinstance(ranges, Mapping) else {}
     rows: list[dict[str, Any]] = []
     for name, value in preset.to_dict().items():

@@ -141,7 +141,6 @@ def _table(checks: Sequence[tuple[CheckSpec, Check]]) -> Markup:
 
 
 def _rows(checks: Sequence[tuple[CheckSpec, Check]]) -> list[Markup]:
-    """Return the rows of the checks, each behind a line that opens it."""
     return [
         folded(
             f"{check.name}: all figures",
@@ -157,7 +156,6 @@ def _rows(checks: Sequence[tuple[CheckSpec, Check]]) -> list[Markup]:
 
 
 def _figures(part: str, checks: Sequence[Check]) -> list[Markup]:
-    """Return the figures of a part of the argument that there is evidence for."""
     with_rows = [check for check in checks if check.rows]
     if part == ACCURACY and with_rows:
         caption = (

@@ -58,7 +58,6 @@ def _spikes(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample
 
 
 def _out_of_order(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
-    """Each pair of samples in the wrong order, and every third sample twice."""
     for number in range(0, len(good) - 1, 2):
         yield good[number + 1]
         yield good[number]
@@ -190,7 +189,6 @@ def _run(
     measured: Array,
     initial: float,
 ) -> dict[str, Any]:
-    """Run a runtime from an initial estimate, and the fallback alone, on one stream with one fault."""
     T = material.sample_time
     good: list[Sample] = [(k * T, float(pull[k]), float(measured[k])) for k in range(len(pull))]
     begin = round(_BEFORE_S / T)

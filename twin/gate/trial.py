@@ -63,7 +63,6 @@ def reduction_interval(squares: Array, rival: Array, rng: np.random.Generator) -
 
 
 def _resampled(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return root mean square errors of both, (RESAMPLES,) each."""
     if squares.shape != rival.shape or squares.ndim != 2 or not squares.size:
         raise ValueError(f"runs of shapes {squares.shape} and {rival.shape}: must be the same, and not empty")
     units, draws = squares.shape
@@ -123,16 +122,7 @@ def run_trials(
     left_out: int,
     on_progress: Callable[[int, int], None],
 ) -> list[PairedTrial]:
-    """Run two estimators on all noises at once; the first sample, which is given, is not scored.
-
-    Args:
-        policy: without a sensor.
-        rival: likewise; the policy itself, if None.
-        cases: one for each noise, with the truth, each with the same units in the same order.
-        units: what each is of.
-        left_out: twins that found no equilibrium.
-        on_progress: called with the number of samples done, and of all.
-    """
+    """Run two estimators on all noises at once; the first sample, which is given, is not scored."""
     case = joined_cases(cases)
     measured, truth = case.measurement_deg, np.asarray(case.truth_deg)
     bend, half = follow(policy.with_sensor(case.sensor), case, on_progress)

@@ -179,7 +179,6 @@ class AssuredEstimator:
         return _LOST if self.advanced.faults & ~self.fallback.faults & _REFUSED else 0
 
     def _decide(self, alarms: int) -> None:
-        """Update trust in the trained estimator, with hysteresis."""
         if not alarms & _DISTRUSTED:
             self._bad = 0
             self._good += 1

@@ -59,11 +59,7 @@ class StreamLimits:
 
 
 def real_number(name: str, value: Any) -> float:
-    """Return a real number of any type as a float.
-
-    Raises:
-        ValueError: it is not a real number.
-    """
+    """Return a real number of any type as a float."""
     number = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     if not isinstance(number, numbers.Real):
         shown = " ".join(reprlib.repr(value).split())[:40]
@@ -312,7 +308,6 @@ class StuckSensor:
         return False
 
     def _learn(self) -> None:
-        """Learn from the run that has ended."""
         self._repeated += self.LEARN * ((self._repeats > 0) - self._repeated)
         if self._repeats:
             length = min(self._repeats + 1, self.LONGEST_RUN)

@@ -123,11 +123,7 @@ def numbered_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes | None]]:
 
 
 def read_sample(line: bytes | None) -> SampleLine:
-    """Return the sample in a line; None is a line that was too long to be read.
-
-    Raises:
-        ValueError: it is not a sample; the text gives the reason.
-    """
+    """Return the sample in a line; None is a line that was too long to be read."""
     if line is None:
         raise InputError(f"the line is longer than {LONGEST_LINE} bytes")
     try:

@@ -73,18 +73,7 @@ def run_log(
     facts: Mapping[str, Any],
     on_progress: Callable[[int, int], None],
 ) -> LogScores:
-    """Stream every episode through a runtime; write the targets, each completely or not at all.
-
-    Args:
-        files: MCAP file of each episode, by its name.
-        logs: samples of each, in the same order.
-        targets: files to write; one for each episode, one for all together, or none.
-        method: name of the trained method.
-        new_runtime: returns a runtime before its first sample.
-        sink: takes each sample, in addition to the recording; for it, episodes follow one another in time.
-        facts: of the run, for the metadata of the recordings.
-        on_progress: called with the samples so far and all of them.
-    """
+    """Stream every episode through a runtime; write the targets, each completely or not at all."""
     errors: list[Array] = []
     steady: list[Array] = []
     names, count, end_s = list(files), 0, None
@@ -144,7 +133,6 @@ def _rmse_deg(errors: list[Array]) -> float | None:
 
 
 def _add_reading(writer: EpisodeWriter, method: str, sample: StreamSample, offset_s: float) -> None:
-    """Write estimate and health of one sample, at its time."""
     nanoseconds, reading = round((sample.time_s + offset_s) * 1e9), sample.reading
     estimate = estimate_message(reading.bend_deg, *(reading.interval_deg or ()))
     writer.add_message(estimate_topic(method), estimate, nanoseconds)

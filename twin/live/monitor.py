@@ -118,7 +118,6 @@ class Monitor:
         return alarms
 
     def _compare(self, apart_deg: float, innovation_deg: float, expected: float, since_s: float) -> int:
-        """Take in an innovation of the fallback and return the alarms that follow from it."""
         if since_s > self._longest_s:
             since_s = self._longest_s  # one sample after a pause is not a window of them
         self._seen_s += since_s

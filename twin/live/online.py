@@ -170,7 +170,6 @@ class OnlineEstimator(Generic[State]):
         self.state = self.form.start(pull_mm, self.bend_deg)
 
     def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
-        """Step to a sample whose pull and measurement are each within their limits, or NaN."""
         self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
         if pull_mm != pull_mm:  # NaN
             pull_mm = self.pull_mm
@@ -210,7 +209,6 @@ class OnlineEstimator(Generic[State]):
             self._restart(pull_mm, self.bend_deg + self._bias.offset_deg)
 
     def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> None:
-        """Predict the samples of a gap, and all of a move that is too long for one step."""
         between = 0
         if elapsed_s > self._gap_s:
             samples = elapsed_s / self.sample_time
@@ -236,7 +234,6 @@ class OnlineEstimator(Generic[State]):
             self._restart(pull_mm, self.bend_deg if math.isnan(measurement_deg) else measurement_deg)
 
     def _accept(self, state: State, pull_mm: float) -> bool:
-        """Go on from a state, if it is possible."""
         bend_deg = self.form.bend_deg(state)
         sound = abs(bend_deg) <= self._wild_deg and self.form.is_sound(state)
         if sound:

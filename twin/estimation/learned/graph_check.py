@@ -45,7 +45,6 @@ class _Outline:
         self.fields = self.nodes = self.concatenations = 0
 
     def parts(self, kind: str, data: memoryview) -> Iterator[tuple[int, int | memoryview]]:
-        """Yield number and value of each field of a message, which must be of those known of its kind."""
         for number, value in self.all_fields(data):
             if number not in _PARTS[kind]:
                 raise InputError(f"its {kind} has a part (field {number}) that training never writes")

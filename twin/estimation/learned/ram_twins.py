@@ -128,7 +128,6 @@ class MemberWeights:
     """
 
     def __init__(self, estimator: RamTwins) -> None:
-        """Read them from the graph of an estimator of one stream, for its R."""
         laws, size = estimator.network.state["rows"]
         members, directions = len(estimator.twins.presets), size - 1  # the last number is d
         coefficients = np.tile(np.eye(directions, size), (members, 1))

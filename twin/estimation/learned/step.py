@@ -99,12 +99,7 @@ class StepNetwork:
 
 
 def step_network(file: TrainedFile, more: Mapping[str, tuple[int, ...]] | None = None) -> StepNetwork:
-    """Return the graph of a trained file, tried on zeros.
-
-    Args:
-        file: the trained file.
-        more: shape for one filter of each input of this kind of graph alone.
-    """
+    """Return the graph of a trained file, tried on zeros."""
     known = INPUTS | dict(more or {})
     there = {part.name: tuple(part.shape) for part in file.session.get_inputs()}
     returned = [part.name for part in file.session.get_outputs()]
@@ -185,7 +180,6 @@ class LearnedStep(Estimator[StepState]):
 
     @functools.cached_property
     def _constants(self) -> dict[int, dict[str, Array]]:
-        """Inputs that do not change from sample to sample, by the number of filters."""
         return {}
 
     def constants(self, batch: int) -> dict[str, Array]:

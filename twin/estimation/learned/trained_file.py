@@ -44,7 +44,6 @@ class TrainedFile:
     path: Path | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to a worker process as a path, as a session cannot."""
         if self.path is None:
             raise TypeError("a network that was not read from a file cannot be sent to another process")
         return read_trained_file, (self.path, self.agent)
@@ -91,13 +90,7 @@ class BoundFile:
 
 
 def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`endotwin train`") -> TrainedFile:
-    """Read a trained network.
-
-    Args:
-        path: the ONNX file.
-        agent: that it must be of; any, if not given.
-        trainer: what writes such files, for the message.
-    """
+    """Read a trained network."""
     path = Path(path)
     try:
         content = read_limited(path, LARGEST)
@@ -144,15 +137,7 @@ def check_network(
     positive: Collection[str] = (),
     precisions: Collection[str] = ("tensor(float)",),
 ) -> None:
-    """Run a network once on zeros, and check what it takes and returns.
-
-    Args:
-        file: the trained file.
-        inputs: shape of each of its inputs, by name.
-        outputs: shape of each of its outputs for these, by name.
-        positive: inputs that cannot be zero, and are one.
-        precisions: types, of which one is that of all inputs and outputs.
-    """
+    """Run a network once on zeros, and check what it takes and returns."""
     types = {part.type for part in file.session.get_inputs()}
     for what, wanted, there in (
         ("inputs", inputs, file.session.get_inputs()),
