@@ -131,7 +131,7 @@ def onnx_graph(
     assert program is not None
     for value in (value for node in program.model.graph for value in node.outputs):
         if value.name in inputs:  # named after its operator
-            value.name += "_inside"
+            value.name = f"{value.name}_inside"
     return program.model_proto
 
 

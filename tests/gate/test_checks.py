@@ -79,7 +79,8 @@ def flipped(policy, path, weights):
 
 
 def test_flipped_sign_is_found_in_any_layer(loud_twins, paper_policy, tmp_path):
-    layers = [(loud_twins, f"step.{name}.weight") for name in ("policy.0", "policy.4", "bank.laws.prior.2")]
+    parts = "policy.0", "policy.4", "filter_bank.noise_models.prior.2"
+    layers = [(loud_twins, f"step.{name}.weight") for name in parts]
     graph = onnx.load(paper_policy).graph
     layers += [(paper_policy, part.name) for part in graph.initializer if "weight" in part.name]
     for policy, weights in layers:

@@ -30,7 +30,7 @@ from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
 if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs none of them
-    from twin.reduced.members import Members, MemberSet
+    from twin.reduced.members import Following, Members, MemberSet
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
@@ -86,8 +86,8 @@ class RamTwins(LearnedStep):
         return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
 
     def follow(
-        self, following: "Members", pull_mm: Array, previous_pull_mm: Array
-    ) -> tuple[dict[str, Array], "Members"]:
+        self, following: "Following", pull_mm: Array, previous_pull_mm: Array
+    ) -> tuple[dict[str, Array], "Following"]:
         """Step the members along the command, and return what they predict."""
         after = self.members.step(following, pull_mm)
         return {"members_deg": after.of_filters(), "way_mm": np.abs(pull_mm - previous_pull_mm)}, after

@@ -267,9 +267,8 @@ class LearnedForm(ArrayForm):
             inputs, following = self._follow(
                 state.following, np.array([pull_mm]), np.array([previous_pull_mm])
             )
-        inputs["measurement_deg"] = inputs["reference_deg"] = measurement_deg
         for name, array in self._given:
-            array[...] = inputs[name]
+            array[...] = inputs.get(name, measurement_deg)
         for array, values in zip(self._memory, state.memory, strict=True):
             array[...] = values
         bend, half_width, memory = self._network.named(self._bound.run())
@@ -330,9 +329,9 @@ def affine_step(
     """Return keep and drive [deg] of a step keep theta + drive, and the memory of the model after it."""
     if pull_mm.size == 1 and isinstance(model, ColemanHodgdon):  # a stream: NumPy takes longer
         pull, increment = pull_mm.item(), pull_mm.item() - previous_pull_mm.item()
-        forget = model.a_per_mm * abs(increment)
-        drive = forget * model.b_deg_per_mm * pull + model.c_deg_per_mm * increment
-        return np.array([1 - forget]), np.array([drive]), memory
+        a, b, c = (float(np.asarray(of)) for of in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm))
+        forget = a * abs(increment)
+        return np.array([1 - forget]), np.array([forget * b * pull + c * increment]), memory
     rest = np.zeros_like(pull_mm)
     drive, after = model.step(rest, memory, pull_mm, previous_pull_mm)
     return model.slope(rest, pull_mm, previous_pull_mm), drive, after
