@@ -14,7 +14,6 @@ from models import COLEMAN_HODGDON
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
 from twin.estimation.estimator import Estimator
-from twin.estimation.gaussian import Belief
 from twin.live.assured import DISTRUSTED, AssuredEstimator
 from twin.live.online import OnlineEstimator
 from twin.live.reading import Alarm, Health, Source
@@ -38,17 +37,6 @@ class Offset(ActiveModel):
 
     def single(self):
         return Estimator.single(self)  # its estimate is not that of its state
-
-
-@dataclasses.dataclass(frozen=True)
-class Runaway(Offset):
-    """A filter whose angle runs away [deg / s]; with a rate of NaN none of its steps is possible."""
-
-    rate_deg_s: float = 0.0
-
-    def step(self, state, pull_mm, previous_pull_mm, measurement_deg):
-        mean, covariance, *rest = super().step(state, pull_mm, previous_pull_mm, measurement_deg * np.nan)
-        return Belief(mean + np.array([[self.rate_deg_s * T], [0.0]]), covariance, *rest)
 
 
 def stream(samples, seed=0):
@@ -149,17 +137,6 @@ def test_estimator_that_goes_astray_is_replaced_within_three_seconds(offset_deg)
     assert live.switches >= 1
 
 
-@pytest.mark.parametrize("rate_deg_s", [55.0, 200.0, math.nan])
-def test_estimator_that_restarts_again_and_again_is_replaced(rate_deg_s):
-    """After each restart nothing is known about it: that must not count as trust."""
-    wide = dataclasses.replace(DEPLOYMENT, bend_deg=(-270.0, 270.0), bend_speed_deg_s=500.0)
-    live, readings, truth = run(Runaway(**vars(FALLBACK), rate_deg_s=rate_deg_s), 1200, wide)
-    assert live.switches >= 1
-    assert any(Alarm.LOST in reading.alarms for reading in readings)
-    error = np.array([reading.bend_deg for reading in readings[150:]]) - truth[150:]
-    assert np.sqrt(np.mean(error**2)) < 0.5
-
-
 def test_estimate_does_not_jump_where_trust_moves():
     _, readings, truth = run(Offset(**vars(FALLBACK), offset_deg=6.0))
     blends = [k for k, reading in enumerate(readings) if reading.source is Source.BLEND]
@@ -188,16 +165,6 @@ def test_stuck_sensor_is_found_within_three_samples_and_does_not_hold_the_estima
     readings = [live.push(k * T, pull[k], kind(75)) for k in range(200, 230)]
     assert all(Alarm.STUCK in reading.alarms for reading in readings[2:])
     assert abs(readings[-1].bend_deg - truth[229]) < abs(75 - truth[229]) / 2
-
-
-def test_repeated_packets_do_not_make_a_stuck_sensor_usual():
-    pull, _, measurement = stream(400)
-    live = assured()
-    for k in range(300):
-        for _ in range(3):
-            live.push(k * T, pull[k], measurement[k])
-    alarms = [live.push(k * T, pull[k], measurement[299]).alarms for k in range(300, 310)]
-    assert all(Alarm.STUCK in alarm for alarm in alarms[2:])
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
@@ -253,20 +220,6 @@ def test_estimate_and_interval_are_numbers_whatever_comes(samples):
         assert math.isfinite(reading.bend_deg)
         assert reading.low_deg <= reading.bend_deg <= reading.high_deg
         assert reading.high_deg - reading.low_deg <= 360
-
-
-def test_judging_begins_after_the_same_time_however_few_samples_have_a_measurement():
-    """As where a camera is slower than the drive."""
-    pull, _, measurement = stream(400)
-    ended = []
-    for every in (1, 4):
-        live = assured()
-        readings = [
-            live.push(k * T, pull[k], measurement[k] if k % every == 0 else math.nan) for k in range(200)
-        ]
-        ended.append(next(k for k, reading in enumerate(readings) if Alarm.BEGINNING not in reading.alarms))
-    assert ended[0] * T == pytest.approx(2.5, abs=0.2)
-    assert abs(ended[1] - ended[0]) <= 4
 
 
 TURN = 1200  # samples after which the stream repeats

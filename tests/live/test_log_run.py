@@ -8,7 +8,7 @@ import pytest
 from recorded import assert_equal, make_episode, messages
 
 from twin.live import load_runtime
-from twin.live.log_run import joined, log_targets, read_logs, replay, run_log
+from twin.live.log_run import log_targets, read_logs, replay, run_log
 from twin.live.reading import RunCounts
 from twin.recording import read_episode, write_episode
 
@@ -100,20 +100,3 @@ def test_nothing_is_left_of_a_run_that_breaks_off(files, ram_policy, tmp_path):
     with pytest.raises(OSError, match="broken"):
         ran(files, log_targets(tmp_path, list(files)), ram_policy, Broken())
     assert [path.name for path in tmp_path.iterdir()] == ["record_0.mcap"]  # it was complete
-
-
-def test_episodes_with_different_columns_are_joined_by_what_all_have(tmp_path):
-    complete = make_episode(samples=20, drive=True, drawn=True)
-    plane = make_episode(samples=10, planes=2, elements=3, vertebrae=4, seed=1)
-    measured = dataclasses.replace(
-        make_episode(samples=5, vertebrae=0, elements=None), metadata={"seed": 0, "source": "measured"}
-    )
-    one, offsets = joined([complete, plane, measured], ["a", "b", "c"])
-    assert len(one.time) == 35
-    assert one.joint_angle.shape == (35, 0)
-    assert one.wire_tension.shape == (35, 2, 0)
-    assert len(one.pulley) == len(one.lateral_pull) == 0
-    assert "source" not in one.metadata
-    assert offsets == pytest.approx([0.0, 0.38 + 1.0, 0.38 + 1.0 + 0.18 + 1.0])
-    np.testing.assert_array_equal(one.bend[20:30], plane.bend)
-    assert_equal(read_episode(write_episode(tmp_path / "one.mcap", one)), one)

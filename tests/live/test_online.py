@@ -75,24 +75,6 @@ def test_gap_is_filled_as_a_whole_record_without_these_measurements(estimator):
     assert stream.filled == len(between)
 
 
-@pytest.mark.parametrize(
-    ("gap_samples", "filled"),
-    [(0.1, 0), (1.0, 0), (1.4, 0), (1.6, 1), (2.0, 1), (3.4, 2), (3.6, 3), (8e5, 100)],
-)
-def test_gap_is_filled_with_as_many_predictions_as_fit_and_at_most_ten_seconds(gap_samples, filled):
-    stream = begun()
-    stream.push(gap_samples * T, 3.5, 61.0)
-    assert stream.filled == filled
-
-
-@pytest.mark.parametrize("time_s", [0.0, -1.0, math.nan, math.inf, -math.inf])
-def test_sample_that_is_not_later_is_ignored_and_counted(time_s):
-    stream, other = begun(), begun()
-    assert stream.push(time_s, 9.0, 0.0) == 60.0
-    assert stream.ignored == 1
-    assert stream.push(T, 3.1, 62.0) == other.push(T, 3.1, 62.0)
-
-
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
 def test_broken_measurement_is_missing_and_broken_pull_is_held(broken):
     stream, other = begun(), begun()

@@ -73,11 +73,3 @@ def test_under_strange_outliers_the_robust_filter_is_ahead():
     step.guarded = True
     step.ood_detector.level.fill_(1e-9)  # everything is strange
     assert errors_of(step, drawn).abs().median() < 0.75 * alone
-
-
-def test_where_all_is_familiar_nothing_changes():
-    step = small_step(loud=0.3)
-    drawn = small_source().draw(16, 100, generator(6), 5)
-    alone = errors_of(step, drawn)
-    step.guarded = True
-    np.testing.assert_allclose(errors_of(step, drawn), alone, atol=1e-5)

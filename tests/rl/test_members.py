@@ -5,14 +5,12 @@ import pytest
 from scipy import stats
 from small_twins import TINY, generator, twins
 
-import rl.twins.members
 from rl.twins.members import (
     UNEXPLAINED_DEG,
     choose_members,
     draw_members,
     ensemble_unlikelihood,
 )
-from twin.errors import DivergedError
 from twin.reduced import simulate_batch
 from twin.signals.excitation import SIGNALS, command
 
@@ -77,21 +75,3 @@ def test_chosen_members_explain_endoscopes_that_members_spread_evenly_do_not():
     for seed in (1, 2):
         chosen, spread = (of(preset, ranges, 12, seed).presets for of in (choose_members, draw_members))
         assert largest_rest(chosen, others) < 0.75 * largest_rest(spread, others)
-
-
-def test_endoscopes_without_equilibrium_are_left_out_and_too_few_are_refused(monkeypatch):
-    preset, ranges = twins()
-    simulated = rl.twins.members.simulate_batch
-
-    def only(some):
-        def simulate(presets, *given):
-            return [of if place < some else None for place, of in enumerate(simulated(presets, *given))]
-
-        monkeypatch.setattr(rl.twins.members, "simulate_batch", simulate)
-
-    only(4)
-    able = draw_members(preset, ranges.wider(rl.twins.members.WIDER), 32, 5).presets[:4]
-    assert set(choose_members(preset, ranges, 4, 5).presets) == set(able)
-    only(3)
-    with pytest.raises(DivergedError, match="3 of 32 twins"):
-        choose_members(preset, ranges, 4, 5)

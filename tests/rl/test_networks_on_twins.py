@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 import torch
 from exported import said_by_both
-from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source, twins
+from small_twins import MODEL, TINY_MEMORY, generator, small_memory_source
 
 from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_with_model
 from rl.twins.learning import filter_sequences, learn_gain
-from rl.twins.run import train_with_model
-from twin.estimation.learned.trained_file import read_trained_file
 from twin.hysteresis import model_to_dict
 
 
@@ -34,17 +32,6 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
     export_with_model(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
     for found, wanted in said_by_both(step, training.load(path)):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
-
-
-def test_a_training_writes_a_file_of_its_own_agent_and_no_other_reads_it(tmp_path):
-    rival = RIVALS["KalmanNet (twins)"]
-    tiny = dataclasses.replace(TINY_MEMORY, width=8)
-    training = rival.spec.training
-    path = train_with_model(training, rival.untrained, export_with_model, *twins(), tiny, tmp_path)
-    assert read_trained_file(path).description["training"]["seed"] == TINY_MEMORY.seed
-    assert training.load(path).states_interval
-    with pytest.raises(ValueError, match="gru-twins"):
-        RIVALS["GRU (twins)"].spec.training.load(path)
 
 
 def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():

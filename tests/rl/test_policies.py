@@ -6,7 +6,7 @@ import torch
 from torch_network import Constant, as_estimator
 
 from rl.export import export_step
-from rl.policies import POLICY_STEPS, DirectStep, RamStep
+from rl.policies import POLICY_STEPS, RamStep
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Case
@@ -92,18 +92,6 @@ def test_an_oracle_takes_its_residual_from_the_truth_and_needs_it(active_model, 
     np.testing.assert_allclose(oracle(shown)[:, 1:], truth[:, 1:], atol=1e-9)
     silent = OracleRun(steered(active_model, -1.0, -1.0))
     np.testing.assert_allclose(silent(shown), filtered(active_model, case), rtol=1e-9)
-
-
-def test_direct_rl_can_follow_the_measurement_exactly_and_moves_no_further_than_its_limit(active_model):
-    step = DirectStep(active_model)
-    y = torch.tensor([20.0, -5.0], dtype=torch.float64)
-    inputs = {"measurement_deg": y, "increment_mm": torch.full_like(y, 0.1)}
-    observed = step.observe(inputs, {"previous_deg": torch.tensor([0.0, 10.0], dtype=torch.float64)})
-    np.testing.assert_allclose(observed.observation[:, 1], 1.0)  # 0.1 mm
-    (after,) = step.act(observed, observed.observation[:, :1] / np.log1p(25.0))
-    np.testing.assert_allclose(after, y)
-    (after,) = step.act(observed, torch.ones(2, 1, dtype=torch.float64))
-    np.testing.assert_allclose(after, [25.0, 35.0])
 
 
 @pytest.mark.parametrize(("agent", "action"), [("ram", (0.2, -0.4)), ("direct", (0.1,))])

@@ -23,7 +23,6 @@ from small_twins import (
     twins,
 )
 
-import scripts.train
 from rl.on_twins import train_ram_twins
 from rl.twins.graph import StepGraph, export_twins
 from rl.twins.learning import learn_interval
@@ -109,26 +108,6 @@ def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
     assert path.stat().st_mtime_ns == before
     with pytest.raises(ValueError, match="another configuration"):
         train_ram_twins(*twins(), shorter(seed=2), path.parent)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["data", "--protocol", "twins"], "give no data"),
-        (["--agent", "direct", "--protocol", "twins"], "valid with --protocol twins: lstm"),
-        (["--agent", "ram-twins"], "is trained with --protocol twins"),
-        (["--agent", "ram"], "needs folders of MCAP files"),
-        (["data"], "needs --model"),
-        (["--protocol", "twins", "--preset", "unknown"], "unknown preset"),
-        (["--protocol", "twins", "--noise", "laplace"], "--noise is of a training on records"),
-        (["--protocol", "twins", "--sample-time", "0.02"], "--sample-time is of a training on records"),
-    ],
-)
-def test_a_training_of_the_wrong_kind_is_refused_in_one_line(words, message, tmp_path, capsys):
-    assert scripts.train.main([*words, "--out", str(tmp_path / "run")]) == 2
-    said = capsys.readouterr().err.strip()
-    assert message in said
-    assert "\n" not in said
 
 
 def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():

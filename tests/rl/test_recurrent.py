@@ -1,7 +1,5 @@
 """LSTM without a model and GRU with one: what they learn, and how their deployed step filters."""
 
-import pickle
-
 import numpy as np
 import pytest
 import torch
@@ -11,8 +9,6 @@ from torch_network import as_estimator
 from rl.recurrent import GruStep, LstmStep, SequenceNetwork, train_gru, train_lstm
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.learned.methods import GRU, LSTM
-from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator
 from twin.hysteresis import PrandtlIshlinskii
 
@@ -123,20 +119,3 @@ def test_without_measurements_the_gru_is_the_model(reference, stacked):
     estimator = as_estimator(GruStep(SequenceNetwork(torch.nn.GRU, 8)), reference)
     alone = estimator.estimate(pull, np.full_like(measurement, np.nan), 40.0)
     np.testing.assert_allclose(alone, reference.response(pull, np.full(3, 40.0)), atol=1e-9)
-
-
-@pytest.mark.parametrize("agent", AGENTS)
-def test_a_finished_run_stays_and_is_loaded_again(trained, stacked, records, model, agent):
-    estimator, path = trained[agent]
-    before = path.stat().st_mtime_ns
-    assert TRAIN[agent](records, ActiveModel(model, 0.1), SHORT, path.parent) == path
-    assert path.stat().st_mtime_ns == before
-    pull, _, measurement = stacked
-    again = pickle.loads(pickle.dumps(estimator))
-    np.testing.assert_array_equal(
-        again.estimate(pull, measurement, 0.0), estimator.estimate(pull, measurement, 0.0)
-    )
-    assert again.sample_time == 0.1
-    assert read_trained_file(path).description["training"]["seed"] == 1
-    with pytest.raises(ValueError, match="holds the agent"):
-        (GRU if agent == "lstm" else LSTM).training.load(path)

@@ -162,34 +162,6 @@ def test_a_law_that_is_linear_in_the_observation_tracks_far_better_than_the_line
     assert worth[0.25, 0.3] < 0.5 * worth[0.0, 0.0]
 
 
-@needs_gl
-@pytest.mark.parametrize("physics", ["mujoco", "reduced"])
-def test_the_picture_bends_with_the_endoscope_and_leaves_it_alone(physics):
-    drawn, plain = (
-        short(physics=physics, stroke_mm=(-3.0, 3.0), render_mode=mode) for mode in ("rgb_array", None)
-    )
-    pictures = {}
-    for action in (-1.0, 1.0):
-        for environment in (drawn, plain):
-            environment.reset(seed=0)
-        for _ in range(40):
-            of_drawn = drawn.step(np.array([action], np.float32))
-            pictures[action] = drawn.render()
-            of_plain = plain.step(np.array([action], np.float32))
-            assert of_drawn[1] == of_plain[1]
-            assert of_drawn[4] == of_plain[4]
-    assert plain.render() is None
-    down, up = pictures[-1.0], pictures[1.0]
-    assert up.shape == (*up.shape[:2], 3)
-    assert up.dtype == np.uint8
-    assert np.abs(up.astype(int) - down).max() > 100
-    rows = [np.flatnonzero((picture[:, 300:].min(axis=2) < 200).any(axis=1)) for picture in (up, down)]
-    middle = up.shape[0] / 2
-    assert rows[0].min() < middle - 30  # the tip is above the shaft's axis, and below it
-    assert rows[1].max() > middle + 30
-    drawn.close()
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
