@@ -9,7 +9,7 @@ from scores import simulated_record
 
 from rl.comparison.given import given_files
 from rl.options import TrainingOptions
-from rl.sweep import Share, folder_of, seeds_from, train_seeds
+from rl.sweep import folder_of, seeds_from, train_seeds
 from rl.trainers import Material, find_trainer
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import Knowledge
@@ -43,8 +43,8 @@ def test_side_by_side_they_are_those_that_run_alone(material, alone, tmp_path):
         paths = train_seeds(
             material, OPTIONS, SEEDS, tmp_path / "sweep", executor, lambda *of: reported.append(of), shares
         )
-        assert {place: share.done for place, share in shares.items()} == dict.fromkeys(range(2), 1.0)
-        assert all(isinstance(share, Share) and share.reward < 0 for share in shares.values())
+        assert {place: share for place, (share, _) in shares.items()} == dict.fromkeys(range(2), 1.0)
+        assert all(reward < 0 for _, reward in shares.values())
     assert paths == [folder_of(tmp_path / "sweep", seed) / "gru.onnx" for seed in SEEDS]
     assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in alone]
     assert reported[-1][:2] == (2000, 2000)

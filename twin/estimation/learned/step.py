@@ -27,6 +27,7 @@ from twin.estimation.learned.trained_file import (
     check_network,
     read_trained_file,
 )
+from twin.estimation.single import SingleForm
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
 
@@ -227,9 +228,9 @@ class LearnedStep(Estimator[StepState]):
             )
         return inputs, following
 
-    def single(self) -> "LearnedForm":
+    def single(self) -> SingleForm[Any]:
         """Return the estimator on one stream, on arrays of its own."""
-        return LearnedForm(self)
+        return LearnedForm(self) if isinstance(self.network.file, TrainedFile) else super().single()
 
     def bend_deg(self, state: StepState) -> Array:
         """Return the (B,) estimate [deg]."""
