@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.array_form import ArrayForm
-from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.estimator import Estimator, Sensor, SingleForm, time_first
 from twin.estimation.knowledge import Case
 from twin.estimation.learned.reference import ESTIMATE, PREVIOUS, after
 from twin.estimation.learned.trained_file import (
@@ -27,7 +26,6 @@ from twin.estimation.learned.trained_file import (
     check_network,
     read_trained_file,
 )
-from twin.estimation.single import SingleForm
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
 
@@ -228,7 +226,7 @@ class LearnedStep(Estimator[StepState]):
             )
         return inputs, following
 
-    def single(self) -> SingleForm[Any]:
+    def single(self) -> SingleForm:
         """Return the estimator on one stream, on arrays of its own."""
         return LearnedForm(self) if isinstance(self.network.file, TrainedFile) else super().single()
 
@@ -246,7 +244,7 @@ class LearnedStep(Estimator[StepState]):
         return state.half_width_deg
 
 
-class LearnedForm(ArrayForm):
+class LearnedForm(SingleForm):
     """A learned estimator on one stream, whose graph runs on arrays that stay where they are."""
 
     def __init__(self, estimator: LearnedStep):
