@@ -12,7 +12,7 @@ import pytest
 from repository import REPOSITORY
 
 import twin
-from twin.errors import EXTRA_OF
+from twin import errors
 
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
@@ -164,7 +164,8 @@ def test_every_library_is_declared_and_every_declared_library_is_imported():
 
 
 def test_extras_are_named_to_users_and_held_by_all():
-    for module, extra in EXTRA_OF.items():
+    named = [(module, extra) for extra, modules in errors.EXTRAS.items() for module in modules]
+    for module, extra in named:
         assert DISTRIBUTIONS[module] & of_extra(extra), f"{module} is not in the extra {extra}"
         assert not DISTRIBUTIONS[module] & CORE
     assert of_extra("all") == {one for extra in EXTRAS if extra != "dev" for one in of_extra(extra)}

@@ -16,7 +16,7 @@ from repository import ENVIRONMENT, REPOSITORY, command
 from small_dataset import measured_log
 from typed import done, typed
 
-from twin.errors import EXTRA_OF
+from twin.errors import EXTRAS
 from twin.live import load_runtime
 from twin.live.reading import StreamSample
 from twin.recording import read_episode, write_episode
@@ -264,7 +264,7 @@ def test_a_log_runs_with_the_core_of_the_package_alone(place, tmp_path):
         "import sys\n"
         "class Refused:\n"
         "    def find_spec(self, name, *_):\n"
-        f"        if name.partition('.')[0] in {sorted(EXTRA_OF)}: raise ImportError(name)\n"
+        f"        if name.partition('.')[0] in {sum(EXTRAS.values(), ())}: raise ImportError(name)\n"
         "sys.meta_path.insert(0, Refused())\n"
         "from pathlib import Path\n"
         "from scripts.run import Run, run\n"
