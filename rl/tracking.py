@@ -26,7 +26,7 @@ from twin.signals.noise import draw_noise
 from twin.signals.sensor import samples_late
 
 if TYPE_CHECKING:
-    from twin.rendering.portrait import Portrait
+    from twin.rendering.cameras import Portrait
 
 Array = NDArray[np.float64]
 
@@ -166,7 +166,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode is None:
             return None
         if self._portrait is None:
-            from twin.rendering.portrait import Portrait  # reduced twins are trained on without MuJoCo
+            from twin.rendering.cameras import Portrait  # reduced twins are trained on without MuJoCo
 
             self._portrait = Portrait(self.nominal)
         return self._portrait.picture(self.plant.endoscope.joint_angle())

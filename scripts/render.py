@@ -89,7 +89,7 @@ def _overlay(path: Path, args: Render, number: int) -> "Overlay":
     """Return an episode with its ghost and reference; several have their names as titles."""
     from twin.hysteresis import load_model
     from twin.recording import episode_files, read_episode, read_estimates
-    from twin.recording.estimate import REFERENCE_TOPIC
+    from twin.recording.messages import REFERENCE_TOPIC
     from twin.rendering.overlay import Overlay, with_command, with_model
 
     files = episode_files(path)

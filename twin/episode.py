@@ -10,24 +10,17 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 
 Array = NDArray[np.float64]
-
-Method = Literal["thin", "nearest", "interpolate"]
-"""Method of `resample`."""
-
-UNKNOWN: Array = np.empty(0)
-"""Default of an angle of a `Record`: NaN throughout."""
-
+Method = Literal["thin", "nearest", "interpolate"]  # method of `resample`
+UNKNOWN: Array = np.empty(0)  # default of an angle of a `Record`: NaN throughout
 LARGEST_GRID = 10_000_000
 """Samples of an even grid: more come of a wrong time stamp, and would fill the memory."""
 
-WIRES = "abcd"
-"""Names of the wires, by index: a against b in the first bending plane, c against d sideways."""
-
+WIRES = "abcd"  # names of the wires, by index: a against b in the first bending plane, c against d sideways
 OPTIONAL = ("pulley", "sheath_bend", "wire_slack", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
 
 
-def _not_recorded() -> Array:
+def _empty() -> Array:
     return np.empty(0)
 
 
@@ -69,22 +62,17 @@ class Episode:
     joint_angle: Array
     wire_tension: Array
     sheath_friction: Array
-    pulley: Array = dataclasses.field(default_factory=_not_recorded)
-    sheath_bend: Array = dataclasses.field(default_factory=_not_recorded)
-    wire_slack: Array = dataclasses.field(default_factory=_not_recorded)
-    lateral_pull: Array = dataclasses.field(default_factory=_not_recorded)
-    lateral_bend: Array = dataclasses.field(default_factory=_not_recorded)
-    lateral_joint_angle: Array = dataclasses.field(default_factory=_not_recorded)
+    pulley: Array = dataclasses.field(default_factory=_empty)
+    sheath_bend: Array = dataclasses.field(default_factory=_empty)
+    wire_slack: Array = dataclasses.field(default_factory=_empty)
+    lateral_pull: Array = dataclasses.field(default_factory=_empty)
+    lateral_bend: Array = dataclasses.field(default_factory=_empty)
+    lateral_joint_angle: Array = dataclasses.field(default_factory=_empty)
     metadata: dict[str, Any] = dataclasses.field(default_factory=dict)
     attachments: dict[str, bytes] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse arrays that do not belong together.
-
-        Raises:
-            ValueError: lengths differ, a value is not finite (a measurement may be NaN), or time does not
-                increase.
-        """
+        """Refuse arrays that do not belong together; only a measurement may be NaN."""
         count = len(self.time)
         for field in [field.name for field in dataclasses.fields(self)[1:]]:
             values = getattr(self, field)
@@ -141,6 +129,12 @@ class Episode:
     def measured_deg(self) -> Array:
         """(N,) measured bending angle in degrees, NaN where it is missing."""
         return np.degrees(self.measured_bend)
+
+    @property
+    def wire_names(self) -> str:
+        """Names of the wires: c and d only where a second bending plane was recorded."""
+        lateral = self.lateral_pull, self.lateral_bend, self.lateral_joint_angle
+        return WIRES if any(values.size > 0 for values in lateral) else WIRES[:2]
 
     @property
     def tension(self) -> Array:

@@ -25,7 +25,7 @@ from twin.evaluation.reading import (
 from twin.export.export import named_files
 from twin.measured.folder import write_measured
 from twin.recording import episode_files, read_episode
-from twin.recording.estimate import estimate_topic
+from twin.recording.messages import estimate_topic
 
 RECORDED = Protocol("paper", 1, 0.02, recorded_variance=0.3)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from twin.measured.command import CommandFormat, read_command
-from twin.measured.units import SECONDS_PER_CYCLE
+from twin.measured.table import SECONDS_PER_CYCLE
 from twin.preset.file import load_preset
 
 
@@ -74,24 +74,3 @@ def test_columns_are_those_that_are_named_in_their_units(tmp_path, preset):
     command = read_command(path, preset, 0.5, metres)
     np.testing.assert_allclose(command.pull, [2e-3, 3.5e-3])
     assert command.lateral_pull is None
-
-
-@pytest.mark.parametrize(
-    ("form", "message"),
-    [
-        ({"command_column": "knob"}, "has no column knob; its columns: time_s, pull, pull_mm"),
-        ({"command_column": "pull"}, "pull does not end in its unit: give `command_unit`, mm, m, deg or rad"),
-        ({"lateral_command_column": "side_mm"}, "no column side_mm"),
-        ({"time_column": "pull"}, "pull does not end in its unit: give `time_unit`, s, ms, us or rad"),
-        (
-            {"command_column": "pull", "command_unit": "rad"},
-            "line 2: pull is .* pulley_radius of the preset, 0.02",
-        ),
-        ({"seconds_per_cycle": 0.0}, "seconds_per_cycle = 0: must be positive"),
-    ],
-)
-def test_a_column_that_is_not_there_or_has_no_unit_is_refused(tmp_path, preset, form, message):
-    path = write(tmp_path / "c.csv", "time_s,pull,pull_mm\n0,12,0\n1,13,1\n")
-    with pytest.raises(ValueError, match=message) as refused:
-        read_command(path, preset, 0.02, CommandFormat(**form))
-    assert "\n" not in str(refused.value)

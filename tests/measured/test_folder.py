@@ -1,6 +1,5 @@
 """A folder of measured logs lists them, and takes the place of nothing else."""
 
-import dataclasses
 import hashlib
 import json
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 from csv_logs import LOOP, steps, write
 
-from twin.dataset.verify import verify
 from twin.measured.folder import write_measured
 from twin.measured.log import LogFormat, read_measured_log
 from twin.recording import read_dataset, read_episode
@@ -81,38 +79,3 @@ def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
     episode = read_measured_log(write(tmp_path, LOOP))
     with pytest.raises(ValueError, match="name = "):
         write_measured(tmp_path, name, episode)
-
-
-def test_a_log_that_does_not_fit_the_format_is_not_listed(tmp_path):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    late = dataclasses.replace(episode, time=episode.time * 1e-12)
-    with pytest.raises(ValueError, match="less than 1 ns"):
-        write_measured(tmp_path, "log", late)
-    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
-
-
-def test_a_simulated_dataset_is_left_alone(tmp_path, dataset_copy):
-    episode = read_measured_log(write(tmp_path, LOOP))
-    before = {path.name: path.read_bytes() for path in dataset_copy.iterdir()}
-    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another `folder`"):
-        write_measured(dataset_copy, "log", episode)
-    assert {path.name: path.read_bytes() for path in dataset_copy.iterdir()} == before
-
-
-def test_logs_with_and_without_tension_are_described_together(tmp_path):
-    with_tension = read_measured_log(write(tmp_path, LOOP, "one.csv"))
-    without = read_measured_log(write(tmp_path, steps(), "two.csv"))
-    for name, log in (("a", without), ("b", with_tension), ("c", without)):
-        write_measured(tmp_path, name, log)
-    described = json.loads((tmp_path / "dataset.json").read_text())
-    assert verify(tmp_path) == ([], 3)
-    assert "tension_n" in described["features"]
-    assert "tension_n" not in described["files"][0]["statistics"]
-    assert described["statistics"]["tension_n"] == described["files"][1]["statistics"]["tension_n"]
-    assert described["episodes"] == 3
-    lengths = [float(log.time[-1]) + log.sample_time for log in (without, with_tension, without)]
-    assert described["seconds"] == pytest.approx(sum(lengths))
-    (tmp_path / "b.mcap").unlink()  # what only this log held is forgotten with it
-    write_measured(tmp_path, "c", without)
-    assert "tension_n" not in json.loads((tmp_path / "dataset.json").read_text())["features"]
-    assert verify(tmp_path) == ([], 2)

@@ -54,20 +54,6 @@ def test_four_imports_at_once_are_all_listed(tmp_path):
     assert verify(folder) == ([], 4)
 
 
-def test_the_index_does_not_depend_on_the_order_of_imports(tmp_path):
-    logs = {
-        name: read_measured_log(write(tmp_path, columns, f"{name}.csv"))
-        for name, columns in (("a", LOOP), ("b", steps()), ("c", steps(sheath_bend_deg=[9] * 4)))
-    }
-    texts = []
-    for order in ("abc", "cba", "bca"):
-        (tmp_path / order).mkdir()
-        for name in order:
-            write_measured(tmp_path / order, name, logs[name])
-        texts.append((tmp_path / order / "dataset.json").read_bytes())
-    assert texts[0] == texts[1] == texts[2]
-
-
 def test_what_a_killed_import_left_unlisted_is_taken_up_by_itself_and_by_others(tmp_path, monkeypatch):
     one = read_measured_log(write(tmp_path, LOOP, "one.csv"))
     two = read_measured_log(write(tmp_path, steps(), "two.csv"))
@@ -94,21 +80,6 @@ def test_what_it_left_of_another_csv_file_is_not_written_over(tmp_path, monkeypa
     with pytest.raises(ValueError, match=r"log\.mcap is the log of another CSV file"):
         write_measured(tmp_path, "log", two)
     assert path.read_bytes() == before
-
-
-def test_what_was_renamed_or_linked_is_not_taken_up(tmp_path, monkeypatch):
-    one = read_measured_log(write(tmp_path, LOOP, "one.csv"))
-    path = leave_unlisted(monkeypatch, tmp_path, "log", one)
-    renamed = path.rename(tmp_path / "other.mcap")
-    with pytest.raises(ValueError, match=r"other\.mcap, which no import wrote"):
-        write_measured(tmp_path, "log", one)
-    path.symlink_to(renamed.rename(tmp_path / "kept"))
-    with pytest.raises(ValueError, match=r"log\.mcap, which no import wrote"):
-        write_measured(tmp_path, "log", one)
-    path.unlink()
-    (tmp_path / "dataset.json").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(ValueError, match=r"dataset\.json is a link"):
-        write_measured(tmp_path, "log", one)
 
 
 @pytest.mark.parametrize("kills", [1, pytest.param(50, marks=pytest.mark.endurance)])

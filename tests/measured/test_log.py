@@ -39,11 +39,6 @@ def test_the_pulley_angle_can_be_had_back_from_the_metadata(tmp_path):
     assert facts["tension_columns"] == ["tension_a_n", "tension_b_n"]
 
 
-def test_uneven_samples_stay_where_they_were_and_time_starts_at_zero(tmp_path):
-    episode = read_measured_log(write(tmp_path, steps(time_s=[100.0, 100.5, 102.25, 102.5])))
-    np.testing.assert_allclose(episode.time, [0, 0.5, 2.25, 2.5], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("column", "unit", "metres"),
     [
@@ -80,12 +75,6 @@ def test_unit_of_time_is_given_or_the_end_of_its_name(tmp_path, column, unit, se
     form = LogFormat(time_column=column, time_unit=unit, seconds_per_cycle=7)
     episode = read_measured_log(write(tmp_path, columns), form)
     np.testing.assert_allclose(episode.time, np.array([0, 1, 3, 4]) * seconds, rtol=1e-12)
-
-
-def test_angle_in_radians(tmp_path):
-    columns = steps(angle_deg=None, tip_rad=[0.0, 0.5, 1.0, 0.75])
-    episode = read_measured_log(write(tmp_path, columns), LogFormat(angle_column="tip_rad"))
-    np.testing.assert_array_equal(episode.bend, columns["tip_rad"])
 
 
 def test_bend_of_the_sheath_is_the_column_unless_one_is_given(tmp_path):
@@ -179,11 +168,3 @@ def test_a_log_that_cannot_be_is_refused(tmp_path, columns, form, fault):
     with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
         read_measured_log(write(tmp_path, columns), LogFormat(**form))
     assert fault in str(caught.value)
-
-
-def test_angle_may_be_counted_the_other_way(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("time_s,command_deg,angle_deg\n0,0,0\n1,60,-30\n2,0,-9\n")
-    turned = read_measured_log(path, LogFormat(reverse_angle=True))
-    np.testing.assert_allclose(turned.bend, -read_measured_log(path).bend)
-    assert turned.metadata["reverse_angle"] is True

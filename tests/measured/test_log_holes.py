@@ -32,17 +32,6 @@ def test_a_missing_command_is_held(tmp_path):
     assert episode.metadata["commands_held"] == 2
 
 
-def test_values_at_one_time_are_averaged_over_those_that_are_there(tmp_path):
-    columns = {
-        "time_s": [0, 0, 1, 1, 2, 2],
-        "command_deg": ["", 4, 1, 3, "", ""],
-        "angle_deg": [1, 3, "", 5, "", ""],
-    }
-    episode = read_measured_log(write(tmp_path, columns))
-    np.testing.assert_allclose(np.degrees(episode.pull / 0.01), [4, 2, 2])
-    np.testing.assert_allclose(episode.measured_deg, [2, 5, np.nan])
-
-
 def test_rows_without_a_time_and_rows_that_come_late_are_dropped_and_counted(tmp_path):
     time = np.arange(40.0)
     rows = {"time_s": [*time], "command_deg": [*np.sin(time)], "angle_deg": [*np.cos(time)]}
@@ -68,14 +57,6 @@ def test_a_tenth_of_the_rows_may_come_late_and_no_more(tmp_path):
     assert len(read_measured_log(write(tmp_path, columns)).time) == 18
     with pytest.raises(ValueError, match=r"line 19: time_s runs backwards, as in 3 of 20 rows: at most 10%"):
         read_measured_log(write(tmp_path, columns | {"time_s": [*range(1, 18), 2.5, 3.5, 4.5]}))
-
-
-def test_a_phase_that_begins_a_new_turn_is_refused_even_near_the_end(tmp_path):
-    columns = {"phase_rad": [*range(19), 0.5], "command_deg": np.arange(20), "angle_deg": np.arange(20)}
-    with pytest.raises(ValueError, match=r"log\.csv line 21: phase_rad runs backwards$"):
-        read_measured_log(write(tmp_path, columns))
-    columns["phase_rad"][19] = ""  # but a row without a phase is dropped, as one without a time
-    assert len(read_measured_log(write(tmp_path, columns)).time) == 19
 
 
 TIMES = st.lists(st.sampled_from([0.0, 0.01, 0.1, 0.1, 0.1, 0.1, 3.0]), min_size=2, max_size=40).map(

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from csv_logs import write
 
-from scripts.import_log import main
 from twin.measured.log import LogFormat, oddities, read_measured_log
 
 TIME = np.arange(400) / 20
@@ -56,15 +55,3 @@ def test_a_range_of_another_unit_is_warned_of(tmp_path, odd, warning):
     assert warning in line
     assert "check `" in line
     assert "\n" not in line
-
-
-def test_import_warns_in_the_words_of_its_flags_and_goes_on(tmp_path, capsys):
-    path = write(tmp_path, {"time_s": TIME * 1000, "command_mm": KNOB * 1e-4, "angle_deg": KNOB})
-    assert main([str(path), "--command-column", "command_mm", "--out", str(tmp_path / "out")]) == 0
-    printed = capsys.readouterr()
-    assert [line.rpartition(": ")[2] for line in printed.err.splitlines()] == [
-        "check --command-unit",
-        "check --time-unit",
-    ]
-    assert all(line.startswith(f"endotwin import: warning: {path}: ") for line in printed.err.splitlines())
-    assert "400 samples, 19950 s at 0.02 Hz, pulled from -0.0045 to 0.0045 mm, bent from " in printed.out

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.measured import table as csv_table
-from twin.measured.table import MISSING, average_repeats, hold, read_columns
+from twin.measured.table import MISSING, read_columns
 
 HEADER = b"time_s,command_deg,angle_deg\n"
 SEMICOLONS = HEADER.replace(b",", b";")
@@ -105,14 +105,6 @@ def test_a_decimal_comma_groups_no_digits(tmp_path, text):
         table.column("command_deg", may_miss=True)
 
 
-def test_a_decimal_comma_is_a_point(tmp_path):
-    table = read(tmp_path / "log.csv", SEMICOLONS + b"0,5;-1,25e1;NA\n,75;3;4\n")
-    np.testing.assert_array_equal(table.column("time_s"), [0.5, 0.75])
-    np.testing.assert_array_equal(table.column("command_deg"), [-12.5, 3])
-    np.testing.assert_array_equal(table.column("angle_deg", may_miss=True), [np.nan, 4])
-    assert table.lines.tolist() == [2, 3]
-
-
 @pytest.mark.parametrize(
     "text", ["1_000", "\u0661", "0x10", "1e400", "infinity", "\xa01", "1 997", "1d3", "--1"]
 )
@@ -155,16 +147,6 @@ def test_a_file_and_its_rows_have_a_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_table, "MOST_BYTES", 500)
     with pytest.raises(ValueError, match="has more than 0 GiB, the most that is read"):
         read(path)
-
-
-def test_a_message_stays_short_whatever_the_names_are(tmp_path):
-    names = [f"{'n' * 60}_{number}" for number in range(300)] + ["two\nlines"]
-    text = io.StringIO()
-    csv.writer(text).writerows([names, [1] * len(names)])
-    with pytest.raises(ValueError, match=r"no column angle_deg; its columns: n+") as caught:
-        read(tmp_path / "log.csv", text.getvalue().encode()).column("angle_deg")
-    assert len(str(caught.value)) <= 300
-    assert str(caught.value).endswith("and 298 more")
 
 
 FIELDS = st.one_of(
@@ -246,14 +228,6 @@ def read_text(tmp_path, text, encoding="utf-8"):
     return read_columns(path, ("note", "x", "y", "t"))
 
 
-def test_only_the_columns_asked_for_must_be_numbers(tmp_path):
-    table = read_text(tmp_path, "note,x, y \nfirst,1,2\n,3,4e1\n")
-    assert table.names == ("note", "x", "y")
-    np.testing.assert_array_equal(table.column("y"), [2, 40])
-    with pytest.raises(ValueError, match=r"c\.csv line 2: note is 'first', not a finite number"):
-        table.column("note")
-
-
 def test_lines_are_those_of_the_file_where_some_are_blank(tmp_path):
     table = read_text(tmp_path, "x,t\n\n1,0\n\n\ninf,1\n3,0.5\n")
     assert table.lines.tolist() == [3, 6, 7]
@@ -272,43 +246,3 @@ def test_a_column_that_is_not_there_or_there_twice_is_refused_with_the_others(tm
     assert table.first_of(("z", "x")) == "x"
     with pytest.raises(ValueError, match="has no column z or w; its columns: x"):
         table.first_of(("z", "w"))
-
-
-def test_values_of_one_time_are_averaged_column_by_column():
-    time = np.array([0.0, 0.0, 0.5, 2.0, 2.0, 2.0])
-    values = np.array([[1, 10], [3, 30], [5, 50], [1, 0], [2, 0], [6, 3]], dtype=float)
-    instants, means = average_repeats(time, values)
-    np.testing.assert_array_equal(instants, [0, 0.5, 2])
-    np.testing.assert_allclose(means, [[2, 20], [5, 50], [3, 1]])
-    np.testing.assert_allclose(average_repeats(time, values[:, 0])[1], [2, 5, 3])
-
-
-def test_a_value_may_be_missing_only_where_that_is_allowed(tmp_path):
-    words = ["", "nan", "-NaN", " NA ", "n/a", "#N/A", "NULL", "None"]
-    table = read_text(tmp_path, "x,y\n" + "".join(f"1,{word}\n" for word in words) + "1,\n1,2\n")
-    np.testing.assert_array_equal(table.column("y", may_miss=True), [np.nan] * 9 + [2])
-    with pytest.raises(ValueError, match="line 2: y is missing"):
-        table.column("y")
-    for wrong in ("missing", "inf", "-Infinity", "1e999", "1;5"):
-        with pytest.raises(ValueError, match=f"line 2: y is '{wrong}', not a finite number"):
-            read_text(tmp_path, f"x,y\n1,{wrong}\n").column("y", may_miss=True)
-
-
-def test_rows_that_are_left_keep_their_lines(tmp_path):
-    said = []
-    table = read_text(
-        tmp_path, "t\n" + "".join(f"{t}\n" for t in [*range(9), "na", 4, 8, 3.5, "nan", *range(9, 20)])
-    )
-    timed = table.timed("t", said.append)
-    ordered = timed.in_order("t", said.append)
-    np.testing.assert_array_equal(ordered.column("t"), [*range(9), 8, *range(9, 20)])
-    assert ordered.lines.tolist() == [*range(2, 11), 13, *range(16, 27)]
-    assert [line.partition(".csv ")[2] for line in said] == [
-        "line 11: t is missing, as in 2 of 25 rows: such rows are dropped",
-        "line 12: t runs backwards, as in 2 of 23 rows: such rows are dropped",
-    ]
-    np.testing.assert_array_equal(timed.in_order("t").lines, ordered.lines)
-
-
-def test_what_is_held_is_the_last_value_there_was():
-    np.testing.assert_array_equal(hold(np.array([np.nan, 1, np.nan, np.nan, 2, 3])), [np.nan, 1, 1, 1, 2, 3])

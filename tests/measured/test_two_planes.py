@@ -59,17 +59,6 @@ def test_a_sample_counts_as_measured_where_both_angles_are(tmp_path):
     assert episode.metadata["commands_held"] == 1
 
 
-def test_tensions_of_two_wires_are_left_out_and_that_is_told(tmp_path):
-    said = []
-    log = write(tmp_path, LOG | {"tension_a_n": [1, 2, 3, 4], "tension_b_n": [4, 3, 2, 1]})
-    episode = read_measured_log(log, LogFormat(**PLANES), on_warning=said.append)
-    assert episode.wire_tension.shape == (4, 4, 0)
-    rule = "tensions of a log of two bending planes are not read"
-    assert said == [f"{log} has tension_a_n and tension_b_n: {rule}"]
-    with pytest.raises(ValueError, match=f"{rule}: leave out `tension_a_column`"):
-        read_measured_log(log, LogFormat(tension_a_column="tension_a_n", **PLANES))
-
-
 @pytest.mark.parametrize(
     ("columns", "form", "fault"),
     [
@@ -105,10 +94,3 @@ def test_a_second_plane_that_cannot_be_is_refused(tmp_path, columns, form, fault
     with pytest.raises(ValueError, match=r"^[^\n]*$") as caught:
         read_measured_log(write(tmp_path, columns), LogFormat(**(PLANES | form)))
     assert fault in str(caught.value)
-
-
-def test_the_verb_speaks_of_its_flags_and_writes_nothing(tmp_path, capsys):
-    line = [str(write(tmp_path, LOG)), "--lateral-angle-column", "tilt_deg", "--out", str(tmp_path / "out")]
-    assert main(line) == 2
-    assert "give --lateral-command-column and --lateral-angle-column both" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from csv_logs import steps, write
 
-from scripts.import_log import main
 from twin.dataset.verify import verify
 from twin.evaluation.reading import evaluation_records
-from twin.measured import log as windows
 from twin.measured.folder import write_measured, write_windows
 from twin.measured.log import read_measured_log, read_windows
 from twin.recording import read_dataset
@@ -72,30 +70,6 @@ def test_windows_that_cannot_be_are_refused_and_named(tmp_path, changes, column,
     assert fault in str(caught.value)
 
 
-def test_windows_are_bounded_in_number(tmp_path, monkeypatch):
-    monkeypatch.setattr(windows, "MOST_WINDOWS", 2)
-    with pytest.raises(
-        ValueError, match="window changes 2 times, at most 2 windows are read: check `window_"
-    ):
-        read_windows(write(tmp_path, CUT), "window")
-
-
-def test_of_many_warnings_the_first_are_told_and_the_others_counted(tmp_path):
-    count = windows.MOST_WARNINGS + 3
-    columns = {
-        "window": np.repeat(np.arange(count), 3),
-        "time_s": np.tile([0, 1, 2], count),
-        "command_deg": np.tile([0, 9, 3], count),
-        "angle_deg": np.tile(["1", "", "4"], count),
-    }
-    said = []
-    log = write(tmp_path, columns)
-    read_windows(log, "window", on_warning=said.append)
-    assert said[1] == f"{log} line 6: angle_deg is missing, as in 1 of 3 rows: nothing is measured there"
-    assert len(said) == windows.MOST_WARNINGS + 1
-    assert said[-1] == f"{log}: 3 more warnings like these"
-
-
 def test_windows_are_listed_and_read_as_separate_records(tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
@@ -144,15 +118,3 @@ def test_windows_take_the_place_of_no_other_file_and_are_written_all_or_none(tmp
     with pytest.raises(ValueError, match=r"cut_window_0002\.mcap is the log of another CSV file"):
         write_windows(folder, "cut", logs)
     assert held(folder) == before
-
-
-def test_the_verb_imports_windows_and_tells_what_they_are(tmp_path, capsys):
-    csv = write(tmp_path, CUT)
-    line = [str(csv), "--window-column", "window", "--out", str(tmp_path / "out"), "--json"]
-    assert main(line) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["samples"] == 12
-    assert said["files"] == [str(tmp_path / "out" / f"log_window_000{place}.mcap") for place in range(3)]
-    assert main([str(csv), "--window-column", "angle_deg", "--out", str(tmp_path / "none")]) == 2
-    assert "--window-column" in capsys.readouterr().err
-    assert not (tmp_path / "none").exists()

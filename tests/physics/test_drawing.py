@@ -166,7 +166,7 @@ def test_where_no_library_is_the_error_names_the_package():
         "import ctypes.util; ctypes.util.find_library = lambda name: None\n"
         "import numpy as np\n"
         "from twin.preset.file import load_preset\n"
-        "from twin.rendering.portrait import Portrait\n"
+        "from twin.rendering.cameras import Portrait\n"
         "try: Portrait(load_preset('ureteroscope'))\n"
         "except OSError as error: print(error)\n"
     )

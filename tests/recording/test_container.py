@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from mcap.data_stream import ReadDataStream
 from mcap.reader import NonSeekingReader, SeekingReader, make_reader
 from mcap.records import (
-    Attachment,
     Channel,
     Chunk,
     ChunkIndex,
@@ -24,7 +23,6 @@ from mcap.records import (
     Header,
     Message,
     MessageIndex,
-    Metadata,
     Schema,
     Statistics,
     SummaryOffset,
@@ -144,19 +142,6 @@ def test_message_indexes_point_at_each_message(content):
     assert indexed == len(in_file_order(content))
 
 
-def test_where_it_comes_from_and_what_it_is_stands_in_front_of_the_first_chunk(content):
-    kinds = [type(record) for record in records_of(content)]
-    first = kinds.index(Chunk)
-    assert kinds[:first] == [
-        Header,
-        Metadata,
-        *[Attachment] * 3,
-        *[Schema, Channel] * 7,
-    ]
-    end = kinds.index(DataEnd)
-    assert set(kinds[first:end]) == {Chunk, MessageIndex}
-
-
 def test_summary_counts_and_finds_everything(content):
     records = records_of(content)
     (statistics,) = of_kind(records, Statistics)
@@ -187,18 +172,6 @@ def test_summary_counts_and_finds_everything(content):
     assert footer.summary_crc != 0
     assert of_kind(records, DataEnd)[0].data_section_crc != 0
     assert of_kind(records, Header) == [Header(profile="", library="endotwin")]
-
-
-def test_same_long_episode_same_bytes(tmp_path, content):
-    assert write_episode(tmp_path / "again.mcap", long_episode()).read_bytes() == content
-
-
-def test_more_samples_than_are_serialised_at_once_are_numbered_on(tmp_path):
-    written = make_episode(2**13 + 100, vertebrae=0, elements=None)
-    path = write_episode(tmp_path / "a.mcap", written)
-    found = [message for channel, message in in_file_order(path.read_bytes()) if channel.topic == "/command"]
-    assert [message.sequence for message in found] == list(range(2**13 + 100))
-    assert_equal(read_episode(path), written)
 
 
 @settings(max_examples=20, deadline=None)

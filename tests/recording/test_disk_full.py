@@ -8,7 +8,6 @@ import pytest
 from recorded import make_episode
 from repository import endotwin
 
-from twin.files.atomic import write_whole
 from twin.recording import read_episode, write_episode
 
 EPISODES = 12
@@ -51,17 +50,6 @@ def test_full_disk_is_said_in_one_line_and_the_same_command_goes_on(small_disk, 
     small_disk(3 * needed)
     assert generate(folder).returncode == 0
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == whole
-
-
-def test_full_disk_leaves_the_file_that_was_there(small_disk):
-    disk = small_disk(64)
-    path = disk / "a.txt"
-    write_whole(path, "before")
-    with pytest.raises(OSError, match="No space left") as caught:
-        write_whole(path, b"x" * 200_000)
-    assert caught.value.filename == str(path)
-    assert path.read_text() == "before"
-    assert os.listdir(disk) == ["a.txt"]
 
 
 def test_full_disk_leaves_no_part_of_an_episode(small_disk, tmp_path):

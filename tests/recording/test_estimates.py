@@ -8,8 +8,7 @@ from recorded import make_episode
 
 from twin.recording import EpisodeWriter, read_episode, read_estimates
 from twin.recording import endotwin_pb2 as schema
-from twin.recording.estimate import REFERENCE_TOPIC, estimate_message
-from twin.recording.messages import to_nanoseconds
+from twin.recording.messages import REFERENCE_TOPIC, estimate_message, to_nanoseconds
 
 TIMES = to_nanoseconds(make_episode().time)
 

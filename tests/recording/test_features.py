@@ -1,8 +1,5 @@
 """Quantities of an episode: where they stand in its file, and their statistics against those of NumPy."""
 
-import csv
-import dataclasses
-
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
@@ -11,14 +8,11 @@ from hypothesis import strategies as st
 from recorded import make_episode, messages
 
 from twin.episode import Episode
-from twin.recording import write_csv, write_episode
+from twin.recording import write_episode
 from twin.recording.endotwin_pb2 import DESCRIPTOR
 from twin.recording.features import (
-    COMMAND_ANGLE,
     FEATURES,
-    TABLE,
     Feature,
-    column_names,
     combine,
     describe_features,
     recorded,
@@ -81,16 +75,6 @@ def test_statistics_are_those_of_all_numbers_of_an_episode():
         assert_close(found[name], values)
 
 
-def test_missing_measurements_are_not_counted():
-    episode = make_episode(20)
-    measured = episode.measured_bend.copy()
-    measured[[0, 7, 19]] = np.nan
-    found = statistics(dataclasses.replace(episode, measured_bend=measured))
-    assert found["measured_deg"]["count"] == 17
-    assert_close(found["measured_deg"], np.degrees(measured[~np.isnan(measured)]))
-    assert found["truth_deg"]["count"] == 20
-
-
 numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
 parts_of_numbers = st.lists(st.lists(numbers, min_size=1, max_size=20), min_size=1, max_size=8)
 
@@ -139,38 +123,3 @@ def test_every_field_of_our_messages_is_a_quantity():
         for field in message.fields_by_name
     }
     assert ours == {(message, field) for message, field in wanted if message != JointStates.DESCRIPTOR.name}
-
-
-def columns_of(tmp_path, *, everything: bool) -> list[str]:
-    episode = make_episode(planes=2, drive=True)
-    episode.metadata["preset"]["pulley_radius"] = 0.01
-    path = write_csv(tmp_path / "a.csv", episode, everything=everything)
-    return next(csv.reader(path.open()))
-
-
-def test_columns_of_a_table_are_those_of_the_quantities_that_it_names(tmp_path):
-    assert set(TABLE) - {feature.column for feature in FEATURES} == {COMMAND_ANGLE}
-    held = recorded(make_episode(planes=2, drive=True))
-    shapes = {feature.column: (feature, held[feature.name].shape[1:]) for feature in FEATURES}
-    of_table = [column_names(*shapes[name]) if name in shapes else (name,) for name in TABLE]
-    short = ["time_s", *(column for columns in of_table for column in columns)]
-    assert columns_of(tmp_path, everything=False) == short
-    rest = [column_names(*shapes[name]) for name in shapes if name not in TABLE]
-    assert columns_of(tmp_path, everything=True) == [
-        *short,
-        *(column for columns in rest for column in columns),
-    ]
-
-
-def test_columns_of_parquet_files_are_the_quantities_each_once():
-    frames = pytest.importorskip("twin.export.columns")
-    episode = make_episode(planes=2, drive=True)
-    columns = frames.frame_columns(episode, per_second=50, episode_index=0, first_index=0, task_index=0)
-    own = {"timestamp", "frame_index", "episode_index", "index", "task_index"}  # LeRobot's
-    held = recorded(episode)
-    wanted: dict[str, list[str]] = {"observation.state": [], "action": []}
-    for feature in FEATURES:
-        joined = {"/measurement": "observation.state", "/tension": "observation.state", "/command": "action"}
-        name = joined.get(feature.topic, f"truth.{feature.column}")
-        wanted.setdefault(name, []).extend(column_names(feature, held[feature.name].shape[1:]))
-    assert {name: list(column.names) for name, column in columns.items() if name not in own} == wanted

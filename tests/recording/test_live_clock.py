@@ -101,22 +101,3 @@ def test_another_clock_leaves_no_jump_in_the_record(other_s):
     assert len(recorded) == 100 + 151
     assert recorded[100] - recorded[99] == pytest.approx(50 * 0.02)
     assert found[-1] == pytest.approx(old[-1] + 200 * 0.02)
-
-
-def test_senders_stamps_stay_where_the_record_has_other_times(tmp_path):
-    samples = [sample(100.0), sample(100.5), sample(3.0, health=Health.LATE), sample(7.0)]
-    record(tmp_path / "a.mcap", samples)
-    rows = messages(tmp_path / "a.mcap")["/health"]
-    stamps = [(message.log_time / 1e9, message.publish_time / 1e9) for message, _ in rows]
-    assert stamps == [(100.0, 100.0), (100.5, 100.5), (100.5, 3.0), (108.5, 7.0)]
-    assert [list(decoded.faults) for _, decoded in rows] == [[], [], ["late"], []]
-
-
-def test_samples_that_are_too_close_for_seconds_since_1970_are_moved_apart(tmp_path):
-    """A float of today's date resolves 0.24 us: stamps a nanosecond apart would be one time in an episode."""
-    clock = RecordClock()
-    stamps = [1.0, 1.0 + 2e-9, 1.0 + 4e-9, 2.0]
-    assert [clock.at(stamp) - 10**9 for stamp in stamps] == [0, 10_000, 20_000, 10**9]
-    samples = [sample(1.795e9 + k * 1e-6) for k in range(50)]
-    assert record(tmp_path / "a.mcap", samples).stream.samples == 50
-    assert len(read_episode(tmp_path / "a.mcap").time) == 50

@@ -19,7 +19,7 @@ from recorded import LINK, assert_equal, make_episode, messages
 from twin.episode import Episode
 from twin.recording import endotwin_pb2 as schema
 from twin.recording import read_episode, write_episode
-from twin.recording.chunks import Stream, find_layout, varint_sizes, varints
+from twin.recording.chunks import varint_sizes, varints
 from twin.recording.messages import SCHEMAS, to_nanoseconds
 from twin.recording.scene import scene
 
@@ -133,16 +133,6 @@ def test_messages_are_those_that_the_library_makes_of_each_sample(folder, episod
             assert SCHEMAS[topic].FromString(record.data) == message
 
 
-def test_bytes_are_those_of_the_library_where_no_number_is_zero(tmp_path):
-    episode = make_episode(samples=200, start=120.02, planes=2, drive=True, drawn=True)
-    slack = np.abs(episode.wire_slack) + 1e-6
-    episode = dataclasses.replace(episode, wire_slack=slack)
-    seen = messages(write_episode(tmp_path / "a.mcap", episode))
-    for k, time in enumerate(to_nanoseconds(episode.time)):
-        for topic, message in built(episode, k, time).items():
-            assert seen[topic][k][0].data == message.SerializeToString(), topic
-
-
 @settings(max_examples=30, deadline=None)
 @given(episode=episodes().filter(lambda episode: (np.abs(episode.joint_angle) < 1e300).all()))
 def test_any_numbers_come_back(folder, episode):
@@ -184,29 +174,3 @@ def test_varints_are_those_of_the_library(number):
     (size,) = varint_sizes(np.array([number]))
     assert varints(np.array([number]), size).tobytes() == Timestamp(seconds=number).SerializeToString()[1:]
     assert varint_sizes(np.array([0])) == 0  # left out
-
-
-def stream_of(build: Any, numbers: int = 2) -> Stream:
-    return Stream("/topic", build, np.zeros((3, numbers)), np.ones(3, dtype=bool))
-
-
-@pytest.mark.parametrize(
-    ("build", "fault"),
-    [
-        (lambda row, _: schema.Tension(tension_a_n=row[0]), "/topic: 2 numbers do not stand in"),
-        (lambda row, _: schema.Tension(tension_a_n=row[0], tension_b_n=row[0]), "2 numbers do not stand in"),
-        (
-            lambda row, _: schema.Tension(tension_a_n=2 * row[0], tension_b_n=row[1]),
-            "2 numbers do not stand in",
-        ),
-        (
-            lambda row, _: schema.Tension(**{f"tension_{name}_n": row[0] for name in "abc"}),
-            "2 numbers do not stand in",
-        ),
-        (lambda row, _: schema.Truth(wire_tension_a_n=row[: 1 + (row[0] > 0)]), "differ in more than their"),
-        (lambda row, _: schema.Truth(truth_deg=row[0], pulley_mm=max(row[1], 0.1)), "2 numbers do not"),
-    ],
-)
-def test_message_that_does_not_hold_each_number_once_is_refused(build, fault):
-    with pytest.raises(ValueError, match=fault):
-        find_layout(stream_of(build), 0, 0)

@@ -11,23 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mutated import CHUNK, MAGIC
-from recorded import assert_equal, make_episode
+from recorded import make_episode
 from recovering import EPISODE, SPLIT, check, messages_of_chunks, offsets, recover, samples_before
 
-from twin.recording import read_episode, recover_episode, write_episode
+from twin.recording import read_episode, recover_episode
 
 METADATA = 12
-
-
-@pytest.mark.parametrize("base", mutated.bases())
-def test_whole_file_is_read_as_ever(tmp_path, base):
-    found = recover(tmp_path / "a.mcap", base.data)
-    assert_equal(found.episode, read_episode(tmp_path / "a.mcap"))
-    assert found.faults == ()
-    count = len(base.episode.time)
-    assert found.samples == found.samples_expected == count
-    seconds = count * 0.02
-    assert found.summary == f"{count} of {count} samples ({seconds:.1f} of {seconds:.1f} s) are whole"
 
 
 @settings(max_examples=40, deadline=None)
@@ -127,21 +116,3 @@ def test_nothing_to_recover_gives_one_line(tmp_path):
         assert len(str(caught.value).splitlines()) == 1
     with pytest.raises(FileNotFoundError, match="no file"):
         recover_episode(tmp_path / "b.mcap")
-
-
-def test_our_own_files_lose_no_more_than_the_chunk_that_is_cut(tmp_path):
-    """Their chunks hold complete samples."""
-    episode = make_episode(2500)
-    data = write_episode(tmp_path / "a.mcap", episode).read_bytes()
-    starts, chunks = offsets(data, CHUNK), messages_of_chunks(data)
-    assert len(starts) >= 3
-    for index in range(1, len(starts)):
-        count = len({sample for chunk in chunks[:index] for _, sample in chunk})
-        check(recover(tmp_path / "b.mcap", data[: starts[index] + 100]), list(range(count)), None, episode)
-
-
-def test_recovered_episode_can_be_written_and_states_what_it_is(tmp_path):
-    found = recover(tmp_path / "a.mcap", SPLIT[: offsets(SPLIT, CHUNK)[4]])
-    again = read_episode(write_episode(tmp_path / "b.mcap", found.episode))
-    assert again.metadata["recovered"] == {"samples": found.samples, "expected": None}
-    assert_equal(again, found.episode)

@@ -1,6 +1,5 @@
 """The recording: what is written comes back, and a file is whole or not there."""
 
-import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -10,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import assert_equal, make_episode
 
-from twin.episode import OPTIONAL, Episode
-from twin.recording import EpisodeWriter, read_dataset, read_episode, write_episode
+from twin.episode import OPTIONAL
+from twin.recording import read_dataset, read_episode, write_episode
 from twin.recording.facts import EpisodeFacts
 
 
@@ -119,29 +118,7 @@ def test_same_episode_same_bytes(tmp_path, monkeypatch):
     assert write_episode(tmp_path / "c.mcap", make_episode(seed=1)).read_bytes() != first
 
 
-def test_dataset_is_in_the_order_of_names(tmp_path):
-    for seed in (2, 0, 1):
-        write_episode(tmp_path / f"episode_{seed:03}.mcap", make_episode(seed=seed))
-    (tmp_path / "dataset.json").write_text("{}")
-    (tmp_path / ".episode_009.mcap.partial").write_bytes(b"half")
-    assert [episode.metadata["seed"] for episode in read_dataset(tmp_path)] == [0, 1, 2]
-    assert [episode.metadata["seed"] for episode in read_dataset(tmp_path / "episode_001.mcap")] == [1]
-
-
 # Written whole or not at all
-
-
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_exception_leaves_nothing(tmp_path, error):
-    def fail_half_way() -> None:
-        with EpisodeWriter(tmp_path / "a.mcap") as writer:
-            writer.write(make_episode())
-            assert not (tmp_path / "a.mcap").exists()
-            raise error
-
-    with pytest.raises(error):
-        fail_half_way()
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_exception_leaves_the_file_of_before(tmp_path):
@@ -150,26 +127,6 @@ def test_exception_leaves_the_file_of_before(tmp_path):
         write_episode(path, dataclasses.replace(make_episode(), metadata={"seed": float("nan")}))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
     assert read_episode(path).metadata["seed"] == 1
-
-
-def test_block_without_a_whole_episode_leaves_nothing(tmp_path):
-    def write(*episodes: Episode) -> None:
-        with EpisodeWriter(tmp_path / "a.mcap") as writer:
-            for episode in episodes:
-                writer.write(episode)
-
-    def write_heedlessly(episode: Episode) -> None:
-        with EpisodeWriter(tmp_path / "a.mcap") as writer, contextlib.suppress(ValueError):
-            writer.write(episode)
-
-    late = dataclasses.replace(make_episode(), time=np.arange(12) * 1e-10)
-    with pytest.raises(ValueError, match="no whole episode"):
-        write()
-    with pytest.raises(ValueError, match="no whole episode"):
-        write_heedlessly(late)
-    with pytest.raises(ValueError, match="one episode"):
-        write(make_episode(), make_episode())
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

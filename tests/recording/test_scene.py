@@ -5,7 +5,6 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -127,24 +126,6 @@ def test_a_cylinder_spans_each_link_of_the_twin(pose):
             assert np.linalg.norm(np.cross(faces - ways[index], ways[index + 1] - ways[index])) < 1e-9
 
 
-@settings(max_examples=12, deadline=None)
-@given(planes_and_angles)
-def test_wires_run_where_the_twin_draws_them_in_its_colours(pose):
-    planes, angles = pose
-    endoscope = ENDOSCOPES[planes]
-    endoscope.set_pose(*angles[:planes])
-    mujoco.mj_kinematics(endoscope.model.ptr, endoscope.data.ptr)
-    model, data = endoscope.model.ptr, endoscope.data.ptr
-    lines = world(posed(planes, angles))["lines"]
-    assert len(lines) == 5 * PRESETS[planes].wires
-    for wire in "abcd"[: PRESETS[planes].wires]:
-        material = model.material(f"wire_{wire}")
-        of_twin = data.geom_xpos[model.geom_matid == material.id] - data.body("vertebra_0").xpos
-        drawn = [points for _, points, colour in lines if np.allclose(colour, material.rgba[:3])]
-        np.testing.assert_allclose(np.mean(drawn, axis=1), of_twin, atol=DIGITS * 0.04)
-        np.testing.assert_allclose(np.linalg.norm(np.diff(drawn, axis=1), axis=2), 0.04 / 5)
-
-
 @pytest.mark.parametrize(("planes", "inner", "outer"), [(1, "a", "b"), (2, "a", "b"), (2, "c", "d")])
 def test_wire_that_is_pulled_lies_inside_the_bend(planes, inner, outer):
     """The gaps between its pieces at the hinges would close by wire_offset times the bend: it is shorter."""
@@ -166,16 +147,3 @@ def test_nothing_is_drawn_where_the_geometry_is_not_known(missing):
     assert scene(episode, TIME) is not None
     del episode.metadata["preset"][missing]
     assert scene(episode, TIME) is None
-
-
-def test_nothing_is_drawn_of_a_log_without_joints():
-    assert scene(make_episode(vertebrae=0), TIME) is None
-    assert scene(dataclasses.replace(make_episode(), metadata={}), TIME) is None
-    assert scene(dataclasses.replace(make_episode(), metadata={"preset": "ureteroscope"}), TIME) is None
-
-
-def test_preset_of_another_endoscope_is_refused():
-    episode = make_episode(vertebrae=3)
-    episode.metadata["preset"] = PRESETS[1].to_dict()
-    with pytest.raises(ValueError, match="joint_angle has 3 columns, the preset 5 vertebrae"):
-        scene(episode, TIME)

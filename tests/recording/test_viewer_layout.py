@@ -15,8 +15,7 @@ from twin.files.assets import assets_folder
 from twin.physics import simulate
 from twin.preset.file import load_preset
 from twin.recording import EpisodeWriter
-from twin.recording.estimate import estimate_message, estimate_topic
-from twin.recording.messages import to_nanoseconds
+from twin.recording.messages import estimate_message, estimate_topic, to_nanoseconds
 
 LAYOUT = json.loads((assets_folder() / "foxglove_layout.json").read_text(encoding="utf-8"))
 PANELS = LAYOUT["configById"]

@@ -15,7 +15,6 @@ from twin.rendering.overlay import Overlay, with_command, with_model
 from twin.rendering.picture import on_paper
 from twin.rendering.plots import TracePanel, loop
 from twin.rendering.render import render
-from twin.rendering.still import farthest_sample
 
 EPISODE, GHOST = make_episode(), make_episode(amplitude_deg=-30)
 REFERENCE_DEG = np.full(41, 60.0)
@@ -86,13 +85,6 @@ def test_the_trace_grows_and_shrinks_with_the_sample():
     inked = [(np.ptp(panel.draw(index).astype(int), axis=-1) > 80).sum() for index in (2, 20, 40)]
     assert inked[0] < inked[1] < inked[2]
     np.testing.assert_array_equal(panel.draw(20), fresh.draw(20))
-
-
-def test_the_farthest_sample_is_where_the_bends_differ_most():
-    late = np.where(np.arange(41) == 33, -np.radians(240), GHOST.bend)
-    assert farthest_sample(EPISODE, GHOST) in (10, 30)  # the crests of both
-    assert farthest_sample(EPISODE, dataclasses.replace(GHOST, bend=late)) == 33
-    assert farthest_sample(EPISODE, dataclasses.replace(GHOST, bend=-late)) == 33
 
 
 @needs_gl

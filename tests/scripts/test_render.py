@@ -7,8 +7,7 @@ from rendered import make_episode, needs_gl
 
 from scripts.render import main
 from twin.recording import EpisodeWriter, write_episode
-from twin.recording.estimate import REFERENCE_TOPIC, estimate_message
-from twin.recording.messages import to_nanoseconds
+from twin.recording.messages import REFERENCE_TOPIC, estimate_message, to_nanoseconds
 from twin.rendering.overlay import Overlay
 from twin.rendering.render import render
 

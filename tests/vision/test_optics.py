@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from seen import needs_gl
 
 from twin.preset.file import load_preset
-from twin.vision.bench import Bench, develop, expose, instants, row_weights
+from twin.vision.bench import Bench, board_square, charuco_board, develop, expose, instants, row_weights
 from twin.vision.calibration import _corners
 from twin.vision.optics import cv2, mounted_cameras
 from twin.vision.rig import StereoRig, parse_rig, stereo_rig
-from twin.vision.targets import board_square, charuco_board
 
 PRESET = load_preset("ureteroscope")
 

@@ -201,8 +201,7 @@ def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, c
 
     It holds command, truth, measurement, `/reference` and the controller's estimate.
     """
-    from twin.recording.estimate import REFERENCE_TOPIC, estimate_message, estimate_topic
-    from twin.recording.messages import to_nanoseconds
+    from twin.recording.messages import REFERENCE_TOPIC, estimate_message, estimate_topic, to_nanoseconds
     from twin.recording.writer import EpisodeWriter
 
     preset = settings.held_out(0)

@@ -14,7 +14,7 @@ from twin.files.bounded import read_limited
 from twin.files.json_text import validated
 from twin.files.yaml_text import MOST_BYTES, parse_yaml
 from twin.measured.command import CommandFormat, read_command
-from twin.measured.units import SECONDS_PER_CYCLE
+from twin.measured.table import SECONDS_PER_CYCLE
 from twin.preset.file import load_preset, preset_of
 from twin.preset.preset import Preset, at_fidelity, check_sample_time
 from twin.preset.randomization import Ranges, load_ranges

@@ -27,8 +27,7 @@ from twin.evaluation.reading import (
 )
 from twin.evaluation.score import Score
 from twin.recording import EpisodeWriter, read_episode
-from twin.recording.estimate import estimate_message, estimate_topic
-from twin.recording.messages import to_nanoseconds
+from twin.recording.messages import estimate_message, estimate_topic, to_nanoseconds
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]

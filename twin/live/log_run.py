@@ -15,7 +15,7 @@ from twin.evaluation.metrics import error_indices
 from twin.live.assured import AssuredEstimator
 from twin.live.reading import Sink, StreamSample
 from twin.recording import EpisodeWriter, read_episode
-from twin.recording.estimate import HEALTH_TOPIC, estimate_message, estimate_topic, health_message
+from twin.recording.messages import HEALTH_TOPIC, estimate_message, estimate_topic, health_message
 
 Array = NDArray[np.float64]
 SIGN = '"endotwin run"'

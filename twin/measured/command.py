@@ -8,21 +8,21 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS
-from twin.measured.table import CsvTable, average_repeats, read_columns
-from twin.measured.units import (
+from twin.measured.table import (
     SECONDS_PER_CYCLE,
     TIME_COLUMNS,
+    CsvTable,
+    average_repeats,
     check_cycle,
     pulling_distance,
+    read_columns,
     refuse_implausible_times,
     time_unit_of,
 )
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-
-COMMAND_COLUMNS = ("pull_mm", "command_deg")
-"""Names of the column of the command, the first of which counts."""
+COMMAND_COLUMNS = ("pull_mm", "command_deg")  # names of the column of the command, the first of which counts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,15 +56,10 @@ class CommandFormat:
 
 @dataclasses.dataclass(frozen=True)
 class RecordedCommand:
-    """Recorded command at even samples.
+    """Recorded command at even samples."""
 
-    Attributes:
-        pull: (N,) pulling distance of wire a [m].
-        lateral_pull: (N,) pulling distance of wire c [m]; None where the file commands none.
-    """
-
-    pull: Array
-    lateral_pull: Array | None
+    pull: Array  # (N,) pulling distance of wire a [m]
+    lateral_pull: Array | None  # (N,) pulling distance of wire c [m]; None where the file commands none
 
 
 def read_command(
@@ -74,11 +69,6 @@ def read_command(
 
     The file has a header. A command that is an angle is one of the preset's pulley. Samples at one time are
     averaged; between samples the command is linear.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: a column is missing or has no known unit, a value is no finite number or implausible, time
-            runs backwards, or the command is too short or too long.
     """
     form = form or CommandFormat()
     check_cycle(form.seconds_per_cycle)

@@ -10,34 +10,22 @@ from twin.episode import Episode
 from twin.errors import InputError
 from twin.files.atomic import claim
 from twin.files.bounds import check_file_name
-from twin.files.dataset_json import (
-    NAME,
-    MeasuredDataset,
-    read_contents,
-    to_json_values,
-    write_contents,
-)
+from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values, write_contents
 from twin.recording import read_episode, read_metadata, write_episode
 from twin.recording.features import FEATURES, describe_features
 from twin.recording.listing import describe_episode, totals
 
-WAIT_SECONDS = 60.0
-"""Longest time that an import waits for another one into the same folder [s]."""
-
+WAIT_SECONDS = 60.0  # longest time that an import waits for another one into the same folder [s]
 _WINDOW = "_window_{:04}"
 """Ending of the name of a window's file: its number, so that names are in the order of windows."""
 
-_KEYS_OF_ORIGIN = ("file", "file_sha256")
-"""Metadata that says which CSV file a log was read from."""
-
+_KEYS_OF_ORIGIN = ("file", "file_sha256")  # metadata that says which CSV file a log was read from
 Entry = dict[str, Any]
 """Entry of one file in `dataset.json`, as `twin.files.dataset_json.MeasuredFile` describes it."""
 
 
 @dataclasses.dataclass
 class _Listing:
-    """Contents of a folder of measured logs: entries of the files, and the quantities that they hold."""
-
     files: dict[str, Entry]
     features: dict[str, Any]
 
@@ -68,10 +56,6 @@ def write_measured(folder: Path, name: str, episode: Episode) -> Path:
 
     The same CSV file may be written again, read in another way; other logs in the folder stay. Imports into
     one folder wait for each other. What a killed import has left unlisted is listed by the next.
-
-    Raises:
-        ValueError: the name cannot be a file's, the folder holds what no import made or a damaged
-            `dataset.json`, the log of another CSV file has this name, or another run keeps writing there.
     """
     return _write(folder, name, {name: episode})[0]
 
@@ -83,11 +67,7 @@ def write_windows(folder: Path, name: str, episodes: Sequence[Episode]) -> list[
 
 
 def _write(folder: Path, name: str, episodes: Mapping[str, Episode]) -> list[Path]:
-    """Write the episodes of one CSV file, by the names of their files, and list them.
-
-    What the same CSV file left under `name` before, as one log or as other windows, is removed: the folder
-    would hold the same samples twice.
-    """
+    """Write the episodes of one CSV file and list them; what it left under `name` before is removed."""
     check_file_name(name)
     for each in episodes:
         check_file_name(each)
@@ -108,36 +88,22 @@ def _write(folder: Path, name: str, episodes: Mapping[str, Episode]) -> list[Pat
             for path in fresh:
                 path.unlink(missing_ok=True)
             raise
-        for path in _read_before(folder, name, listing, csv_sha256):
-            if path not in named:
+        mine = [folder / each for each, of in listing.files.items() if of["csv_sha256"] == csv_sha256]
+        for path in mine:
+            is_window = _is_window_of(path.stem, name) and "window" in read_metadata(path)
+            if path not in named and (path.stem == name or is_window):
                 del listing.files[path.name]
                 path.unlink()
         write_contents(folder, listing.contents())
     return [*named]
 
 
-def _read_before(folder: Path, name: str, listing: _Listing, csv_sha256: str) -> list[Path]:
-    """Return the files that a CSV file left under a name, as one log or as windows."""
-    mine = [folder / each for each, entry in listing.files.items() if entry["csv_sha256"] == csv_sha256]
-    return [
-        path
-        for path in mine
-        if path.stem == name or (_is_window_of(path.stem, name) and "window" in read_metadata(path))
-    ]
-
-
 def _is_window_of(stem: str, name: str) -> bool:
-    """Return True if a file's name is that of a window of a log of some name."""
     number = stem.removeprefix(name).removeprefix(_WINDOW.format(0)[:-4])
     return number.isdecimal() and stem == name + _WINDOW.format(int(number))
 
 
 def _listed(folder: Path) -> _Listing:
-    """Return what former imports wrote into a folder and listed, and is still there.
-
-    Raises:
-        ValueError: the folder's `dataset.json` is damaged, or no import wrote it.
-    """
     index = folder / NAME
     if index.is_symlink():
         raise InputError(f"{index} is a link, which no import wrote: choose another `folder`")
@@ -158,8 +124,7 @@ def _listed(folder: Path) -> _Listing:
 def _refuse_to_mix(paths: Sequence[Path], listing: _Listing, csv_sha256: str) -> None:
     """Refuse to write over the log of another CSV file, or next to files that no import wrote.
 
-    A file that an import wrote and did not list, as it was killed between the two, is listed here, or about
-    to be written again.
+    What a killed import wrote and did not list is listed here, or about to be written again.
     """
     folder = paths[0].parent
     unlisted = [file for file in sorted(folder.glob("*.mcap")) if file.name not in listing.files]

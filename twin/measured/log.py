@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode, without_holes
 from twin.errors import InputError
-from twin.measured.table import CsvTable, average_repeats, hold, read_columns
-from twin.measured.units import (
+from twin.measured.table import (
     ANGLE_UNITS,
     SECONDS_PER_CYCLE,
     TIME_COLUMNS,
+    CsvTable,
+    average_repeats,
     check_cycle,
     column_unit,
+    hold,
     pulling_distance,
+    read_columns,
     refuse_implausible,
     refuse_implausible_times,
     time_unit_of,
@@ -34,19 +37,12 @@ from twin.signals.sensor import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
 Warn = Callable[[str], None]
-
-SHEATH_BEND_COLUMN = "sheath_bend_deg"
-"""Name of the column of the angle that the sheath is bent by."""
-GAP = 20.0
-"""Time step, relative to the median one, from which on it counts as a gap."""
-LARGEST_RADIUS = 1.0
-"""Largest radius of a pulley [m]."""
-LARGEST_SHEATH_BEND_DEG = 1440.0
-"""Largest bend of a sheath [deg], the limit of a preset."""
-MOST_WINDOWS = 10_000
-"""Largest number of windows in a file: a column with more changes is none of windows."""
-MOST_WARNINGS = 10
-"""Largest number of warnings of a file: windows often share a fault."""
+SHEATH_BEND_COLUMN = "sheath_bend_deg"  # name of the column of the angle that the sheath is bent by
+GAP = 20.0  # time step, relative to the median one, from which on it counts as a gap
+LARGEST_RADIUS = 1.0  # largest radius of a pulley [m]
+LARGEST_SHEATH_BEND_DEG = 1440.0  # largest bend of a sheath [deg], the limit of a preset
+MOST_WINDOWS = 10_000  # largest number of windows in a file: a column with more changes is none of windows
+MOST_WARNINGS = 10  # largest number of warnings of a file: windows often share a fault
 
 # Usual ranges: a value beyond them is often in another unit than stated. Nothing is refused by them.
 PULL_RANGE_MM = (0.1, 100.0)
@@ -132,41 +128,24 @@ class LogFormat:
 
 
 def read_measured_log(
-    path: Path,
-    form: LogFormat | None = None,
-    *,
-    on_warning: Warn | None = None,
+    path: Path, form: LogFormat | None = None, *, on_warning: Warn | None = None
 ) -> Episode:
     """Read a measured log, a CSV file with a header, as an episode; rows with the same time are averaged.
 
     A value is missing where its field is empty or one of `table.MISSING`. What is dropped or held is counted
-    in a warning (one line each, to `on_warning`) and in the metadata.
+    in a warning (one line each, to `on_warning`) and in the metadata, which also state how the file was read.
 
     Returns:
         N samples from time 0 on. Both `bend` and `measured_bend` are the measured angle; where it is missing,
-        `measured_bend` is NaN and `bend` linear between its neighbours, or level before the first and after
-        the last. With two bending planes `lateral_bend` is the angle in the second one, its holes filled in
-        the same way; `measured_bend` is then NaN where either angle is missing. There are no joints and no
-        friction; `wire_tension` is (N, 2, 1) where both tensions of one plane were measured, else
-        (N, wires, 0). The metadata state how the file was read, so that a pulling distance can become a
-        pulley's angle again.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: a column is missing or has no known unit; a value is no number or implausible; a tension,
-            the sheath's bend or the first command is missing; more than a tenth of the rows run backwards in
-            time, or any in phase; the angle is measured at fewer than two times; the command does not move.
+        `measured_bend` is NaN, `bend` linear between its neighbours and level at the ends; `lateral_bend`
+        likewise. `measured_bend` is NaN where the angle of either plane is missing. `wire_tension` is
+        (N, 2, 1) where both tensions of one plane were measured, else (N, wires, 0).
     """
     form = form or LogFormat()
-    return _log_of(_log_table(path, form), form, on_warning or _ignore)
-
-
-def _ignore(line: str) -> None:
-    """Drop a warning."""
+    return _log_of(_log_table(path, form), form, on_warning or _Few(None))
 
 
 def _log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
-    """Read the columns of a measured log, and `more` of that file."""
     form.check()
     if not path.name.isprintable():
         raise InputError(f"{str(path)!r:.40}: a log records the name of its file, which must be printable")
@@ -174,7 +153,6 @@ def _log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
 
 
 def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bool = False) -> Episode:
-    """Return the episode of a table, or of a part of it, as `read_measured_log` reads a complete file."""
     path = table.path
     time_column = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
     time_unit, unit = time_unit_of(table, time_column, form.time_unit, form.seconds_per_cycle)
@@ -229,6 +207,11 @@ def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bo
         _, sheath_bends = average_repeats(time, sheath_bends)
     if form.sheath_bend_deg is not None:
         sheath_bends = np.full(count, np.radians(form.sheath_bend_deg))
+    lateral: dict[str, Any] = {}
+    for plane in planes[1:]:
+        lateral = {"lateral_command_column": plane.command_column, "lateral_command_unit": plane.command_unit}
+        lateral |= {"lateral_angle_column": plane.angle_column, "lateral_angle_unit": plane.angle_unit}
+        lateral["reverse_lateral_angle"] = form.reverse_lateral_angle
     held = sum(int(np.isnan(plane.pull).sum()) for plane in planes)
     mended = {"rows_dropped": row_count - len(time), "commands_held": held}
     in_angles = any(plane.command_unit in ANGLE_UNITS for plane in planes)
@@ -256,7 +239,7 @@ def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bo
             "angle_column": form.angle_column,
             "angle_unit": own.angle_unit,
             "reverse_angle": form.reverse_angle,
-            **(_lateral_facts(planes[1], form) if len(planes) > 1 else {}),
+            **lateral,
             "time_column": time_column,
             "time_unit": time_unit,
             "seconds_per_cycle": form.seconds_per_cycle if time_unit == "rad" else None,
@@ -282,7 +265,6 @@ class _Plane:
 
 
 def _plane(table: CsvTable, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
-    """Return the command and the measured angle, turned or not, of one bending plane."""
     pull, command_unit = pulling_distance(
         table, command, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
     )
@@ -296,18 +278,7 @@ def _plane(table: CsvTable, form: LogFormat, command: str, angle: str, reverse: 
     return _Plane(command, pull, command_unit, angle, bend, unit)
 
 
-def _lateral_facts(plane: _Plane, form: LogFormat) -> dict[str, Any]:
-    return {
-        "lateral_command_column": plane.command_column,
-        "lateral_command_unit": plane.command_unit,
-        "lateral_angle_column": plane.angle_column,
-        "lateral_angle_unit": plane.angle_unit,
-        "reverse_lateral_angle": form.reverse_lateral_angle,
-    }
-
-
 def _refuse_standstill(table: CsvTable, name: str) -> None:
-    """Refuse a command that does not move, or is missing in every row."""
     values = table.column(name, may_miss=True)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -351,21 +322,12 @@ def _tensions(table: CsvTable, form: LogFormat, warn: Warn) -> tuple[list[str], 
 
 
 def read_windows(
-    path: Path,
-    window_column: str,
-    form: LogFormat | None = None,
-    *,
-    on_warning: Warn | None = None,
+    path: Path, window_column: str, form: LogFormat | None = None, *, on_warning: Warn | None = None
 ) -> list[Episode]:
     """Read the windows of a measured log, in the order of the file, each as `read_measured_log` does.
 
     `window_column` has numbers that stay the same throughout a window. `window` in the metadata is that
     number, `rows` those of the window. The command of one window may stand still.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: a window is no log (the text names it), the command moves in none, `window_column` is
-            another column of the log or missing in a row, or there are more than `MOST_WINDOWS`.
     """
     form = form or LogFormat()
     if window_column in form.columns:
@@ -381,7 +343,7 @@ def read_windows(
             "read: check `window_column`"
         )
     _refuse_standstill(table, form.command_column)
-    warn = _Few(on_warning or _ignore)
+    warn = _Few(on_warning)
     episodes = []
     for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(numbers)], strict=True):
         window = int(numbers[begin]) if numbers[begin].is_integer() else float(numbers[begin])
@@ -399,10 +361,8 @@ def read_windows(
 
 
 class _Few:
-    """Warnings, each once and not too many of them."""
-
-    def __init__(self, on_warning: Warn) -> None:
-        self._on_warning, self._given, self._more = on_warning, set[str](), 0
+    def __init__(self, on_warning: Warn | None) -> None:
+        self._on_warning, self._given, self._more = on_warning or (lambda _: None), set[str](), 0
 
     def __call__(self, line: str) -> None:
         if line not in self._given and len(self._given) < MOST_WARNINGS:

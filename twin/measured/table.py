@@ -17,26 +17,28 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, MissingFileError
 from twin.files.bounded import open_regular, sha256_of
+from twin.signals.sensor import LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
+ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}  # [rad]
+LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
+TIME_COLUMNS = ("time_s", "phase_rad")  # names of the column of the time, the first of which counts
+SECONDS_PER_CYCLE = 20.0
+"""Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
+LARGEST_CYCLE = 1e6  # longest duration of a phase of 2 pi [s]
 
+
+Rows = NDArray[np.bool_]
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "#n/a", "null", "none"})
 """Texts that mean a missing value, in lower case."""
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 """Separators that are read, and their names; decimals may have a comma where none separates fields."""
 
-MOST_BYTES = 4 * 2**30
-"""Largest size of a file [bytes]."""
-LONGEST_LINE = 2**20
-"""Largest length of a line [characters]: a file without line ends would fill the memory."""
-MOST_ROWS = 10_000_000
-"""Largest number of rows."""
-MOST_COLUMNS = 10_000
-"""Largest number of columns."""
-MOST_LATE = 0.1
-"""Largest share of rows that may run backwards in time; a log with more is not in order."""
-
+MOST_BYTES = 4 * 2**30  # largest size of a file [bytes]
+LONGEST_LINE = 2**20  # largest length of a line [characters]: a file without line ends would fill the memory
+MOST_ROWS = 10_000_000  # largest number of rows
+MOST_LATE = 0.1  # largest share of rows that may run backwards in time; a log with more is not in order
 _CELLS_AT_ONCE = 2**18  # fields that are held as text: about 15 MB
 _OTHER_SEPARATORS = {"|": "bars", " ": "spaces"}
 _PLAIN = b"0123456789.+-eE \t"  # of a number; `float` takes more, such as 1_000 and infinity
@@ -47,43 +49,25 @@ _NAMES_SHOWN = 120  # [characters]
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """One column.
+    """One column."""
 
-    Attributes:
-        values: (N,) NaN where the text is no finite number.
-        wrong: (N,) True where the text is neither a finite number nor a missing value.
-        texts: texts of the first wrong rows, by line.
-    """
-
-    values: Array
-    wrong: Rows
-    texts: Mapping[int, str]
+    values: Array  # (N,) NaN where the text is no finite number
+    wrong: Rows  # (N,) True where the text is neither a finite number nor a missing value
+    texts: Mapping[int, str]  # texts of the first wrong rows, by line
 
 
 @dataclasses.dataclass(frozen=True)
 class CsvTable:
-    """Columns of a CSV file with a header.
+    """Columns of a CSV file with a header."""
 
-    Attributes:
-        path: the file, for messages.
-        names: all column names of the header.
-        lines: (N,) line of the file on which each row ends; the first line is 1.
-        columns: the columns that were asked for and are there, by name.
-        sha256: SHA-256 of the file, in hexadecimal.
-    """
-
-    path: Path
-    names: tuple[str, ...]
-    lines: NDArray[np.int64]
-    columns: Mapping[str, Column]
-    sha256: str
+    path: Path  # the file, for messages
+    names: tuple[str, ...]  # all column names of the header
+    lines: NDArray[np.int64]  # (N,) line of the file on which each row ends; the first line is 1
+    columns: Mapping[str, Column]  # the columns that were asked for and are there, by name
+    sha256: str  # SHA-256 of the file, in hexadecimal
 
     def column(self, name: str, *, may_miss: bool = False) -> Array:
-        """Return a column of numbers (N,); missing values, if allowed, are NaN.
-
-        Raises:
-            ValueError: there is no such column, or two; or a value is missing or not a finite number.
-        """
+        """Return a column of numbers (N,); missing values, if allowed, are NaN."""
         if self.names.count(name) != 1:
             count = "no" if name not in self.names else "more than one"
             raise InputError(f"{self.path} has {count} column {shown_name(name)}; {self._its_columns()}")
@@ -98,11 +82,7 @@ class CsvTable:
         return column.values.copy()
 
     def first_of(self, names: Sequence[str]) -> str:
-        """Return the first of some names that is a column of the file.
-
-        Raises:
-            ValueError: none is.
-        """
+        """Return the first of some names that is a column of the file."""
         for name in names:
             if name in self.names:
                 return name
@@ -134,11 +114,7 @@ class CsvTable:
         return dataclasses.replace(self, lines=self.lines[rows], columns=columns)
 
     def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvTable":
-        """Return the rows that have a time; one warning counts the others.
-
-        Raises:
-            ValueError: as `column`, or no row has one.
-        """
+        """Return the rows that have a time; one warning counts the others."""
         missing = np.isnan(self.column(name, may_miss=True))
         if missing.all():
             raise InputError(f"{self.path}: {name} is missing in every row")
@@ -147,11 +123,7 @@ class CsvTable:
         return self.only(~missing)
 
     def in_order(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvTable":
-        """Return the table without rows before the latest time so far; one warning counts them.
-
-        Raises:
-            ValueError: as `column`, or more than `MOST_LATE` of the rows run backwards.
-        """
+        """Return the table without rows before the latest time so far; one warning counts them."""
         time = self.column(name)
         late = time < np.maximum.accumulate(time)
         if late.mean() > MOST_LATE:
@@ -171,16 +143,6 @@ def read_columns(path: Path, names: Collection[str], what: str = "file") -> CsvT
 
     The header shows whether commas, semicolons or tabs separate fields. Decimals have a point, or all of them
     a comma where commas do not separate fields.
-
-    Args:
-        path: the file.
-        names: the columns to read, those of them that are there.
-        what: the file is, for the message where there is none.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no CSV file, holds no lines of data, is too large, or has a row with more or fewer
-            fields than its header.
     """
     if not path.exists():
         raise MissingFileError(f"no {what} {path}")
@@ -314,9 +276,6 @@ def _ends_within_line(path: Path) -> bool:
 
 
 def _checked_names(path: Path, header: list[str]) -> tuple[str, ...]:
-    """Return the column names of a header; too many, or other separators, are refused."""
-    if len(header) > MOST_COLUMNS:
-        raise InputError(f"{path}: its header has {len(header)} columns, at most {MOST_COLUMNS} are read")
     names = tuple(name.strip() for name in header)
     if len(names) == 1:
         for separator, word in _OTHER_SEPARATORS.items():
@@ -330,8 +289,6 @@ def _checked_names(path: Path, header: list[str]) -> tuple[str, ...]:
 
 
 class _Growing:
-    """Column of a table that is being read, from texts to numbers."""
-
     def __init__(self, path: Path, name: str, may_have_commas: bool) -> None:
         self.name = name
         self.decimals: dict[str, tuple[int, str]] = {}  # first number with a point, with a comma: its line
@@ -423,3 +380,77 @@ def hold(values: Array) -> Array:
     """Return values (N,) with each NaN replaced by the last value before it, where there is one."""
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return values[last]
+
+
+def check_cycle(seconds_per_cycle: float) -> None:
+    """Refuse a duration of a phase of 2 pi [s] that is out of range."""
+    if not 0 < seconds_per_cycle <= LARGEST_CYCLE:
+        raise InputError(
+            f"seconds_per_cycle = {seconds_per_cycle:g}: must be positive, at most {LARGEST_CYCLE:g}"
+        )
+
+
+def column_unit(
+    table: CsvTable, name: str, given: str | None, units: Mapping[str, float], parameter: str
+) -> str:
+    """Return the unit of a column: the one given by a parameter, or the ending of its name."""
+    *most, last = units
+    valid = f"{', '.join(most)} or {last}"
+    if given is not None:
+        if given not in units:
+            raise InputError(f"{parameter} = {given}: must be {valid}")
+        return given
+    ending = name.lower().rpartition("_")[2] if "_" in name else ""
+    if ending not in units:
+        raise InputError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
+    return ending
+
+
+def time_unit_of(
+    table: CsvTable, name: str, given: str | None, seconds_per_cycle: float
+) -> tuple[str, float]:
+    """Return the unit of a column of times or phases, and what it is in seconds."""
+    units = TIME_UNITS | {"rad": seconds_per_cycle / (2 * np.pi)}
+    unit = column_unit(table, name, given, units, "time_unit")
+    return unit, units[unit]
+
+
+def refuse_implausible_times(table: CsvTable, name: str, unit: float) -> None:
+    """Refuse a column of times in units of `unit` seconds that is out of any clock's range."""
+    with np.errstate(over="ignore"):
+        seconds = table.column(name) * unit
+    refuse_implausible(table, name, seconds, "s", (-LARGEST_TIME_S, LARGEST_TIME_S), "check `time_unit`")
+
+
+def pulling_distance(
+    table: CsvTable, name: str, given: str | None, pulley_radius: float, advice: str, *, may_miss: bool
+) -> tuple[Array, str]:
+    """Return a command as a pulling distance (N,) [m], NaN where it is missing, and the unit of its column.
+
+    The radius of the pulley [m] makes a distance of an angle; `advice` is what to check where that is
+    implausible.
+    """
+    values = table.column(name, may_miss=may_miss)
+    lengths = LENGTH_UNITS | {unit: size * pulley_radius for unit, size in ANGLE_UNITS.items()}
+    unit = column_unit(table, name, given, lengths, "command_unit")
+    with np.errstate(over="ignore"):
+        pull = values * lengths[unit]
+        millimetres = pull * 1e3
+    advice = "check `command_unit`" + (f" and {advice}" if unit in ANGLE_UNITS else "")
+    limits = (-LARGEST_PULL_MM, LARGEST_PULL_MM)
+    refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
+    return pull, unit
+
+
+def refuse_implausible(
+    table: CsvTable, name: str, values: Array, unit: str, limits: tuple[float, float], advice: str
+) -> None:
+    """Refuse values (N,) of a column that are out of their limits; the message names the first line."""
+    low, high = limits
+    wrong = (values < low) | (values > high)
+    if wrong.any():
+        row = int(wrong.argmax())
+        raise InputError(
+            f"{table.path} line {table.lines[row]}: {name} is {values[row]:g} {unit}, "
+            f"which is not from {low:g} to {high:g}: {advice}"
+        )

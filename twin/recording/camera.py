@@ -14,13 +14,9 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.recording.reader import named_errors, read_contents, whole_contents
 
-CAMERA_TOPIC = "/camera/image"
-"""Topic of the pictures of the camera next to the endoscope."""
-STEREO_SIDES = ("left", "right")
-"""Cameras of a stereo sensor."""
-
-LARGEST_SIDE = 4096
-"""Width and height of a picture that is read, at most [pixels]."""
+CAMERA_TOPIC = "/camera/image"  # topic of the pictures of the camera next to the endoscope
+STEREO_SIDES = ("left", "right")  # cameras of a stereo sensor
+LARGEST_SIDE = 4096  # width and height of a picture that is read, at most [pixels]
 
 
 def camera_topics() -> dict[str, str]:
@@ -45,11 +41,8 @@ def calibration_message(
 ) -> Any:
     """Return the `CameraCalibration` message of a camera, with OpenCV's model of distortion.
 
-    Args:
-        size: width and height of its pictures [pixels].
-        parameters: row by row, D (5 numbers), K (9), R (9) and P (12).
-        nanoseconds: time from which it holds.
-        frame_id: frame of the camera.
+    `size` is width and height of its pictures [pixels]; `parameters` are, row by row, D (5 numbers), K (9),
+    R (9) and P (12), which hold from a time [ns] on.
     """
     width, height = size
     message = CameraCalibration(width=width, height=height, distortion_model="plumb_bob", frame_id=frame_id)
@@ -61,24 +54,14 @@ def calibration_message(
 
 @dataclasses.dataclass(frozen=True)
 class Pictures:
-    """Pictures of one record.
+    """Pictures of one record."""
 
-    Attributes:
-        time: (M,) when each was taken, since the start of the record [s].
-        jpeg: M pictures, each a JPEG file.
-        size: width and height of all of them [pixels].
-    """
-
-    time: NDArray[np.float64]
-    jpeg: tuple[bytes, ...]
-    size: tuple[int, int]
+    time: NDArray[np.float64]  # (M,) when each was taken, since the start of the record [s]
+    jpeg: tuple[bytes, ...]  # M pictures, each a JPEG file
+    size: tuple[int, int]  # width and height of all of them [pixels]
 
     def at(self, time: NDArray[np.float64]) -> Iterator[NDArray[np.uint8]]:
-        """Yield the latest picture (height, width, 3) at each time [s]; before the first one, the first.
-
-        Raises:
-            ValueError: one is no JPEG picture of this size.
-        """
+        """Yield the latest picture (height, width, 3) at each time [s]; before the first one, the first."""
         places = np.searchsorted(self.time, time + 1e-6, side="right") - 1
         shown, picture = -1, np.empty((0, 0, 3), dtype=np.uint8)
         for place in np.maximum(places, 0).tolist():
@@ -90,12 +73,7 @@ class Pictures:
 
 
 def read_pictures(path: str | Path) -> dict[str, Pictures]:
-    """Read the pictures of an episode's file, by the name of the camera; none where it has none.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is no MCAP file, is cut off or damaged, or its pictures are no JPEG files.
-    """
+    """Read the pictures of an episode's file, by the name of the camera; none where it has none."""
     path, topics = Path(path), camera_topics()
     contents = whole_contents(path, topics.values())
     found = {}
@@ -116,11 +94,7 @@ def has_pictures(path: Path) -> bool:
 
 
 def decoded(jpeg: bytes) -> NDArray[np.uint8]:
-    """Return a JPEG file as (height, width, 3) pixels.
-
-    Raises:
-        ValueError: it is none, or too large.
-    """
+    """Return a JPEG file as (height, width, 3) pixels."""
     from PIL import Image  # of an extra: files are read without it
 
     try:

@@ -1,11 +1,9 @@
 """Contents of MCAP chunks: message records back to back, with an index of their offsets.
 
-Of an episode, the records of all samples whose messages have the same layouts are the rows of one table: a
-template, filled with arrays of numbers. Protobuf messages that differ only in the values of doubles and of
-time stamps have the same bytes but at the places of those numbers, if each number takes as many bytes in all
-of them: a double takes eight, the two parts of a time stamp are varints of up to five
-(https://protobuf.dev/programming-guides/encoding). The places are found where the output of the library
-changes when every number changes in every byte.
+The records of samples whose messages have the same layouts are rows of one table: a template, filled with
+arrays of numbers. Protobuf messages that differ only in doubles (8 bytes each) and time stamps (varints) have
+the same bytes but at the places of those numbers (https://protobuf.dev/programming-guides/encoding): those
+that change in the output of the library when every number changes in every byte.
 """
 
 import dataclasses
@@ -25,17 +23,14 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Indices = NDArray[np.intp]
 Integers = NDArray[np.int64]
-
+# records of n samples of the same layout: indices (n,), rows (n, size), offset of each channel [bytes]
+Table = tuple[Integers, Bytes, dict[int, int]]
 SECOND = 10**9  # [ns]
-
-CHUNK_SIZE = 2**18
-"""Size from which on a chunk is full, before compression [bytes]."""
-
+CHUNK_SIZE = 2**18  # size from which on a chunk is full, before compression [bytes]
 _BATCH = 2**13  # samples serialised at once: more are hardly faster and take more memory
 _DOUBLE = 8  # [bytes]
 _DIGIT = 7  # [bits] of a number that each byte of a varint holds
 _MOST_FOUND = 1000
-
 _HEAD_FIELDS = struct.Struct("<BQHIQQ")  # header of a message record, before the data
 _HEAD = np.dtype(
     [
@@ -52,26 +47,16 @@ _NOT_COUNTED = 9  # opcode and length of a record, which its length leaves out [
 
 @dataclasses.dataclass(frozen=True)
 class ChunkContent:
-    """Message records of one chunk.
+    """Message records of one chunk."""
 
-    Attributes:
-        records: the message records, back to back.
-        index: log time [ns] and offset [bytes] in `records` of each message, by channel, (messages, 2).
-    """
-
-    records: bytes
-    index: dict[int, Integers]
+    records: bytes  # back to back
+    index: dict[int, Integers]  # by channel, log time [ns] and offset [bytes] of each message, (messages, 2)
 
 
 class GrowingChunk:
-    """Chunk that messages are added to one by one, in the order of their log times.
-
-    Attributes:
-        size: size of its records, before compression [bytes].
-    """
+    """Chunk that messages are added to one by one, in the order of their log times."""
 
     def __init__(self) -> None:
-        """Begin without a message."""
         self.size = 0
         self._pieces: list[bytes] = []
         self._index: dict[int, list[tuple[int, int]]] = {}
@@ -106,18 +91,14 @@ def message_chunks(messages: Iterable[tuple[int, int, int, bytes]]) -> Iterator[
 class Stream:
     """Messages of one topic: at most one for each sample, all of one form.
 
-    Attributes:
-        topic: name of the topic.
-        build: message of a row of K numbers and the time of its sample [ns]. Which fields are set depends on
-            neither; each number of the row is in exactly one double of the message, unchanged.
-        numbers: numbers of each sample, (N, K); K is 0 where the message has none.
-        present: mask of the samples that have a message, (N,).
+    `build` makes a message of a row of K numbers and the time of its sample [ns]. Which fields are set does
+    not depend on them; each number of the row is in exactly one double of the message, unchanged.
     """
 
     topic: str
     build: Callable[[Sequence[float], int], Any]
-    numbers: Array
-    present: NDArray[np.bool_]
+    numbers: Array  # of each sample, (N, K); K is 0 where the message has none
+    present: NDArray[np.bool_]  # samples that have a message, (N,)
 
 
 def sample_chunks(
@@ -125,10 +106,8 @@ def sample_chunks(
 ) -> Iterator[ChunkContent]:
     """Group the messages of streams into chunks of whole samples.
 
-    Args:
-        streams: the messages of each topic.
-        channels: the channel of each.
-        nanoseconds: (N,) time of each sample; its place is the sequence number of its messages.
+    `channels` are those of the streams, `nanoseconds` (N,) the times of the samples, whose places are the
+    sequence numbers of their messages.
     """
     layouts = functools.cache(lambda number, *sizes: find_layout(streams[number], *sizes))
     for first in range(0, len(nanoseconds), _BATCH):
@@ -138,21 +117,6 @@ def sample_chunks(
             for samples in _alike(streams, nanoseconds, batch)
         ]
         yield from _in_order(tables, nanoseconds[batch], first)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Table:
-    """Message records of n samples that have the same layout.
-
-    Attributes:
-        samples: indices of the samples, (n,).
-        rows: records of each sample, (n, size) [bytes].
-        places: offset of the message record of each channel in a row [bytes].
-    """
-
-    samples: Integers
-    rows: Bytes
-    places: dict[int, int]
 
 
 def _alike(streams: Sequence[Stream], nanoseconds: Integers, batch: Integers) -> list[Integers]:
@@ -170,7 +134,7 @@ def _table(
     nanoseconds: Integers,
     samples: Integers,
     layouts: "Callable[..., MessageLayout]",
-) -> _Table:
+) -> Table:
     """The records of samples that are alike; `layouts` finds that of a stream, by its place."""
     times = nanoseconds[samples]
     parts = np.divmod(times, SECOND)
@@ -179,37 +143,38 @@ def _table(
     found = {
         number: layouts(number, *sizes) for number, stream in enumerate(streams) if stream.present[samples[0]]
     }
-    width = sum(_HEAD.itemsize + layout.size for layout in found.values())
+    width = sum(_HEAD.itemsize + len(layout.template) for layout in found.values())
     rows = np.empty((len(samples), width), dtype=np.uint8)
     places, end = {}, 0
     for number, layout in found.items():
-        begin, data, end = end, end + _HEAD.itemsize, end + _HEAD.itemsize + layout.size
+        size = len(layout.template)
+        begin, data, end = end, end + _HEAD.itemsize, end + _HEAD.itemsize + size
         heads = np.empty(len(times), dtype=_HEAD)
-        heads["opcode"], heads["length"] = Opcode.MESSAGE, _HEAD.itemsize - _NOT_COUNTED + layout.size
+        heads["opcode"], heads["length"] = Opcode.MESSAGE, _HEAD.itemsize - _NOT_COUNTED + size
         heads["channel"], heads["sequence"] = channels[number], samples
         heads["log_time"] = heads["publish_time"] = times
         rows[:, begin:data] = heads.view(np.uint8).reshape(len(times), _HEAD.itemsize)
         layout.fill(rows[:, data:end], streams[number].numbers[samples], *digits)
         places[channels[number]] = begin
-    return _Table(samples, rows, places)
+    return samples, rows, places
 
 
-def _in_order(tables: Sequence[_Table], times: Integers, first: int) -> Iterator[ChunkContent]:
+def _in_order(tables: Sequence[Table], times: Integers, first: int) -> Iterator[ChunkContent]:
     """Yield the rows of tables in the order of their samples, starting at sample `first`."""
     sizes = np.empty(len(times), dtype=np.int64)
-    for table in tables:
-        sizes[table.samples - first] = table.rows.shape[1]
+    for samples, rows, _ in tables:
+        sizes[samples - first] = rows.shape[1]
     ends = np.cumsum(sizes)
     begins = ends - sizes
     content = np.empty(ends[-1], dtype=np.uint8)
-    places = {channel: np.full(len(times), -1) for table in tables for channel in table.places}
-    for table in tables:
-        samples = table.samples - first
+    places = {channel: np.full(len(times), -1) for *_, of in tables for channel in of}
+    for indices, rows, offsets in tables:
+        samples = indices - first
         # Samples that follow each other do so in the table too: they are copied together.
         breaks = [0, *(np.flatnonzero(np.diff(samples) > 1) + 1).tolist(), len(samples)]
         for start, stop in itertools.pairwise(breaks):
-            content[begins[samples[start]] : ends[samples[stop - 1]]] = table.rows[start:stop].ravel()
-        for channel, place in table.places.items():
+            content[begins[samples[start]] : ends[samples[stop - 1]]] = rows[start:stop].ravel()
+        for channel, place in offsets.items():
             places[channel][samples] = begins[samples] + place
 
     edges = [0, *(np.flatnonzero(np.diff(begins // CHUNK_SIZE)) + 1).tolist(), len(times)]
@@ -224,24 +189,12 @@ def _in_order(tables: Sequence[_Table], times: Integers, first: int) -> Iterator
 
 @dataclasses.dataclass(frozen=True)
 class MessageLayout:
-    """Offsets of the numbers in a serialised message.
+    """Offsets of the numbers in a serialised message."""
 
-    Attributes:
-        template: one such message, (size,) [bytes].
-        doubles: offset of each number of the row, (K,) [bytes].
-        seconds: offsets of the seconds of each time stamp [bytes]; empty if they take no bytes.
-        nanos: the same for the nanoseconds within the second.
-    """
-
-    template: Bytes
-    doubles: Indices
-    seconds: Indices
-    nanos: Indices
-
-    @property
-    def size(self) -> int:
-        """Size of a message [bytes]."""
-        return len(self.template)
+    template: Bytes  # one such message, (size,) [bytes]
+    doubles: Indices  # offset of each number of the row, (K,) [bytes]
+    seconds: Indices  # offsets of the seconds of each time stamp [bytes]; empty if they take no bytes
+    nanos: Indices  # the same for the nanoseconds within the second
 
     def fill(self, out: Bytes, numbers: Array, seconds: Bytes, nanos: Bytes) -> None:
         """Serialise n messages into `out` (n, size) [bytes].
@@ -282,7 +235,8 @@ def find_layout(stream: Stream, seconds_size: int, nanos_size: int) -> MessageLa
         return _found[key]
     changed = serialise(inverted, seconds[0], nanos[0])
     doubles = _changed(stream, template, changed, _DOUBLE)
-    found, negative = (_numbers_at(doubles, message) for message in (template, changed))
+    bytes_at = doubles[:, None] + np.arange(_DOUBLE)
+    found, negative = (message[bytes_at].view("<f8")[:, 0] for message in (template, changed))
     order = np.argsort(found)
     if found[order].tolist() != row.tolist() or negative[order].tolist() != inverted.tolist():
         raise InputError(f"{stream.topic}: {count} numbers do not stand in a double of the message each")
@@ -321,12 +275,6 @@ def _extremes(size: int) -> tuple[int, int]:
     if size == 0:
         return 0, 0
     return 1 << _DIGIT * (size - 1), min((1 << _DIGIT * size) - 1, SECOND - 1)
-
-
-def _numbers_at(places: Indices, message: Bytes) -> Array:
-    """Return the doubles (K,) at these offsets."""
-    doubles: Array = message[places[:, None] + np.arange(_DOUBLE)].view("<f8")[:, 0]
-    return doubles
 
 
 def _changed(stream: Stream, one: Bytes, other: Bytes, size: int) -> Indices:

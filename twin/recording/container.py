@@ -6,94 +6,62 @@ each, CRCs over each chunk, the data section and the summary, and an index of ev
 
 import zlib
 from collections.abc import Iterable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import zstandard
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
 from numpy.typing import NDArray
 
 from twin.recording.chunks import ChunkContent
 
-MAGIC = b"\x89MCAP0\r\n"
-"""Magic bytes at the start and the end of every MCAP file."""
-
-LEVEL = 1
-"""Level of compression: on episodes, zstd's own choice, 3, is slower and makes larger files."""
+MAGIC = b"\x89MCAP0\r\n"  # magic bytes at the start and the end of every MCAP file
+LEVEL = 1  # level of compression: on episodes, zstd's own choice, 3, is slower and makes larger files
 _CRC = 4  # [bytes]
-
-
-class Writable(Protocol):
-    """File that bytes are appended to."""
-
-    def write(self, data: bytes, /) -> int:
-        """Append all of the bytes; returns their number."""
 
 
 class Container:
     """MCAP file that is being written, front to back."""
 
-    def __init__(self, file: Writable, library: str) -> None:
-        """Write the start of the file, which is empty; no version in `library`: all write the same bytes."""
+    def __init__(self, file: Any, library: str) -> None:
         self._file = file
         self._offset = 0
         self._crc = 0
         self._compressor = zstandard.ZstdCompressor(level=LEVEL)
-        self._schemas: dict[str, Schema] = {}
-        self._channels: dict[str, Channel] = {}
+        self._schemas: dict[str, mcap.Schema] = {}
+        self._channels: dict[str, mcap.Channel] = {}
         # As bytes, a seventh of the objects: a live recording gets a chunk every second, for days.
         self._chunk_indexes = RecordBuilder()
         self._chunk_count = 0
         self._times: tuple[int, int] | None = None  # first and last log time of all messages [ns]
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        self._attachments: list[mcap.AttachmentIndex] = []
+        self._metadata: list[mcap.MetadataIndex] = []
         self._counts: dict[int, int] = {}
         self._write(MAGIC)
-        self._add(Header("", library))
+        self._add(mcap.Header("", library))
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Add a metadata record."""
-        offset, length = self._add(Metadata(name, metadata))
-        self._metadata.append(MetadataIndex(offset, length, name))
+        offset, length = self._add(mcap.Metadata(name, metadata))
+        self._metadata.append(mcap.MetadataIndex(offset, length, name))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Add an attachment, with times of 0."""
-        offset, length = self._add(Attachment(0, 0, name, media_type, data))
-        self._attachments.append(AttachmentIndex(offset, length, 0, 0, len(data), name, media_type))
+        offset, length = self._add(mcap.Attachment(0, 0, name, media_type, data))
+        self._attachments.append(mcap.AttachmentIndex(offset, length, 0, 0, len(data), name, media_type))
 
     def add_channel(self, topic: str, descriptor: Any) -> int:
-        """Add the channel of a topic and the schema of its Protobuf messages, unless they are there.
-
-        They stand before the chunks rather than inside one, as a chunk may be lost.
-
-        Returns:
-            The channel that messages of the topic are on.
-        """
+        """Return the channel of a topic; it and its schema stand before the chunks, which may be lost."""
         if topic not in self._channels:
             name = descriptor.full_name
             if name not in self._schemas:
                 data = schema_data(descriptor)
-                self._schemas[name] = Schema(len(self._schemas) + 1, data, "protobuf", name)
+                self._schemas[name] = mcap.Schema(len(self._schemas) + 1, data, "protobuf", name)
                 self._add(self._schemas[name])
-            channel = Channel(len(self._channels) + 1, topic, "protobuf", {}, self._schemas[name].id)
+            channel = mcap.Channel(len(self._channels) + 1, topic, "protobuf", {}, self._schemas[name].id)
             self._add(channel)
             self._channels[topic] = channel
         return int(self._channels[topic].id)
@@ -103,10 +71,10 @@ class Container:
         data, size = self._compressor.compress(content.records), len(content.records)
         start = min(int(rows[0, 0]) for rows in content.index.values())
         end = max(int(rows[-1, 0]) for rows in content.index.values())
-        offset, length = self._add(Chunk("zstd", data, end, start, zlib.crc32(content.records), size))
+        offset, length = self._add(mcap.Chunk("zstd", data, end, start, zlib.crc32(content.records), size))
         index_start = self._offset
         offsets = {channel: self._add_message_index(channel, rows) for channel, rows in content.index.items()}
-        ChunkIndex(
+        mcap.ChunkIndex(
             chunk_length=length,
             chunk_start_offset=offset,
             compression="zstd",
@@ -135,10 +103,10 @@ class Container:
 
     def finish(self) -> None:
         """Complete the file: the end of the data, the summary and the footer."""
-        self._add(DataEnd(self._crc))
+        self._add(mcap.DataEnd(self._crc))
         start = self._offset
         first, last = self._times or (0, 0)
-        statistics = Statistics(
+        statistics = mcap.Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
@@ -159,15 +127,15 @@ class Container:
             (Opcode.METADATA_INDEX, _bytes_of(self._metadata)),
         ):
             if records:
-                SummaryOffset(opcode, start + summary.count, len(records)).write(offsets)
+                mcap.SummaryOffset(opcode, start + summary.count, len(records)).write(offsets)
                 summary.write(records)
         offset_start = start + summary.count
         section = summary.end() + offsets.end()
         # The CRC covers the footer too, up to itself: its last field.
-        crc = zlib.crc32(section + _bytes_of([Footer(start, offset_start, 0)])[:-_CRC])
-        self._write(section + _bytes_of([Footer(start, offset_start, crc)]) + MAGIC)
+        crc = zlib.crc32(section + _bytes_of([mcap.Footer(start, offset_start, 0)])[:-_CRC])
+        self._write(section + _bytes_of([mcap.Footer(start, offset_start, crc)]) + MAGIC)
 
-    def _add(self, record: McapRecord) -> tuple[int, int]:
+    def _add(self, record: mcap.McapRecord) -> tuple[int, int]:
         """Write a record of the data section; returns its offset and length [bytes]."""
         offset = self._offset
         self._write(_bytes_of([record]))
@@ -179,7 +147,7 @@ class Container:
         self._offset += len(data)
 
 
-def _bytes_of(records: Iterable[McapRecord]) -> bytes:
+def _bytes_of(records: Iterable[mcap.McapRecord]) -> bytes:
     builder = RecordBuilder()
     for record in records:
         record.write(builder)

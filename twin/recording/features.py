@@ -13,13 +13,8 @@ from twin.episode import WIRES, Episode
 from twin.files.atomic import write_whole
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 1e-7
-"""Relative tolerance of statistics: nine digits of them are written."""
-UNITS = {"mm": "mm", "deg": "deg", "rad": "rad", "n": "N"}
-"""Unit of a quantity, by what its name ends in."""
-
-
+TOLERANCE = 1e-7  # relative tolerance of statistics: nine digits of them are written
+UNITS = {"mm": "mm", "deg": "deg", "rad": "rad", "n": "N"}  # unit of a quantity, by what its name ends in
 COMMAND_ANGLE = "command_deg"
 """The command as an angle of the preset's pulley: the one column that is no quantity of `FEATURES`."""
 
@@ -29,21 +24,21 @@ TABLE = ("pull_mm", "bend_deg", COMMAND_ANGLE, "tension_n", "lateral_pull_mm", "
 
 @dataclasses.dataclass(frozen=True)
 class Feature:
-    """One quantity of an episode.
+    """One quantity of an episode."""
 
-    Attributes:
-        name: its name, which ends in its unit.
-        topic: topic of its messages.
-        field: field of the topic's message; `*` stands for each of the wires a, b (, c, d).
-        meaning: what it is, as the Protobuf comments and docs/dataset.md begin.
-        values: (N, ...) its numbers of an episode, in its unit; empty where it was not recorded.
-    """
+    name: str  # ends in its unit
+    topic: str  # topic of its messages
+    meaning: str  # what it is, as the Protobuf comments and docs/dataset.md begin
+    values: Callable[[Episode], Array]  # (N, ...) in its unit; empty where it was not recorded
+    per_wire: bool = False  # each wire has a field of its own
 
-    name: str
-    topic: str
-    field: str
-    meaning: str
-    values: Callable[[Episode], Array]
+    @property
+    def field(self) -> str:
+        """Field of the topic's message; `*` stands for each of the wires a, b (, c, d)."""
+        if self.topic == "/joint_states":
+            return "joints[].position"
+        stem, unit = self.name.rsplit("_", 1)
+        return f"{stem}_*_{unit}" if self.per_wire else self.name
 
     @property
     def column(self) -> str:
@@ -56,86 +51,42 @@ class Feature:
         return UNITS[self.name.rpartition("_")[2]]
 
 
+def _tension(episode: Episode) -> Array:
+    return episode.tension if episode.wire_tension.shape[2] else np.empty(0)
+
+
+_FRICTION = "largest friction force of each element of the sheath on each wire, pulley to tip"
+_SLACK = "how much longer each length of each wire is than its path, pulley to tip"
+_TENSION = "tension in each length of each wire, pulley to tip"
+_LATERAL = "angle of each sideways hinge, base to tip"
 FEATURES = (
-    Feature("pull_mm", "/command", "pull_mm", "commanded pulling distance of wire a", lambda e: e.pull_mm),
+    Feature("pull_mm", "/command", "commanded pulling distance of wire a", lambda e: e.pull_mm),
     Feature(
-        "lateral_pull_mm",
-        "/command",
-        "lateral_pull_mm",
-        "commanded pulling distance of wire c",
-        lambda e: e.lateral_pull * 1e3,
+        "lateral_pull_mm", "/command", "commanded pulling distance of wire c", lambda e: e.lateral_pull * 1e3
     ),
     Feature(
         "measured_deg",
         "/measurement",
-        "measured_deg",
         "bending angle of the tip as the sensor saw it",
         lambda e: e.measured_deg,
     ),
-    Feature(
-        "tension_n",
-        "/tension",
-        "tension_*_n",
-        "tension of each wire at the pulley",
-        lambda e: e.tension if e.wire_tension.shape[2] else np.empty(0),
-    ),
-    Feature("truth_deg", "/truth", "truth_deg", "true bending angle of the tip", lambda e: e.truth_deg),
+    Feature("tension_n", "/tension", "tension of each wire at the pulley", _tension, per_wire=True),
+    Feature("truth_deg", "/truth", "true bending angle of the tip", lambda e: e.truth_deg),
     Feature(
         "lateral_bend_deg",
         "/truth",
-        "lateral_bend_deg",
         "true bending angle of the tip sideways",
         lambda e: np.degrees(e.lateral_bend),
     ),
+    Feature("pulley_mm", "/truth", "distance that the pulley has really pulled", lambda e: e.pulley * 1e3),
     Feature(
-        "pulley_mm",
-        "/truth",
-        "pulley_mm",
-        "distance that the pulley has really pulled",
-        lambda e: e.pulley * 1e3,
+        "sheath_bend_deg", "/truth", "angle that the sheath is bent by", lambda e: np.degrees(e.sheath_bend)
     ),
-    Feature(
-        "sheath_bend_deg",
-        "/truth",
-        "sheath_bend_deg",
-        "angle that the sheath is bent by",
-        lambda e: np.degrees(e.sheath_bend),
-    ),
-    Feature(
-        "wire_tension_n",
-        "/truth",
-        "wire_tension_*_n",
-        "tension in each length of each wire, pulley to tip",
-        lambda e: e.wire_tension,
-    ),
-    Feature(
-        "sheath_friction_n",
-        "/truth",
-        "sheath_friction_*_n",
-        "largest friction force of each element of the sheath on each wire, pulley to tip",
-        lambda e: e.sheath_friction,
-    ),
-    Feature(
-        "wire_slack_mm",
-        "/truth",
-        "wire_slack_*_mm",
-        "how much longer each length of each wire is than its path, pulley to tip",
-        lambda e: e.wire_slack * 1e3,
-    ),
-    Feature(
-        "joint_angle_rad",
-        "/joint_states",
-        "joints[].position",
-        "angle of each hinge, base to tip",
-        lambda e: e.joint_angle,
-    ),
-    Feature(
-        "lateral_joint_angle_rad",
-        "/joint_states",
-        "joints[].position",
-        "angle of each sideways hinge, base to tip",
-        lambda e: e.lateral_joint_angle,
-    ),
+    Feature("wire_tension_n", "/truth", _TENSION, lambda e: e.wire_tension, per_wire=True),
+    Feature("sheath_friction_n", "/truth", _FRICTION, lambda e: e.sheath_friction, per_wire=True),
+    Feature("wire_slack_mm", "/truth", _SLACK, lambda e: e.wire_slack * 1e3, per_wire=True),
+    Feature("joint_angle_rad", "/joint_states", "angle of each hinge, base to tip", lambda e: e.joint_angle),
+    Feature("lateral_joint_angle_rad", "/joint_states", _LATERAL, lambda e: e.lateral_joint_angle),
 )
 """Every quantity that an episode can hold: the one table of names, units, topics, fields and columns."""
 
@@ -152,38 +103,26 @@ def describe_features(episode: Episode) -> dict[str, dict[str, Any]]:
     A quantity of which every number is missing (NaN) is left out, as in the statistics.
     """
     held = {name: array for name, array in recorded(episode).items() if not np.isnan(array).all()}
-    return {
-        feature.name: {
-            "topic": feature.topic,
-            "field": feature.field,
-            "unit": feature.unit,
-            "shape": list(held[feature.name].shape[1:]),
-            "meaning": feature.meaning,
-        }
-        for feature in FEATURES
-        if feature.name in held
-    }
+    described = {}
+    for of in FEATURES:
+        if of.name in held:
+            facts = {"topic": of.topic, "field": of.field, "unit": of.unit}
+            described[of.name] = facts | {"shape": list(held[of.name].shape[1:]), "meaning": of.meaning}
+    return described
 
 
 def statistics(episode: Episode) -> dict[str, dict[str, float]]:
     """Return count, least, largest, mean and standard deviation of each quantity, over all its numbers.
 
-    A measurement that is missing (NaN) is not counted; a quantity of which all are is left out. Nine digits
-    are kept: processors differ in how they round a sum. The order is that of the alphabet, as in the metadata
-    of a file.
+    NaN is not counted; a quantity that is NaN throughout is left out. Nine digits are kept: processors
+    differ in how they round a sum.
     """
     figures = {}
     for name, array in sorted(recorded(episode).items()):
         known = array[~np.isnan(array)]
-        if known.size == 0:
-            continue
-        figures[name] = {
-            "count": int(known.size),
-            "max": _rounded(known.max()),
-            "mean": _rounded(known.mean()),
-            "min": _rounded(known.min()),
-            "std": _rounded(known.std()),
-        }
+        if known.size > 0:
+            found = {of: _rounded(getattr(known, of)()) for of in ("max", "mean", "min", "std")}
+            figures[name] = {"count": int(known.size)} | found
     return figures
 
 
@@ -208,8 +147,7 @@ def wrong_statistics(episode: Episode, stated: Any) -> list[str]:
 def combine(parts: Iterable[Mapping[str, Mapping[str, float]]]) -> dict[str, dict[str, float]]:
     """Return the statistics of all records together, from those of each.
 
-    Means and variances are merged pairwise (Chan, Golub and LeVeque 1979), which loses little to rounding
-    where the mean is large compared with the deviation; nine digits of the result are kept.
+    Means and variances are merged pairwise (Chan, Golub and LeVeque 1979); nine digits are kept.
     """
     merged: dict[str, dict[str, float]] = {}
     for part in parts:
@@ -222,13 +160,9 @@ def combine(parts: Iterable[Mapping[str, Mapping[str, float]]]) -> dict[str, dic
             apart, share = new["mean"] - old["mean"], new["count"] / count
             squares = old["count"] * old["std"] ** 2 + new["count"] * new["std"] ** 2
             squares += apart**2 * old["count"] * share
-            merged[name] = {
-                "count": count,
-                "min": min(old["min"], new["min"]),
-                "max": max(old["max"], new["max"]),
-                "mean": old["mean"] + apart * share,
-                "std": float(np.sqrt(squares / count)),
-            }
+            ends = {"min": min(old["min"], new["min"]), "max": max(old["max"], new["max"])}
+            std = float(np.sqrt(squares / count))
+            merged[name] = {"count": count, **ends, "mean": old["mean"] + apart * share, "std": std}
     return {
         name: {key: _rounded(value) if key != "count" else int(value) for key, value in values.items()}
         for name, values in merged.items()
@@ -265,10 +199,15 @@ def csv_text(episode: Episode, *, everything: bool = False) -> str:
     of all others of `FEATURES`. Each number has the digits that read back as the same double.
     """
     held = recorded(episode)
-    known = {
-        feature.column: _columns(feature, held[feature.name]) for feature in FEATURES if feature.name in held
-    }
-    known |= _command_angle(episode)
+    known: dict[str, dict[str, Array]] = {}
+    for feature in FEATURES:
+        if (values := held.get(feature.name)) is not None:
+            names = column_names(feature, values.shape[1:])
+            known[feature.column] = dict(zip(names, values.reshape(len(values), -1).T, strict=True))
+    preset = episode.metadata.get("preset")
+    if isinstance(preset, Mapping) and "pulley_radius" in preset:
+        angle = np.degrees(episode.pull / float(preset["pulley_radius"]))
+        known[COMMAND_ANGLE] = {COMMAND_ANGLE: angle}
     chosen = [name for name in TABLE if name in known]
     if everything:
         chosen += [name for name in known if name not in TABLE]
@@ -278,17 +217,3 @@ def csv_text(episode: Episode, *, everything: bool = False) -> str:
     rows = np.column_stack(list(columns.values())).tolist()
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     return "\n".join(lines) + "\n"
-
-
-def _columns(feature: Feature, values: Array) -> dict[str, Array]:
-    """Return each number of a quantity over time, by the name of its column."""
-    names = column_names(feature, values.shape[1:])
-    return dict(zip(names, values.reshape(len(values), -1).T, strict=True))
-
-
-def _command_angle(episode: Episode) -> dict[str, dict[str, Array]]:
-    """Return the command in degrees of the pulley; nothing where no preset states the pulley's radius."""
-    preset = episode.metadata.get("preset")
-    if not isinstance(preset, Mapping) or "pulley_radius" not in preset:
-        return {}
-    return {COMMAND_ANGLE: {COMMAND_ANGLE: np.degrees(episode.pull / float(preset["pulley_radius"]))}}

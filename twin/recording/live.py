@@ -30,14 +30,14 @@ from twin.recording.chunks import CHUNK_SIZE, GrowingChunk
 from twin.recording.container import Container
 from twin.recording.endotwin_pb2 import Command, Estimate, Measurement
 from twin.recording.endotwin_pb2 import Health as HealthMessage
-from twin.recording.estimate import (
+from twin.recording.messages import (
     HEALTH_TOPIC,
+    LARGEST_TIME,
     REFERENCE_TOPIC,
     estimate_message,
     estimate_topic,
     health_message,
 )
-from twin.recording.messages import LARGEST_TIME
 from twin.recording.reader import HINT
 from twin.recording.writer import METADATA_RECORD, metadata_texts
 from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_S
@@ -47,9 +47,7 @@ if TYPE_CHECKING:
 
 SIGN = "endotwin live"
 """Library in the header of each live recording, which distinguishes it from other MCAP files."""
-FLUSH_S = 0.75
-"""Longest time that a sample waits to be written [s]; at most a second is lost in a kill."""
-
+FLUSH_S = 0.75  # longest time that a sample waits to be written [s]; at most a second is lost in a kill
 _MANY = 1000  # samples, about a full chunk: they are written at once
 _MOST = 8192  # samples that wait; with more, `add` waits for the disk
 _SEQUENCES = 2**32
@@ -59,16 +57,9 @@ _LEAST_STEP = 10_000  # [ns] between two samples of a recording: seconds since 1
 
 
 class LiveMessages:
-    """Messages of the samples of one stream, in the order in which they come.
-
-    Attributes:
-        schemas: message class of each topic.
-        samples: number of samples that had a command.
-        ignored: number of those that had none: of health alone, or without any time.
-    """
+    """Messages of the samples of one stream, in order; `samples` had a command, those `ignored` had none."""
 
     def __init__(self, method: str, *, controlled: bool = False) -> None:
-        """Prepare a stream of a method; `controlled` if samples may contain the angle that is wanted."""
         self._estimate = estimate_topic(method)
         self.schemas: dict[str, Any] = {
             "/command": Command,
@@ -84,10 +75,9 @@ class LiveMessages:
         self._reference_deg = math.nan  # of the sample that comes next
 
     def of(self, sample: "StreamSample") -> tuple[int, int, dict[str, Any]] | None:
-        """Return log time, publish time [ns] and messages by topic of the next sample.
+        """Return log time, publish time [ns] and messages by topic of the next sample; None before a stamp.
 
-        The log time never goes back; the publish time is the sender's stamp, if it has one that fits. None is
-        returned before the first time stamp.
+        The log time never goes back; the publish time is the sender's stamp, if it has one that fits.
         """
         reading = sample.reading
         time_s = _within(sample.time_s, LARGEST_TIME_S)
@@ -128,13 +118,10 @@ class RecordClock:
     (`Health.CLOCK_RESET`), or has restarted on an earlier one, the recording goes on without a jump: by one
     step for each sample since the last that counted. A recording begins at its first stamp, at 0 if that is
     negative. Samples that follow each other within 10 us are moved apart.
-
-    Attributes:
-        latest: the latest log time [ns]; None before the first.
     """
 
     def __init__(self) -> None:
-        self.latest: int | None = None
+        self.latest: int | None = None  # the latest log time [ns]
         self._offset = 0  # [ns] from the stamps of the sender's clock to log times
         self._before_s = 0.0  # the previous stamp, accepted or not
         self._stamp = 0  # [ns] the last that counted
@@ -172,18 +159,12 @@ class LiveRecording:
         recording.add(sample)
     ```
 
-    While it runs, the file is `run.mcap.partial`; `close`, or the end of the block for whatever reason, makes
-    it `run.mcap`: an indexed MCAP file, which `read_episode` reads as a measured log. What was `run.mcap`
-    stays until then. A killed process leaves `run.mcap.partial`, complete but for the last second, which
-    `recover_episode` and other readers of MCAP read; the next recording of that name leaves it alone and
-    grows as `run.mcap.partial.2`. After a full disk too, what was written before is there. Without any
-    message, no file is left and what was `run.mcap` stays.
+    While it runs, the file is `run.mcap.partial`; `close`, or the end of the block, makes it `run.mcap`,
+    which `read_episode` reads as a measured log. What was `run.mcap` stays until then. A killed process or
+    a full disk leaves `run.mcap.partial`, complete but for the last second; the next recording of that name
+    leaves it alone and grows as `run.mcap.partial.2`. Without any message, no file is left.
 
     A thread of its own writes: `add` never waits for the disk, unless more than 8192 samples do.
-
-    Attributes:
-        stream: messages and counts of the samples.
-        partial: name of the growing file.
     """
 
     def __init__(
@@ -194,14 +175,6 @@ class LiveRecording:
         *,
         controlled: bool = False,
     ) -> None:
-        """Name the file and the method; nothing is opened yet.
-
-        Args:
-            path: the final name.
-            method: name of the estimator.
-            metadata: facts of the run, besides `source`, `method` and `name`.
-            controlled: whether samples may contain the angle that is wanted.
-        """
         self.path = Path(path)
         self.stream = LiveMessages(method, controlled=controlled)
         facts = {"source": "measured", "method": method, "name": self.path.stem, "endotwin": __version__}
@@ -214,13 +187,6 @@ class LiveRecording:
         self._messages = 0
 
     def __enter__(self) -> "LiveRecording":
-        """Create the file and begin to write.
-
-        Raises:
-            OSError: the folder does not exist, or the disk is full or fails.
-            ValueError: the name belongs to a file that is not a live recording, another run is writing it, or
-                the metadata is not JSON.
-        """
         texts = metadata_texts(self._metadata)
         self._file = PartialFile(self.path, SIGN)
         self.partial = self._file.partial
@@ -239,16 +205,9 @@ class LiveRecording:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Complete the file, whatever ended the block; an error of the block goes before one of the file."""
-        if error is None:
-            self.close()
-            return
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(*([] if error is None else [Exception])):  # that of the block goes first
             self.close()
 
     def add(self, sample: "StreamSample") -> None:
@@ -269,10 +228,7 @@ class LiveRecording:
             self._refuse()
 
     def close(self) -> None:
-        """Complete the file and give it its final name; a second call does nothing.
-
-        It raises `OSError` if the disk is full, and `ValueError` if another file has taken the final name.
-        """
+        """Complete the file and give it its final name; a second call does nothing."""
         if self._thread is None:
             return
         self._ending.set()
@@ -286,10 +242,7 @@ class LiveRecording:
             raise self._failure
 
     def _write(self) -> None:
-        """Write what is pending, again and again: the only thread that touches the file.
-
-        Signals raise in the main thread alone, so that none can come between two parts of a record.
-        """
+        """Write what is pending, again and again: in a thread of its own, which no signal interrupts."""
         synced = time.monotonic()
         try:
             ending = False

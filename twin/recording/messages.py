@@ -1,14 +1,17 @@
-"""Messages of an episode: the schema of each topic, an episode as message streams, and decoding back.
+"""Messages of an episode and of its estimates: schemas, an episode as message streams, and decoding back.
 
 Degrees and millimetres are on the side of the messages, SI units on the side of the episode: this is the only
 place of the recording that converts them.
 """
 
 import dataclasses
+import functools
 import itertools
+import math
 import operator
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, cast
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -19,7 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from twin.episode import OPTIONAL, WIRES, Episode, without_holes
 from twin.errors import InputError
 from twin.recording.chunks import Stream
-from twin.recording.endotwin_pb2 import Command, Measurement, Tension, Truth
+from twin.recording.endotwin_pb2 import Command, Estimate, Measurement, Tension, Truth
+from twin.recording.endotwin_pb2 import Health as HealthMessage
 from twin.recording.features import FEATURES
 from twin.recording.scene import (
     LATERAL_HINGE,
@@ -31,10 +35,13 @@ from twin.recording.scene import (
     transforms,
 )
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from twin.live.reading import Reading
 
-SCENE_TOPIC = "/scene"
-"""Topic of the one message that draws the endoscope; it is not read back."""
+Array = NDArray[np.float64]
+HEALTH_TOPIC = "/health"  # what a running estimator found wrong with a sample
+REFERENCE_TOPIC = "/reference"  # angles that a controller was to follow, as messages of `Estimate`
+SCENE_TOPIC = "/scene"  # topic of the one message that draws the endoscope; it is not read back
 
 SCHEMAS: dict[str, Any] = {
     "/command": Command,
@@ -47,27 +54,17 @@ SCHEMAS: dict[str, Any] = {
 }
 """Message class of each topic of an episode."""
 
-TRUTH_TOPIC = "/truth"
-"""Topic of the true angle and the hidden state; a live recording has none."""
-
-REQUIRED_TOPICS = ("/command", TRUTH_TOPIC, "/measurement")
-"""Topics that every episode has but a live recording; a measured log has no others."""
+TRUTH_TOPIC = "/truth"  # topic of the true angle and the hidden state; a live recording has none
+LARGEST_TIME = 2**63 - 1  # [ns] MCAP could hold twice that; signed clocks of its readers could not
 
 
 def required_topics(*, measured: bool) -> tuple[str, ...]:
     """Return the topics that an episode must have; of a real endoscope, the truth may not be known."""
-    return tuple(topic for topic in REQUIRED_TOPICS if not (measured and topic == TRUTH_TOPIC))
-
-
-LARGEST_TIME = 2**63 - 1  # [ns] MCAP could hold twice that; signed clocks of its readers could not
+    return ("/command", "/measurement") if measured else ("/command", TRUTH_TOPIC, "/measurement")
 
 
 def to_nanoseconds(time: Array) -> list[int]:
-    """Convert increasing times (N,) [s] to integers (N,) [ns].
-
-    Raises:
-        ValueError: a time is negative or beyond 292 years, or two samples fall on the same nanosecond.
-    """
+    """Convert increasing times (N,) [s] to integers (N,) [ns]."""
     rounded = np.rint(np.asarray(time, dtype=float) * 1e9)
     if rounded[0] < 0 or rounded[-1] > LARGEST_TIME:
         raise InputError(f"time runs from {time[0]:g} to {time[-1]:g} s: a log time is from 0 to 9.2e9 s")
@@ -95,14 +92,8 @@ def decode(
             measured angle, linear where it is missing and level at the ends.
 
     Returns:
-        Arrays in SI units, with zero columns for wire tensions, friction or joints that were not recorded;
-        other optional fields (`episode.OPTIONAL`) that were not are empty or left out. `measured_bend` is NaN
+        Arrays in SI units; what was not recorded has no columns, is empty or left out. `measured_bend` is NaN
         at each sample without a message of `/measurement`.
-
-    Raises:
-        ValueError: a topic is missing, topics differ in their times (`/measurement` may have fewer), or
-            messages of a topic differ in what they hold; or nothing was measured, nor is the truth known.
-        google.protobuf.message.DecodeError: a payload is not the message that its topic holds.
     """
     for topic in required_topics(measured=measured):
         if topic not in times:
@@ -145,7 +136,7 @@ def decode(
         raise InputError(f"/joint_states has {sizes[0]} hinges, {sizes[1]} lateral ones")
     if sideways.shape[1] > 0:
         lateral["lateral_joint_angle"] = sideways
-    wires = wire_names(lateral.values())
+    wires = WIRES if any(values.size > 0 for values in lateral.values()) else WIRES[:2]
     if not hidden or not truths:
         nothing = np.empty((count, len(wires), 0))
         return arrays | lateral | {"wire_tension": nothing, "sheath_friction": nothing}
@@ -157,6 +148,28 @@ def decode(
     return arrays | lateral
 
 
+def estimate_topic(method: str) -> str:
+    """Return the topic of a method's estimates: `/estimate/` and its name, in letters, digits, - and _."""
+    return "/estimate/" + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")
+
+
+def estimate_message(estimate_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:
+    """Return a message of one estimate; an end of its 95 % interval is left out unless it is finite."""
+    ends = {"low_deg": low_deg, "high_deg": high_deg}
+    return Estimate(
+        estimate_deg=estimate_deg, **{name: end for name, end in ends.items() if math.isfinite(end)}
+    )
+
+
+def health_message(reading: "Reading") -> Any:
+    """Return a message of what was wrong with one sample: faults and alarms by name, and the source."""
+    return HealthMessage(
+        faults=[str(fault.name).lower() for fault in reading.health],
+        alarms=[str(alarm.name).lower() for alarm in reading.alarms],
+        source=reading.source.value,
+    )
+
+
 def places_of(times: Sequence[int], commands: Sequence[int], topic: str) -> list[int]:
     """Return the index of each message's time among those of the commands; some may have no message."""
     index = {time: place for place, time in enumerate(commands)}
@@ -164,11 +177,6 @@ def places_of(times: Sequence[int], commands: Sequence[int], topic: str) -> list
     if any(place <= before for before, place in zip([-1, *places], places, strict=False)):
         raise InputError(f"the messages of {topic} are not at the times of those of /command")
     return places
-
-
-def wire_names(lateral: Iterable[Array]) -> str:
-    """Return the names of the wires: c and d only where a second bending plane was recorded."""
-    return WIRES if any(values.size > 0 for values in lateral) else WIRES[:2]
 
 
 def _optional(messages: list[Any], field: str) -> Array:
@@ -182,7 +190,6 @@ def _optional(messages: list[Any], field: str) -> Array:
 
 
 def _hinges(joints: list[Any], count: int) -> tuple[Array, Array]:
-    """Return the angles of the hinges and of the lateral ones, each (count, columns)."""
     own, lateral = [], []
     for row in joints:
         angles = [(joint.name.startswith(LATERAL_HINGE), joint.position) for joint in row]
@@ -226,9 +233,6 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
     A measurement that is missing is no message. `/tension` is left out without wire tensions,
     `/joint_states` without joints, and `/tf` also without a preset in the metadata that states the geometry.
     `/scene` has one message, at the first sample, where the preset states the geometry.
-
-    Raises:
-        ValueError: shapes do not fit the messages, or no measurement is there.
     """
     _check_shapes(episode)
     seen = ~np.isnan(episode.measured_bend)
@@ -249,8 +253,7 @@ def streams_of(episode: Episode, start: int) -> list[Stream]:
 
 
 def _columns(episode: Episode, topic: str) -> dict[str, Array]:
-    """Return the columns of a topic's messages that were recorded, by field."""
-    wires = _wires_of(episode)
+    wires = episode.wire_names
     columns: dict[str, Array] = {}
     for feature in FEATURES:
         values = feature.values(episode)
@@ -264,7 +267,6 @@ def _columns(episode: Episode, topic: str) -> dict[str, Array]:
 
 
 def _scalars(topic: str, columns: dict[str, Array], present: NDArray[np.bool_]) -> Stream:
-    """Return the stream of a message whose fields are numbers, or rows of numbers, of the columns."""
     sizes = {field: values.shape[1] if values.ndim == 2 else None for field, values in columns.items()}
 
     def build(row: Sequence[float], nanoseconds: int) -> Any:
@@ -282,36 +284,22 @@ def _scalars(topic: str, columns: dict[str, Array], present: NDArray[np.bool_]) 
 
 def _pose_streams(episode: Episode) -> list[Stream]:
     angles, link, every = hinge_angles(episode), link_length(episode), np.ones(len(episode.time), bool)
-    names = list(angles)
-
-    def joints(row: Sequence[float], nanoseconds: int) -> Any:
-        return joint_states(names, row, nanoseconds)
-
+    joints = functools.partial(joint_states, list(angles))
     streams = [Stream("/joint_states", joints, _stacked(list(angles.values()), len(every)), every)]
     if link is not None:
         parts = rotations(episode)
-
-        def frames(row: Sequence[float], nanoseconds: int) -> Any:
-            return transforms(link, list(parts), row, nanoseconds)
-
+        frames = functools.partial(transforms, link, list(parts))
         streams.append(Stream("/tf", frames, _stacked(list(parts.values()), len(every)), every))
     return streams
 
 
 def _stacked(columns: Sequence[ArrayLike], count: int) -> Array:
-    """Stack columns (count,) and tables (count, some) side by side into (count, columns)."""
     tables = [np.asarray(values, dtype=float).reshape(count, -1) for values in columns]
     return np.hstack(tables) if tables else np.empty((count, 0))
 
 
-def _wires_of(episode: Episode) -> str:
-    """Return the names of the wires."""
-    return wire_names((episode.lateral_pull, episode.lateral_bend, episode.lateral_joint_angle))
-
-
 def _check_shapes(episode: Episode) -> None:
-    """Refuse arrays whose axes are not those of their fields."""
-    count, wires = len(episode.time), len(_wires_of(episode))
+    count, wires = len(episode.time), len(episode.wire_names)
     axes: dict[str, tuple[int | None, ...]] = {
         "joint_angle": (None,),
         "wire_tension": (wires, None),

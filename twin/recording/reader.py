@@ -31,17 +31,12 @@ from twin.recording.messages import SCHEMAS, decode, places_of, required_topics
 from twin.recording.writer import METADATA_RECORD
 
 Array = NDArray[np.float64]
-
 COMMAND_TOPIC, MEASUREMENT_TOPIC, JOINTS_TOPIC = "/command", "/measurement", "/joint_states"
-
-TOPICS = frozenset(SCHEMAS) - {"/scene"}
-"""Topics that an episode is read from."""
-
+TOPICS = frozenset(SCHEMAS) - {"/scene"}  # topics that an episode is read from
 HINT = "; `recover_episode` saves what is before the fault"
 """Hint after the fault of a file that is cut off or damaged."""
 
-MOST_BYTES = 4 * 2**30
-"""Largest file that is read [bytes]."""
+MOST_BYTES = 4 * 2**30  # largest file that is read [bytes]
 _LARGEST_FIELD = 256 * MEBIBYTE
 _MOST_METADATA = 4 * MEBIBYTE
 _BLOCK = 2**20  # [bytes]
@@ -52,9 +47,8 @@ _SMALLEST_LIMIT = 64 * MEBIBYTE
 _LARGEST_RATIO = 64
 _SMALLEST_RECORD_LIMIT = 200_000
 _FEWEST_BYTES_PER_RECORD = 8
-_SMALLEST_JOINT_LIMIT = 1_000_000
+_SMALLEST_JOINT_LIMIT = 1_000_000  # an empty joint of 2 bytes becomes an object of 100
 _JOINT_TAGS = (b"\x12", b"\x92")  # one of them begins each joint of a JointStates: field 2, of known length
-
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time and publish time of a message
 
@@ -65,14 +59,12 @@ class Contents:
     Attributes:
         times: log times of the messages by topic [ns].
         payloads: the messages, in the same order.
-        topics: described topics.
         items: metadata of the episode, each item as JSON; None if there are none.
         attachments: files kept in the file, by name.
         fault: what is wrong with the file; empty if nothing is.
     """
 
     def __init__(self, file_size: int, kept: Collection[str] = TOPICS) -> None:
-        """Start empty; only messages on the topics `kept` are kept, those on others are checked."""
         self.times: dict[str, list[int]] = {}
         self.payloads: dict[str, list[bytes]] = {}
         self.items: dict[str, str] | None = None
@@ -190,7 +182,6 @@ class Contents:
         """Return the episode of the messages, with its hidden state or without."""
         metadata = self.metadata()
         self.check_topics()
-        # An empty joint of 2 bytes becomes an object of 100.
         payloads = self.payloads.get(JOINTS_TOPIC, [])
         joints = sum(payload.count(tag) for payload in payloads for tag in _JOINT_TAGS)
         if joints > max(_SMALLEST_JOINT_LIMIT, self._file_size):
@@ -324,12 +315,8 @@ def one_line(error: Exception) -> str:
 def read_episode(path: str | Path, *, hidden: bool = True) -> Episode:
     """Read one episode; `messages.decode` states which arrays are empty where nothing was recorded.
 
-    Args:
-        path: an MCAP file from `write_episode`. Topics beyond those of an episode are skipped.
-        hidden: False leaves out the hinge angles and the wires, which take most of the time.
-
-    Returns:
-        The episode. In its metadata, tuples have become lists, as JSON has no tuples.
+    `hidden=False` leaves out the hinge angles and the wires, which take most of the time. Topics beyond those
+    of an episode are skipped; in its metadata, tuples have become lists.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -342,14 +329,7 @@ def read_episode(path: str | Path, *, hidden: bool = True) -> Episode:
 
 
 def read_metadata(path: str | Path) -> dict[str, Any]:
-    """Read the metadata of an episode, and verify every CRC of its file.
-
-    The messages are not decoded, which is what `read_episode` spends most of its time on.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is not an MCAP file, is cut off or damaged, or holds no metadata of an episode.
-    """
+    """Read the metadata of an episode, and verify every CRC of its file, without decoding the messages."""
     path = Path(path)
     contents = whole_contents(path, kept=())
     with named_errors(f"{path} holds no whole episode"):
@@ -363,11 +343,6 @@ def read_estimates(path: str | Path, topic: str) -> Array:
     Returns:
         (N,) angle at each sample of the episode [deg], NaN where there is no message; (0,) if the file has
         no such topic.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        ValueError: it is not an MCAP file, is cut off or damaged, or the messages of the topic are of another
-            schema, infinite, or not at the times of the samples.
     """
     path = Path(path)
     contents = whole_contents(path, {COMMAND_TOPIC, topic})
@@ -386,9 +361,7 @@ def read_estimates(path: str | Path, topic: str) -> Array:
 
 
 def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:
-    """Read all episodes of a folder, in the order of the file names, or the one of a file.
-
-    `hidden=False` leaves out the hidden state, as in `read_episode`.
+    """Read all episodes of a folder, in the order of their names, or the one of a file; see `read_episode`.
 
     Raises:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.
@@ -398,11 +371,7 @@ def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:
 
 
 def episode_files(path: str | Path) -> list[Path]:
-    """Return the `*.mcap` files of a folder in the order of their names, or the single file of a path.
-
-    Raises:
-        FileNotFoundError: there is no `*.mcap` in the folder.
-    """
+    """Return the `*.mcap` files of a folder in the order of their names, or the single file of a path."""
     path = Path(path)
     if not path.is_dir():
         return [path]

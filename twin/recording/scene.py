@@ -25,13 +25,8 @@ from twin.errors import InputError
 from twin.recording.chunks import SECOND
 
 Array = NDArray[np.float64]
-
-LATERAL_HINGE = "lateral_hinge_"
-"""Prefix of the names of the hinges in the plane of wires c and d."""
-
-BASE = "base"
-"""Frame at the end of the sheath, where the bending section begins."""
-
+LATERAL_HINGE = "lateral_hinge_"  # prefix of the names of the hinges in the plane of wires c and d
+BASE = "base"  # frame at the end of the sheath, where the bending section begins
 _SHEATH = _TIP = (0.15, 0.17, 0.21)
 _BACKBONE = (0.42, 0.45, 0.50)
 _VERTEBRA = (0.60, 0.63, 0.68)
@@ -79,14 +74,10 @@ def link_length(episode: Episode) -> float | None:
 
 
 def rotations(episode: Episode) -> dict[str, Array]:
-    """Return the rotation of each frame relative to the one before it, as parts of unit quaternions.
+    """Return the rotation of each frame relative to the one before: (N, vertebrae) by part of a quaternion.
 
-    A vertebra is turned by its hinge about (0, -1, 0) and then, in the turned frame, by its lateral hinge
-    about (0, 0, 1), if there is one. The quaternion of that is
-    (cos(h/2) - sin(h/2) j) (cos(l/2) + sin(l/2) k), with i = j k.
-
-    Returns:
-        (N, vertebrae) of each part; with one bending plane x and z are zero, and left out.
+    A vertebra is turned by its hinge h about (0, -1, 0) and then by its lateral hinge l, if any, about
+    (0, 0, 1): (cos(h/2) - sin(h/2) j) (cos(l/2) + sin(l/2) k), i = j k. In one plane x and z are left out.
     """
     half = np.asarray(episode.joint_angle, dtype=float) / 2
     y, w = -np.sin(half), np.cos(half)
@@ -146,7 +137,6 @@ def scene(episode: Episode, nanoseconds: int) -> SceneUpdate | None:
 
 
 def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
-    """Add one link along x: a slender backbone, the vertebra that guides the wires, and the wires."""
     _cylinder(entity, 0.0, link, _BACKBONE_RADIUS * offset, _BACKBONE)
     start, end = _VERTEBRA_BEGINS * link, _VERTEBRA_ENDS * link
     _cylinder(entity, start, end, _VERTEBRA_RADIUS * offset, _VERTEBRA, taper=_TAPER)
@@ -160,7 +150,6 @@ def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
 
 
 def _draw_tip(entity: Any, link: float, offset: float) -> None:
-    """Add the dark end of the last link, over the ends of the wires, and a lens centred at the tip."""
     end = link + _WIRE_THICKNESS / 2 * offset
     _cylinder(entity, _TIP_BEGINS * link, end, _TIP_RADIUS * offset, _TIP)
     lens = entity.spheres.add()

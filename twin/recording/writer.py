@@ -17,16 +17,11 @@ from twin.recording.chunks import message_chunks, sample_chunks
 from twin.recording.container import Container
 from twin.recording.messages import LARGEST_TIME, SCHEMAS, streams_of, to_nanoseconds
 
-METADATA_RECORD = "endotwin"
-"""Name of the metadata record that holds `Episode.metadata`, each item as JSON."""
+METADATA_RECORD = "endotwin"  # name of the metadata record that holds `Episode.metadata`, each item as JSON
 
 _MEDIA_TYPES = {
-    ".xml": "application/xml",
-    ".yaml": "application/yaml",
-    ".yml": "application/yaml",
-    ".json": "application/json",
-    ".csv": "text/csv",
-    ".txt": "text/plain",
+    **{f".{kind}": f"application/{kind}" for kind in ("xml", "yaml", "json")},
+    **{".yml": "application/yaml", ".csv": "text/csv", ".txt": "text/plain"},
 }
 
 
@@ -40,7 +35,6 @@ class EpisodeWriter:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Set the final name; nothing is opened yet."""
         self.path = Path(path)
         self._file = WholeFile(self.path)
         self._others: list[tuple[int, str, bytes]] = []
@@ -48,18 +42,13 @@ class EpisodeWriter:
         self._complete = False
 
     def __enter__(self) -> "EpisodeWriter":
-        """Open the file, which has no name yet."""
         # Without a version of any library: the same episode would differ between two machines.
         self._container = Container(self._file.__enter__(), library=METADATA_RECORD)
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Complete the file and give it its final name, or remove it after an exception."""
         if kind is None:
             try:
                 if not self._complete:
@@ -75,10 +64,6 @@ class EpisodeWriter:
         """Add the metadata, the attachments and every message of an episode; one episode makes one file.
 
         Metadata and channels precede the messages: if the file is cut later, they are still there.
-
-        Raises:
-            ValueError: metadata is not JSON or a known key is not of its kind, times or shapes do not fit
-                (see `messages.to_nanoseconds` and `streams_of`), or the file holds an episode already.
         """
         if self._complete:
             raise InputError(f"{self.path} already holds an episode: one file, one episode")
@@ -109,7 +94,6 @@ class EpisodeWriter:
         self._others.append((time, topic, message.SerializeToString(deterministic=True)))
 
     def _channels(self) -> dict[str, int]:
-        """Add the channels of all topics so far; returns the channel of each topic."""
         return {
             topic: self._container.add_channel(topic, descriptor)
             for topic, descriptor in self._descriptors.items()

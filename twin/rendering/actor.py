@@ -17,19 +17,10 @@ from twin.physics.drawing.surfaces import sheath_frames
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-
 PLAIN = np.array([[0.83, 0.18, 0.13], [0.12, 0.38, 0.75], [0.16, 0.55, 0.28], [0.90, 0.58, 0.10]])
 """Colour of each wire where no tension was recorded: a, b, c, d."""
 _MAP, _DARK, _BRIGHT = "inferno", 0.28, 0.93
-_SHAPE = (
-    "section_length",
-    "wire_offset",
-    "sheath_bend",
-    "sheath_elements",
-    "sheath_length",
-    "pulley_radius",
-    "bending_planes",
-)
+_SHAPE = "section_length wire_offset sheath_bend sheath_elements sheath_length pulley_radius bending_planes"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,13 +48,7 @@ class TensionColours:
 
 
 class Actor:
-    """Endoscope of one episode and its poses.
-
-    Attributes:
-        episode: one without hinge angles (a measured one) is drawn with a constant curvature.
-        preset: shape and size.
-        links: frames (N, vertebrae + 1) of the bending section, base to tip.
-    """
+    """Endoscope of an episode and its poses, `links` (N, vertebrae + 1); an arc where none is recorded."""
 
     def __init__(
         self,
@@ -74,7 +59,6 @@ class Actor:
         *,
         pale: bool = False,
     ) -> None:
-        """Build the drawing, see `DrawnEndoscope`; without colours, each wire has its own."""
         self.episode = episode
         joint_angle = hinge_angles_of(episode)
         self.preset = shape_of(episode, joint_angle.shape[1])
@@ -128,5 +112,5 @@ def hinge_angles_of(episode: Episode) -> Array:
 def shape_of(episode: Episode, vertebrae: int) -> Preset:
     """Return a preset of the shape stated in the metadata of the episode; else one of default size."""
     recorded = episode.metadata.get("preset") or {}
-    shape = {name: recorded[name] for name in _SHAPE if name in recorded}
+    shape = {name: recorded[name] for name in _SHAPE.split() if name in recorded}
     return Preset(name="recorded").replace(vertebrae=vertebrae, **shape)

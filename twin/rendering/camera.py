@@ -9,8 +9,7 @@ import numpy as np
 from twin.episode import Episode
 from twin.errors import InputError
 
-QUALITY = 85
-"""JPEG quality of the pictures, out of 100."""
+QUALITY = 85  # JPEG quality of the pictures, out of 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +27,6 @@ class Camera:
     height: int = 240
 
     def __post_init__(self) -> None:
-        """Convert the rate to a float, so that 10 and 10.0 are written alike."""
         object.__setattr__(self, "pictures_per_second", float(self.pictures_per_second))
 
     def check(self) -> None:
@@ -46,17 +44,22 @@ class Camera:
 def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
     """Yield the sample index of each picture and the picture as a JPEG file.
 
-    A picture shows the sample that is the latest at its time. The bytes depend on what draws them: OpenGL
-    libraries differ in single pixels.
+    A picture shows the latest sample at its time. OpenGL libraries differ in single pixels.
     """
     from PIL import Image
 
-    from twin.rendering.portrait import EpisodePortrait  # a camera is described without MuJoCo
+    from twin.rendering.actor import Actor, TensionColours  # a camera is described without MuJoCo
+    from twin.rendering.cameras import shot
+    from twin.rendering.look import WHITE
+    from twin.rendering.picture import on_paper
 
-    portrait = EpisodePortrait(episode, camera.width, camera.height)
+    actor = Actor(episode, colours=TensionColours.of(episode))
+    view = shot("side", [actor], camera.width / camera.height).view
+    actor.open_canvas(camera.width, camera.height)
     seconds = float(episode.time[-1] - episode.time[0])
     taken = np.arange(int(seconds * camera.pictures_per_second + 1e-9) + 1) / camera.pictures_per_second
-    for sample in np.unique(np.searchsorted(episode.time - episode.time[0], taken + 1e-9, side="right") - 1):
-        buffer = io.BytesIO()
-        Image.fromarray(portrait.picture(int(sample))).save(buffer, "JPEG", quality=QUALITY)
-        yield int(sample), buffer.getvalue()
+    places = np.searchsorted(episode.time - episode.time[0], taken + 1e-9, side="right") - 1
+    for sample in np.unique(places).tolist():
+        buffer, layer = io.BytesIO(), actor.layer(sample, view(actor, sample))
+        Image.fromarray(on_paper(layer, WHITE)).save(buffer, "JPEG", quality=QUALITY)
+        yield sample, buffer.getvalue()

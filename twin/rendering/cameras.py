@@ -1,4 +1,4 @@
-"""Cameras of pictures (side, top, tip, overview, endoscopic), and the soft shadows of what they see.
+"""Cameras of pictures (side, top, tip, overview, endoscopic), soft shadows, and portraits in a simulation.
 
 A blurred shadow needs no edges: it is drawn from the centre line and the thickness of the endoscope alone,
 which costs the renderer nothing and suits any background.
@@ -12,12 +12,44 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter
 
+from twin.mechanics.kinematics import link_frames
 from twin.physics.drawing.canvas import Layer, View
-from twin.physics.drawing.drawn import OUTER, cap_length, wheel_place
-from twin.rendering.actor import Actor
+from twin.physics.drawing.drawn import OUTER, DrawnEndoscope, cap_length, wheel_place
+from twin.preset.preset import Preset
+from twin.rendering.actor import PLAIN, Actor
+from twin.rendering.look import WHITE
+from twin.rendering.picture import Picture, on_paper
+
+SIZE = 480  # width and height of a picture of a simulation [pixels]
+# Centre of a portrait's view in front of the base, and half its height, in lengths of the section: they hold
+# every arc of constant curvature, whose tip goes from -0.22 to 1 lengths ahead and 0.73 to a side.
+_AHEAD, _HALF_HEIGHT = 0.35, 0.9
+
+
+class Portrait:
+    """Drawing of a simulated endoscope in its pose; only the hinge angles are read."""
+
+    def __init__(self, preset: Preset) -> None:
+        self._drawn = DrawnEndoscope(preset)
+        self._drawn.paint_wires(PLAIN[: preset.wires, None])
+        length = preset.section_length
+        self._view = View(
+            position=np.array([_AHEAD * length, -4 * length, 0.0]),
+            forward=np.array([0.0, 1.0, 0.0]),
+            up=np.array([0.0, 0.0, 1.0]),
+            half_height=_HALF_HEIGHT * length,
+            parallel=True,
+        )
+        self._drawn.open_canvas(SIZE, SIZE)
+
+    def picture(self, joint_angle: NDArray[np.float64]) -> Picture:
+        """Return a picture on white, (`SIZE`, `SIZE`, 3), at hinge angles (vertebrae,) [rad]."""
+        length = self._drawn.preset.section_length
+        self._drawn.stand(link_frames(joint_angle[None], np.empty(0), length), 0)
+        return on_paper(self._drawn.draw(self._view), WHITE)
+
 
 Array = NDArray[np.float64]
-
 _X, _Y, _Z = np.eye(3)
 _FIELD_OF_VIEW = np.radians(95)  # of the endoscope's own lens, top to bottom
 _SHADOW_ROOM = 0.07  # at the side and below what is seen, in lengths of the section
@@ -35,40 +67,24 @@ class Caster(NamedTuple):
 
 
 class Screen(NamedTuple):
-    """Plane on which a shadow falls.
+    """Plane on which a shadow falls."""
 
-    Attributes:
-        point: (3,) on it [m].
-        normal: (3,) unit vector.
-        light: (3,) direction of the light.
-        blur: standard deviation of the soft edge [m].
-    """
-
-    point: Array
-    normal: Array
-    light: Array
-    blur: float
+    point: Array  # (3,) on it [m]
+    normal: Array  # (3,) unit vector
+    light: Array  # (3,) direction of the light
+    blur: float  # standard deviation of the soft edge [m]
 
 
 @dataclasses.dataclass(frozen=True)
 class Shot:
-    """Camera, and what goes with it.
+    """Camera, and what goes with it."""
 
-    Attributes:
-        scene: what is around the actor, see `DrawnEndoscope`.
-        view: camera (actor, index of the sample); some follow the tip.
-        screen: where shadows fall; None: nowhere.
-        has_scale: True where a length is the same all over the picture, so that a scale bar is valid.
-        is_round: True for the round picture of an endoscope.
-        follows: True where the camera moves with the tip, so that poses cannot lie over one another.
-    """
-
-    scene: str
-    view: Callable[[Actor, int], View]
-    screen: Screen | None = None
-    has_scale: bool = False
-    is_round: bool = False
-    follows: bool = False
+    scene: str  # what is around the actor, see `DrawnEndoscope`
+    view: Callable[[Actor, int], View]  # camera (actor, index of the sample); some follow the tip
+    screen: Screen | None = None  # where shadows fall; None: nowhere
+    has_scale: bool = False  # a length is the same all over the picture: a scale bar is valid
+    is_round: bool = False  # the round picture of an endoscope
+    follows: bool = False  # the camera moves with the tip: poses cannot lie over one another
 
     def casters(self, actor: Actor, index: int) -> list[Caster]:
         """Return what throws shadows at a sample."""
@@ -105,7 +121,6 @@ def shot(camera: str, actors: Sequence[Actor], aspect: float) -> Shot:
 
 
 def _flat(actors: Sequence[Actor], aspect: float, up: Array) -> Shot:
-    """Return a parallel projection at right angles to a bending plane."""
     reach, right = max(actor.preset.section_length for actor in actors), _X
     forward = np.cross(up, right)
     points = np.concatenate([actor.chain.reshape(-1, 3) for actor in actors]) @ np.stack([right, up], axis=1)
@@ -121,7 +136,6 @@ def _flat(actors: Sequence[Actor], aspect: float, up: Array) -> Shot:
 
 
 def _overview(actors: Sequence[Actor], aspect: float) -> Shot:
-    """Return a view from above and from the front, of sheath and pulley too."""
     reach = max(actor.preset.section_length for actor in actors)
     turn = np.array([np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])
     forward = np.cos(_ELEVATION) * turn - np.sin(_ELEVATION) * _Z
@@ -181,7 +195,6 @@ def _tip_view(actor: Actor, index: int) -> View:
 
 
 def _endoscopic(aspect: float) -> Shot:
-    """Return what the endoscope's own lens sees."""
 
     def view(actor: Actor, index: int) -> View:
         axes = actor.links.rotation[index, -1]

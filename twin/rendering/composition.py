@@ -14,10 +14,8 @@ from twin.rendering.overlay import Overlay
 from twin.rendering.picture import Bar, Label, Layer, Mark, Rule, angle, faded, over, reduced, signed
 from twin.rendering.plots import Plot, lateral_loop, on_common_axes, plot_of
 
-MOST_EPISODES = 6
-"""Most episodes that have room side by side."""
-GHOST_INK = 0.34
-"""Share of its ink that a ghost is drawn with."""
+MOST_EPISODES = 6  # most episodes that have room side by side
+GHOST_INK = 0.34  # share of its ink that a ghost is drawn with
 _VIEW_SHARE = 0.56  # of the height, where episodes are side by side
 _SCALES_MM = (0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 
@@ -42,36 +40,21 @@ class PlotCell(NamedTuple):
 
 @dataclasses.dataclass
 class ViewCell:
-    """View of one episode: its pose with ghost and shadow, and the marks on it.
-
-    Attributes:
-        box: place in the composition.
-        overlay: episode, ghost and reference.
-        number: of the episode in the composition.
-        shot: its camera.
-        actors: the endoscope, and its ghost if there is one.
-        look: options.
-        colours: of the wires; None where no tension is known.
-        unit: size of a pixel of text, in pixels of a composition that is 720 high.
-        fineness: pixels drawn for each that is kept, along a side.
-        is_first: whether it is the first view of its episode, which has the marks of the episode.
-        is_lateral: whether it shows the second bending plane.
-    """
+    """View of one episode: its pose with ghost and shadow, and the marks on it."""
 
     box: Rectangle
     overlay: Overlay
-    number: int
+    number: int  # of the episode in the composition
     shot: Shot
-    actors: Sequence[Actor]
+    actors: Sequence[Actor]  # the endoscope, and its ghost if there is one
     look: Look
-    colours: TensionColours | None
-    unit: float
-    fineness: int
-    is_first: bool
-    is_lateral: bool
+    colours: TensionColours | None  # of the wires; None where no tension is known
+    unit: float  # size of a pixel of text, in pixels of a composition that is 720 high
+    fineness: int  # pixels drawn for each that is kept, along a side
+    is_first: bool  # view of its episode, which has the marks of the episode
+    is_lateral: bool  # shows the second bending plane
 
     def __post_init__(self) -> None:
-        """Set the left margin of the text."""
         self._theme, self._left = self.look.theme, 36 * self.unit
 
     def scene(self, index: int) -> Layer:
@@ -148,14 +131,11 @@ class ViewCell:
             ghost = self.overlay.ghost.truth_deg[index]
             lines.append((f"{self.overlay.short_name} {angle(ghost)}", theme.muted))
         self._below = top + (128 + 26 * len(lines)) * unit
-        return [
-            self._line(top + 46 * unit, caption, theme.muted, 17 * unit),
-            self._line(top + 98 * unit, angle(bend), theme.trace, 46 * unit, bold=True),
-            *(
-                self._line(top + (128 + 26 * row) * unit, text, colour, 17 * unit)
-                for row, (text, colour) in enumerate(lines)
-            ),
+        below = [
+            self._line(top + (128 + 26 * row) * unit, *line, 17 * unit) for row, line in enumerate(lines)
         ]
+        large = self._line(top + 98 * unit, angle(bend), theme.trace, 46 * unit, bold=True)
+        return [self._line(top + 46 * unit, caption, theme.muted, 17 * unit), large, *below]
 
     def line_below_numbers(self, text: str) -> Mark:
         """Return one more line below the numbers that `marks` returned last."""
@@ -200,15 +180,7 @@ class ViewCell:
 
 
 class Composition:
-    """Views and plots of episodes, each of which is drawn on demand.
-
-    Attributes:
-        overlays: what is shown.
-        width: of the composition [pixels].
-        height: of the composition [pixels].
-        views: of the endoscopes.
-        plots: of the curves.
-    """
+    """Views and plots of episodes, each of which is drawn on demand, in a size [pixels]."""
 
     def __init__(
         self,
@@ -242,11 +214,7 @@ class Composition:
         colours = TensionColours.of(*(overlay.episode for overlay in self.overlays))
         scene, pale = scene_of(look.camera), look.theme.is_dark
         groups = [
-            [
-                Actor(episode, scene, look.sleeve, colours, pale=pale)
-                for episode in (of.episode, of.ghost)
-                if episode
-            ]
+            [Actor(one, scene, look.sleeve, colours, pale=pale) for one in (of.episode, of.ghost) if one]
             for of in self.overlays
         ]
         actors = [actor for group in groups for actor in group]
@@ -272,18 +240,12 @@ class Composition:
 
     def _plot_cells(self, places: Sequence[tuple[Rectangle, int, int]]) -> list[PlotCell]:
         theme = self._look.theme
-        plots = [
-            lateral_loop(self.overlays[number].episode, theme)
-            if plane
-            else plot_of(self.overlays[number], theme)
-            for _, number, plane in places
-        ]
+        of = [(self.overlays[number], plane) for _, number, plane in places]
+        plots = [lateral_loop(one.episode, theme) if plane else plot_of(one, theme) for one, plane in of]
         if len(self.overlays) > 1 and plots:
             plots = on_common_axes(plots)
-        return [
-            PlotCell(box, plot, number, self.scale_of(box))
-            for (box, number, _), plot in zip(places, plots, strict=True)
-        ]
+        cells = zip(places, plots, strict=True)
+        return [PlotCell(box, plot, number, self.scale_of(box)) for (box, number, _), plot in cells]
 
     def scale_of(self, box: Rectangle) -> float:
         """Return the scale of text in a cell: 1 has labels 13 points high."""
@@ -294,7 +256,6 @@ class Composition:
 def _arrangement(
     episodes: int, planes: int, look: Look, width: int, height: int
 ) -> tuple[list[tuple[Rectangle, int, str]], list[tuple[Rectangle, int, int]]]:
-    """Return the boxes of views, with episode and camera, and those of plots, with episode and plane."""
     has_views, has_plots = look.panels != "curves", look.panels != "view"
     if episodes > 1:
         cut = round(_VIEW_SHARE * height) if has_plots and has_views else height

@@ -17,8 +17,7 @@ from twin.rendering.plots import TracePanel
 from twin.rendering.video import LARGEST_FRAMES, write_video
 
 WIDTH, HEIGHT = 1280, 720
-LARGEST = (3840, 2160)
-"""Largest width and height of a frame [pixels]."""
+LARGEST = (3840, 2160)  # largest width and height of a frame [pixels]
 _DPI = 100  # text of a film is measured by its pixels
 _SAMPLED = (0.25, 0.5, 0.75, 1.0)  # shares of a GIF's length from which its colours are taken
 
@@ -29,7 +28,6 @@ class Film:
     def __init__(
         self, overlays: Sequence[Overlay], look: Look | None = None, speed: float | None = None
     ) -> None:
-        """Draw the static parts; both sides of the size must be even, and a given speed is written."""
         look = look or Look()
         self.width, self.height = look.size_within((WIDTH, HEIGHT), LARGEST, even=True)
         self._theme = look.theme
@@ -85,15 +83,9 @@ def render_film(
     speed: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Render episodes side by side as a film that shows its speed.
+    """Render episodes side by side as a .mp4 or .gif that shows its speed, as long as the longest of them.
 
-    Args:
-        overlays: the longest sets the length of the film.
-        path: the .mp4 or .gif to write.
-        look: options; the background must not be transparent.
-        fps: frames per second of the film; of a GIF at most 50.
-        speed: seconds of the episode per second of the film.
-        progress: called after each frame with (drawn, all); without it there is a bar on stderr.
+    `progress` is called after each frame with (drawn, all); without it there is a bar on stderr.
     """
     look, is_gif = look or Look(), path.suffix.lower() == ".gif"
     if look.theme.is_transparent:

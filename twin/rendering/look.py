@@ -8,66 +8,30 @@ from twin.physics.drawing.drawn import SLEEVES
 CAMERAS = ("side", "top", "tip", "overview", "endoscopic")
 PANELS = ("both", "view", "curves")
 """Contents of a picture: the endoscope next to its curves, or one of them alone."""
-LEAST_SIZE = (160, 120)
-"""Smallest width and height [pixels]."""
+LEAST_SIZE = (160, 120)  # smallest width and height [pixels]
 
 
 @dataclasses.dataclass(frozen=True)
 class Theme:
-    """Colours of a picture, `#rrggbb`; every pair of curves differs in lightness as well.
+    """Colours of a picture, `#rrggbb`, by default on white; curves differ in lightness as well."""
 
-    Attributes:
-        paper: background; on a transparent one, the colour that edges are blended with.
-        ink: of text and reference curves.
-        muted: of captions and numbers of axes.
-        trace: of the bending angle and its numbers.
-        ghost: of the curve of another run.
-        pale: of a curve that is yet to be traced.
-        grid: of the lines of axes.
-        spine: of the frame of axes.
-        shadow: share of light that a shadow takes away.
-        is_transparent: True where the paper is left out.
-        is_dark: True where the paper is dark, so that dark parts are lit more.
-    """
-
-    paper: str
-    ink: str
-    muted: str
-    trace: str
-    ghost: str
-    pale: str
-    grid: str
-    spine: str
-    shadow: float
-    is_transparent: bool = False
-    is_dark: bool = False
+    paper: str = "#ffffff"  # background; on a transparent one, the colour that edges are blended with
+    ink: str = "#1d232c"  # of text and reference curves
+    muted: str = "#6b7480"  # of captions and numbers of axes
+    trace: str = "#b3261e"  # of the bending angle and its numbers
+    ghost: str = "#9aa3ae"  # of the curve of another run
+    pale: str = "#d3d8de"  # of a curve that is yet to be traced
+    grid: str = "#edf0f3"
+    spine: str = "#c3c9d0"  # of the frame of axes
+    shadow: float = 0.20  # share of light that a shadow takes away
+    is_transparent: bool = False  # the paper is left out
+    is_dark: bool = False  # dark parts are lit more
 
 
-WHITE = Theme(
-    paper="#ffffff",
-    ink="#1d232c",
-    muted="#6b7480",
-    trace="#b3261e",
-    ghost="#9aa3ae",
-    pale="#d3d8de",
-    grid="#edf0f3",
-    spine="#c3c9d0",
-    shadow=0.20,
-)
-DARK = Theme(
-    paper="#12161c",
-    ink="#e9edf2",
-    muted="#9aa4b0",
-    trace="#ff7a66",
-    ghost="#79838f",
-    pale="#414a55",
-    grid="#232a33",
-    spine="#47515d",
-    shadow=0.55,
-    is_dark=True,
-)
-THEMES = {"white": WHITE, "dark": DARK, "transparent": dataclasses.replace(WHITE, is_transparent=True)}
-"""Themes by the name of their background."""
+WHITE = Theme()
+_CURVES = ("#ff7a66", "#79838f", "#414a55", "#232a33", "#47515d")
+DARK = Theme("#12161c", "#e9edf2", "#9aa4b0", *_CURVES, shadow=0.55, is_dark=True)
+THEMES = {"white": WHITE, "dark": DARK, "transparent": Theme(is_transparent=True)}  # by name of background
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -96,7 +60,6 @@ class Look:
     dpi: int = 200
 
     def __post_init__(self) -> None:
-        """Refuse unknown names, and a resolution out of range."""
         valid = {"camera": CAMERAS, "background": tuple(THEMES), "sleeve": SLEEVES, "panels": PANELS}
         for name, values in valid.items():
             if getattr(self, name) not in values:

@@ -11,9 +11,7 @@ from twin.files.bounds import wrong_name
 from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
-
-SAME_TIME = 1e-6
-"""Times that differ by less are the same [s]."""
+SAME_TIME = 1e-6  # times that differ by less are the same [s]
 _LONGEST_NAME = 24  # characters of a name for which the legend has room
 
 
@@ -37,13 +35,9 @@ class Overlay:
 
     def check(self) -> None:
         """Refuse a ghost at other times, or a reference of another length."""
-        time, ghost = self.episode.time, self.ghost
-        if ghost is not None and not (
-            len(ghost.time) == len(time) and np.allclose(ghost.time, time, rtol=0, atol=SAME_TIME)
-        ):
-            raise InputError(
-                f"ghost has {_span(ghost)}: must be at the times of the record, {_span(self.episode)}"
-            )
+        time, ghost = self.episode.time, self.episode.time if self.ghost is None else self.ghost.time
+        if len(ghost) != len(time) or not np.allclose(ghost, time, rtol=0, atol=SAME_TIME):
+            raise InputError(f"ghost has {_span(ghost)}: must be at the times of the record, {_span(time)}")
         if len(self.reference_deg) not in (0, len(time)):
             raise InputError(f"reference has {len(self.reference_deg)} samples, the record has {len(time)}")
 
@@ -84,8 +78,7 @@ def controller_of(episode: Episode) -> str:
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
 
 
-def _span(episode: Episode) -> str:
-    time = episode.time
+def _span(time: Array) -> str:
     return f"{len(time)} samples from {time[0]:g} to {time[-1]:g} s"
 
 

@@ -19,8 +19,7 @@ from twin.rendering.look import Theme
 
 Array = NDArray[np.float64]
 Layer = NDArray[np.uint8]
-Picture = NDArray[np.uint8]
-"""(height, width, 3) red, green and blue."""
+Picture = NDArray[np.uint8]  # (height, width, 3) red, green and blue
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -158,7 +157,6 @@ def number(
 
 @functools.lru_cache(maxsize=64)
 def _font(size: float, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return the font of the axes for text that Pillow writes, `size` pixels high."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return ImageFont.truetype(f"{get_data_path()}/fonts/ttf/{name}", size)
 

@@ -16,7 +16,6 @@ from twin.rendering.overlay import Overlay, controller_of
 from twin.rendering.picture import Picture
 
 Array = NDArray[np.float64]
-
 PULL_LABEL, TIME_LABEL, BEND_LABEL = "pulling distance [mm]", "time [s]", "bending angle [deg]"
 _DASHED = (0, (3.2, 2.0))
 _DPI = 100
@@ -38,29 +37,17 @@ class Curve(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """Bending angle over pull or time.
+    """Bending angle over pull or time."""
 
-    Attributes:
-        x: (N,) of the trace, in the unit of the horizontal axis.
-        bend_deg: (N,) bending angle of the trace [deg].
-        x_label: quantity and unit of the horizontal axis.
-        y_label: quantity and unit of the vertical axis.
-        moving: curves below a trace that moves.
-        still: curves where nothing moves.
-        over: quantity of the horizontal axis, `pull` or `time`.
-        is_main: whether it is of the plane of wires a and b.
-        limits: ((low, high), (low, high)) of the axes; None: those of the curves.
-    """
-
-    x: Array
-    bend_deg: Array
+    x: Array  # (N,) of the trace, in the unit of the horizontal axis
+    bend_deg: Array  # (N,) of the trace [deg]
     x_label: str
     y_label: str
-    moving: tuple[Curve, ...]
-    still: tuple[Curve, ...]
-    over: str = "pull"
-    is_main: bool = True
-    limits: tuple[tuple[float, float], tuple[float, float]] | None = None
+    moving: tuple[Curve, ...]  # below a trace that moves
+    still: tuple[Curve, ...]  # where nothing moves
+    over: str = "pull"  # or "time"
+    is_main: bool = True  # of the plane of wires a and b
+    limits: tuple[tuple[float, float], tuple[float, float]] | None = None  # of the axes; None: of the curves
 
 
 def plot_of(overlay: Overlay, theme: Theme) -> Plot:
@@ -89,9 +76,7 @@ def over_time(overlay: Overlay, theme: Theme) -> Plot:
     """Return bending angle over time: the reference, and the complete bend pale below its trace."""
     episode, known = overlay.episode, []
     if overlay.has_reference:
-        known = [
-            Curve(episode.time, overlay.reference_deg, theme.ink, dashed=True, name="reference", width=1.3)
-        ]
+        known = [Curve(episode.time, overlay.reference_deg, theme.ink, True, "reference", 1.3)]
     moving, still = ((*_curves("time", overlay, theme, moving=moves), *known) for moves in (True, False))
     return Plot(episode.time, episode.truth_deg, TIME_LABEL, BEND_LABEL, moving, still, "time")
 
@@ -159,7 +144,6 @@ class TracePanel:
         return np.asarray(panel)
 
     def _trace_on(self, index: int) -> None:
-        """Continue the trace to a sample; the rest of the panel is kept."""
         new = self._points[self._drawn : index + 1]
         self._drawn = index  # the next line begins where this one ends
         if len(new) < 2:
@@ -199,17 +183,11 @@ def panel_rectangle(
 
 def draw_curves(axes: Axes, plot: Plot, curves: Sequence[Curve], theme: Theme, size: float = 1.0) -> None:
     """Draw curves over one another, with a legend above them of those that have a name."""
-    lines = [
-        axes.plot(
-            curve.x,
-            curve.y,
-            color=curve.colour,
-            linewidth=curve.width * size,
-            linestyle=_DASHED if curve.dashed else "-",
-            solid_joinstyle="round",
-        )[0]
-        for curve in curves
-    ]
+    lines = []
+    for curve in curves:
+        line: dict[str, Any] = {"color": curve.colour, "linestyle": _DASHED if curve.dashed else "-"}
+        line |= {"linewidth": curve.width * size, "solid_joinstyle": "round"}
+        lines += axes.plot(curve.x, curve.y, **line)
     _style_axes(axes, plot, theme, size)
     # What is drawn last, and lies in front, is named first.
     named = [(line, curve.name) for line, curve in zip(lines, curves, strict=True) if curve.name][::-1]
@@ -224,7 +202,6 @@ def draw_curves(axes: Axes, plot: Plot, curves: Sequence[Curve], theme: Theme, s
 
 
 def _style_axes(axes: Axes, plot: Plot, theme: Theme, size: float) -> None:
-    """Style the axes of a bending angle: labels, a faint grid, no frame; `size` scales text and lines."""
     axes.set_facecolor("none")
     axes.set_xlabel(plot.x_label, fontsize=13 * size, color=theme.ink, labelpad=7 * size)
     axes.set_ylabel(plot.y_label, fontsize=13 * size, color=theme.ink, labelpad=5 * size)

@@ -12,8 +12,7 @@ from twin.rendering.picture import Picture
 from twin.rendering.still import FORMATS, render_picture, render_sheet
 from twin.rendering.video import FILMS
 
-ENDINGS = (*FORMATS, *FILMS)
-"""Endings of files that can be written."""
+ENDINGS = (*FORMATS, *FILMS)  # endings of files that can be written
 
 
 def render(
@@ -67,12 +66,7 @@ def render(
 def render_frame(
     episode: Episode, index: int, *, width: int = 1280, height: int = 720, look: Look | None = None
 ) -> Picture:
-    """Render one sample of an episode, (height, width, 3). For many samples, `Film` is faster.
-
-    Raises:
-        ValueError: the size is odd or out of range, or there is no such sample.
-        OSError: nothing on this system can draw without a screen.
-    """
+    """Render one sample of an episode, (height, width, 3). For many samples, `Film` is faster."""
     if not -len(episode.time) <= index < len(episode.time):
         raise InputError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
     look = look or Look(size=(width, height))

@@ -25,14 +25,10 @@ from twin.rendering.picture import Badge, Label, Layer, Mark, angle, number, on_
 from twin.rendering.plots import draw_curves, over_time, panel_rectangle
 
 Array = NDArray[np.float64]
-
 USUAL_INCHES = (9.0, 4.1)
-LARGEST = (10_000, 10_000)
-"""Largest width and height of a picture [pixels]."""
-FORMATS = (".png", ".svg", ".pdf")
-"""Endings of pictures."""
-MOST_POSES = 60
-"""Most poses of a sheet."""
+LARGEST = (10_000, 10_000)  # largest width and height of a picture [pixels]
+FORMATS = (".png", ".svg", ".pdf")  # endings of pictures
+MOST_POSES = 60  # most poses of a sheet
 _LEAST_SCALE = 0.52  # of text: ticks 6 points high
 _PALE_POSE = 0.38
 _FINEST_VIEW = 2000  # pixels of a view's longer side beyond which nothing is drawn finer than it is kept
@@ -59,11 +55,6 @@ def keyframes(episode: Episode) -> list[int]:
         )
         best = max(best, (upper, lower), key=lambda pair: bend[pair[0]] - bend[pair[1]])
     return [int(pull.argmax()), *best, int(pull.argmin())]
-
-
-def farthest_sample(episode: Episode, ghost: Episode) -> int:
-    """Return the sample where the bends of two episodes at the same times differ most."""
-    return int(np.abs(episode.bend - ghost.bend).argmax())
 
 
 def render_picture(
@@ -100,8 +91,6 @@ def render_picture(
 
 
 class _Chosen:
-    """Samples of an episode that a picture shows, and their marks."""
-
     def __init__(self, overlay: Overlay, look: Look, time: float | None, composition: Composition) -> None:
         episode = overlay.episode
         self.overlay, self._look, theme = overlay, look, look.theme
@@ -111,7 +100,7 @@ class _Chosen:
         if time is not None:
             self.sample = overlay.sample_at(time)
         elif overlay.ghost is not None:
-            self.sample = farthest_sample(episode, overlay.ghost)
+            self.sample = int(np.abs(episode.bend - overlay.ghost.bend).argmax())
         elif any(view.shot.follows or view.shot.scene == "overview" for view in composition.views):
             self.sample = int(np.abs(episode.bend).argmax())
         else:
@@ -133,21 +122,14 @@ class _Chosen:
         _show_layer(axes, layer, self._look, marks)
 
     def _badges(self, view: ViewCell) -> list[Mark]:
-        """Return the numbers of the poses at their tips, in the order of their heights."""
         box, size = view.box, 15 * view.unit
         tips = [view.tip(sample) for sample in self.poses]
         levels = spread([row for _, row in tips], apart=2.1 * size)
-        return [
-            Badge(
-                min(column + 0.05 * box.height, box.width - size),
-                level,
-                f"{place + 1}",
-                colour,
-                size,
-                self.ink,
-            )
-            for place, ((column, _), level, colour) in enumerate(zip(tips, levels, self.colours, strict=True))
-        ]
+        badges: list[Mark] = []
+        for place, ((column, _), level, colour) in enumerate(zip(tips, levels, self.colours, strict=True)):
+            left = min(column + 0.05 * box.height, box.width - size)
+            badges.append(Badge(left, level, f"{place + 1}", colour, size, self.ink))
+        return badges
 
 
 def spread(levels: Sequence[float], apart: float) -> list[float]:
@@ -160,7 +142,6 @@ def spread(levels: Sequence[float], apart: float) -> list[float]:
 
 
 def _draw_plot(figure: Figure, cell: PlotCell, look: Look, width: int, height: int, chosen: _Chosen) -> None:
-    """Draw the curves of an episode, and mark the samples that the picture shows."""
     box, theme, curves, scale = cell.box, look.theme, cell.plot.still, cell.scale
     inside = panel_rectangle(curves, box.width / look.dpi, box.height / look.dpi, scale)
     left, bottom = box.left / width, 1 - (box.top + box.height) / height
@@ -196,7 +177,6 @@ def _write_in_free_corner(axes: Axes, text: str, x: Array, y: Array, **style: An
 
 
 def _mark_sample(axes: Axes, cell: PlotCell, chosen: _Chosen, pale: str, colour: str) -> None:
-    """Draw a spot on the curve at the sample of the picture, and one on the ghost's."""
     sample, ghost = chosen.sample, chosen.overlay.ghost
     x, bend = cell.plot.x[sample], cell.plot.bend_deg[sample]
     spot: dict[str, Any] = {"markersize": 8.5 * cell.scale, "markeredgecolor": "white", "zorder": 4}
@@ -277,7 +257,6 @@ def _blank_figure(look: Look, width: int, height: int) -> tuple[Figure, Callable
 
 
 def _show_layer(axes: Axes, layer: Layer, look: Look, marks: Sequence[Mark]) -> None:
-    """Show a layer in axes of its pixels, on the paper of the look, with marks over it."""
     limits = axes.get_xlim(), axes.get_ylim()
     picture = straight(layer) if look.theme.is_transparent else on_paper(layer, look.theme)
     axes.imshow(picture, interpolation="none", aspect="auto")

@@ -15,13 +15,10 @@ from PIL import Image
 from twin.files.atomic import MADE_BY, WholeFile
 
 Picture = NDArray[np.uint8]
-
-FILMS = (".mp4", ".gif")
-"""Endings of films."""
+FILMS = (".mp4", ".gif")  # endings of films
 CODEC = "libx264"
 _OPTIONS = {"crf": "20", "threads": "1"}  # one thread: the bytes do not depend on the machine
-LARGEST_FRAMES = 1_000_000
-"""Frames of a film at most: eleven hours at 25 per second."""
+LARGEST_FRAMES = 1_000_000  # frames of a film at most: eleven hours at 25 per second
 _COLOURS = "yuv420p"
 _EXACT = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.BITEXACT
 _GIF_COLOURS = 255  # and one for the paper
@@ -34,10 +31,6 @@ def write_video(
 
     Width and height are even [pixels]. A GIF has times in hundredths of a second, and takes its colours from
     the first frame and the sampled ones.
-
-    Raises:
-        FileNotFoundError: the folder does not exist.
-        OSError: the disk is full or fails, or the file does not hold what was written.
     """
     av.logging.set_level(av.logging.PANIC)  # errors are raised
     if path.suffix.lower() == ".gif":
@@ -53,23 +46,16 @@ def write_video(
             stream = film.add_stream(CODEC, rate=fps, options=_OPTIONS)
             stream.width, stream.height, stream.pix_fmt = width, height, _COLOURS
             for frame in frames:
-                film.mux(stream.encode(_coded(frame)))
+                picture = av.VideoFrame.from_ndarray(frame, format="rgb24")
+                # Rounded exactly: the quick conversion depends on the alignment in memory.
+                coded = picture.reformat(format=_COLOURS, interpolation=_EXACT, threads=1)
+                film.mux(stream.encode(coded))
                 count += 1
             film.mux(stream.encode(None))
         with av.open(whole.open_path, format="mp4") as film:
             written = sum(packet.size > 0 for packet in film.demux(video=0))
         if written != count:
             raise OSError(f"{path}: {written} of {count} frames were written")
-
-
-def _coded(frame: Picture) -> av.VideoFrame:
-    """Return a picture in the colours of the film.
-
-    Rounded exactly: the quick conversion depends on the alignment of the picture in memory, and the same
-    pictures would not always make the same bytes.
-    """
-    picture = av.VideoFrame.from_ndarray(frame, format="rgb24")
-    return picture.reformat(format=_COLOURS, interpolation=_EXACT, threads=1)
 
 
 def _write_gif(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from markupsafe import Markup
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,22 +13,9 @@ from twin.files.json_text import read_json, validated
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
-from twin.report.page import (
-    Cell,
-    Page,
-    bullets,
-    facts,
-    figure,
-    flat_facts,
-    gap,
-    origin_command,
-    origin_facts,
-    table,
-    text,
-)
+from twin.report import page as html
 
-FIT_END = "_fit.json"
-"""End of the name of the report of a calibrated preset."""
+FIT_END = "_fit.json"  # end of the name of the report of a calibrated preset
 RIVALS = ("coleman_hodgdon", "prandtl_ishlinskii", "bouc_wen")
 """Models without physics that a calibration may be compared with, as its report names them."""
 _CAPTION = (
@@ -50,15 +37,7 @@ class FittedParameter(BaseModel):
 
 
 class FitFile(BaseModel):
-    """Contents of `NAME_fit.json` that the page needs; other versions may add some.
-
-    Attributes:
-        optimizer: of the search.
-        seed: of the search.
-        logs: errors on each log, by name of the figure; None where there is nothing to compare.
-        parameters: that were fitted, by name.
-        warnings: of the calibration.
-    """
+    """Contents of `NAME_fit.json` that the page needs; `logs` are the errors on each log, by name."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -69,7 +48,7 @@ class FitFile(BaseModel):
     warnings: Annotated[list[Annotated[str, Field(max_length=2000)]], Field(max_length=1000)]
 
 
-def calibration_page(path: Path) -> Page:
+def calibration_page(path: Path) -> html.Page:
     """Return the page of a `NAME_fit.json`, with the preset and the figure in its folder."""
     values = read_json(path, 16 * MEBIBYTE)
     try:
@@ -79,38 +58,34 @@ def calibration_page(path: Path) -> Page:
     origin = stated_origin(values)
     stem = path.name.removesuffix(FIT_END)
     preset = path.with_name(f"{stem}.yaml")
-    page = Page("EndoTwin calibration: a twin of a measured endoscope", stem)
+    page = html.Page("EndoTwin calibration: a twin of a measured endoscope", stem)
     page.add("Errors on every log", *_errors(fit))
     page.add("The logs and the twin", _picture(path.with_name(f"{stem}_fit.png")))
     page.add("Parameters", *_parameters(fit))
-    groups = {"Search": (("optimizer", fit.optimizer), ("seed", f"{fit.seed}"))}
+    groups: dict[str, html.Facts] = {"Search": (("optimizer", fit.optimizer), ("seed", f"{fit.seed}"))}
     if preset.is_file():
-        groups[f"Preset {preset.name}, in SI units"] = _preset_facts(preset)
-    page.add("What was run", facts({**groups, **origin_facts(origin)}))
-    page.add_commands((*origin_command(origin, str(preset)), f"endotwin report {preset}"))
+        title = f"Preset {preset.name}, in SI units"
+        try:
+            groups[title] = html.flat_facts(read_yaml(preset, MEBIBYTE))
+        except ValueError as error:
+            groups[title] = (("cannot be shown", cut(error, 200)),)
+    page.add("What was run", html.facts({**groups, **html.origin_facts(origin)}))
+    page.add_commands((*html.origin_command(origin, str(preset)), f"endotwin report {preset}"))
     return page
-
-
-def _preset_facts(preset: Path) -> Any:
-    try:
-        return flat_facts(read_yaml(preset, MEBIBYTE))
-    except ValueError as error:
-        return (("cannot be shown", cut(error, 200)),)
 
 
 def _picture(path: Path) -> Markup:
     if not path.is_file():
-        return gap(f"There is no {path.name} with this report.")
+        return html.gap(f"There is no {path.name} with this report.")
     try:
-        return figure(path, _CAPTION)
+        return html.figure(path, _CAPTION)
     except InputError as error:
-        return gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
+        return html.gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
 
 
 def _errors(fit: FitFile) -> Sequence[Markup]:
-    """Tables of the errors of the twin and of its rivals on each log, and of the tension of the wires."""
     rivals = [rival for rival in RIVALS if any(f"{rival}_rmse_deg" in log for log in fit.logs)]
-    rows: list[Sequence[str | Cell]] = []
+    rows: list[Sequence[str | html.Cell]] = []
     for log in fit.logs:
         bend = log.get("sheath_bend_deg")
         for index, what in (("rmse_deg", "fitted"), ("held_out_rmse_deg", "predicted")):
@@ -118,7 +93,9 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
             known = [float(error) for error in errors if error is not None]
             if known:
                 cells = [
-                    Cell("-") if of is None else Cell(f"{of:.2f}", (), "best" if of == min(known) else "")
+                    html.Cell("-")
+                    if of is None
+                    else html.Cell(f"{of:.2f}", (), "best" if of == min(known) else "")
                     for of in errors
                 ]
                 rows.append((str(log.get("name")), "-" if bend is None else f"{bend:g}", what, *cells))
@@ -133,7 +110,7 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
         "RMSE in degrees; the offset of a fitted log is removed. One twin is for all logs; a model without "
         "physics is fitted to each bend of the sheath separately."
     )
-    parts = [table(head, rows, note=note, cards=True)]
+    parts = [html.table(head, rows, note=note, cards=True)]
     wires = [f"tension_{wire}_rmse_percent_of_range" for wire in "ab"]
     tension = [
         (str(log.get("name")), *("-" if log.get(wire) is None else f"{log[wire]:.1f} %" for wire in wires))
@@ -142,19 +119,22 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
     ]
     if tension:
         note = "RMSE in percent of the range of the measured tension."
-        parts.append(table(("log", "wire a", "wire b"), tension, title="Tension of the wires", note=note))
+        parts.append(
+            html.table(("log", "wire a", "wire b"), tension, title="Tension of the wires", note=note)
+        )
     return parts
 
 
 def _parameters(fit: FitFile) -> Sequence[Markup]:
-    rows = [
-        (
-            name,
-            f"{known.value:.4g}",
-            "not determined" if known.standard_deviation is None else f"{known.standard_deviation:.2g}",
-        )
-        for name, known in fit.parameters.items()
-    ]
+    rows = []
+    for name, known in fit.parameters.items():
+        deviation = known.standard_deviation
+        found = "not determined" if deviation is None else f"{deviation:.2g}"
+        rows.append((name, f"{known.value:.4g}", found))
     note = "In SI units, as in the preset's file; docs/physics.md describes each."
-    parts = [table(("parameter", "value", "standard deviation"), rows, note=note)]
-    return [*parts, text("Warnings of the calibration:"), bullets(fit.warnings)] if fit.warnings else parts
+    parts = [html.table(("parameter", "value", "standard deviation"), rows, note=note)]
+    return (
+        [*parts, html.text("Warnings of the calibration:"), html.bullets(fit.warnings)]
+        if fit.warnings
+        else parts
+    )

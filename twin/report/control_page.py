@@ -18,19 +18,9 @@ from twin.estimation.methods import Style
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json
 from twin.files.origin import stated_origin
+from twin.report import page as html
 from twin.report.figures import INK, clean_axes, line_of, log_ticks
-from twin.report.page import (
-    Cell,
-    Facts,
-    Page,
-    bullets,
-    facts,
-    figure,
-    gap,
-    origin_command,
-    origin_facts,
-    table,
-)
+from twin.report.page import figure
 
 LIMITS = (
     "Endoscopes and the members of RAM (twins) share their physics, but for the conditions that state "
@@ -41,8 +31,7 @@ LIMITS = (
     "Motors follow their command within one limit of speed; their own dynamics are not modelled.",
 )
 """Limits of every comparison."""
-POSES = "poses.png"
-"""Name of the figure that a picture of the endoscope is needed for."""
+POSES = "poses.png"  # name of the figure that a picture of the endoscope is needed for
 FIGURES = {
     POSES: "Where the endoscope under compensation and the one without it, pale, differ most.",
     "tracking.png": "One reference (dashed) under every controller on the first endoscope; error; command.",
@@ -51,12 +40,11 @@ FIGURES = {
 }
 """Figures next to `control.json`, and what each shows."""
 
-Total = Mapping[str, Any]
-"""Errors of a controller under a condition, as `control.json` holds them."""
+Total = Mapping[str, Any]  # errors of a controller under a condition, as `control.json` holds them
 REFERENCE = Style("#000000", (0, (4, 2)), "", 1.2)
 
 
-def read_control_page(path: Path) -> Page:
+def read_control_page(path: Path) -> html.Page:
     """Return the page of a `control.json`, and of the figures in its folder."""
     values = read_json(path, 64 * MEBIBYTE)
     try:
@@ -65,103 +53,83 @@ def read_control_page(path: Path) -> Page:
         raise InputError(f"{path} is not what `endotwin control` wrote: {error}") from error
 
 
-def control_page(values: Mapping[str, Any], folder: Path) -> Page:
-    """Return the page of a comparison.
-
-    Args:
-        values: contents of `control.json`.
-        folder: of `control.json` and its figures.
-    """
+def control_page(values: Mapping[str, Any], folder: Path) -> html.Page:
+    """Return the page of a comparison."""
     control, totals = values["control"], values["totals"]
     origin = stated_origin(values)
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
-    page = Page(
+    page = html.Page(
         "EndoTwin control: following a bend in spite of the hysteresis",
         f"{control['preset']}, {control['twins']} endoscopes",
         verb="control",
     )
     page.add("Controllers", _ranked(first, values["comparisons"]))
     shown = [figure(folder / name, caption) for name, caption in FIGURES.items() if (folder / name).is_file()]
-    page.add("What it looks like", *(shown or [gap("There is no figure with these results.")]))
+    page.add("What it looks like", *(shown or [html.gap("There is no figure with these results.")]))
     page.add("Errors under every condition", *_errors(totals))
-    stated = {"": _facts(control), **origin_facts(origin)}
-    page.add("How it was measured", facts(stated), _tuned(values["tuned"]))
-    page.add("What was not shown", bullets(LIMITS))
-    page.add_commands((*origin_command(origin, str(folder)), f"endotwin report {folder}"))
+    stated = {"": _facts(control), **html.origin_facts(origin)}
+    page.add("How it was measured", html.facts(stated), _tuned(values["tuned"]))
+    page.add("What was not shown", html.bullets(LIMITS))
+    page.add_commands((*html.origin_command(origin, str(folder)), f"endotwin report {folder}"))
     return page
 
 
 def _ranked(totals: Sequence[Total], comparisons: Sequence[Mapping[str, Any]]) -> Markup:
-    """Controllers under the first condition, the least error first, and paired reductions by our own."""
     condition = totals[0]["condition"]
     against = {of["rival"]: of for of in comparisons if of["condition"] == condition}
     rows = []
-    for total in sorted(totals, key=lambda of: float(of["rmse_deg"])):
-        less = against.get(total["controller"])
-        rows.append(
-            (
-                total["controller"],
-                f"{total['rmse_deg']:.2f}",
-                f"{total['worst_twin_rmse_deg']:.2f}",
-                "-" if less is None else f"{100 * less['reduction']:.0f} %",
-                "-"
-                if less is None
-                else "{:.0f} to {:.0f} %".format(*(100 * end for end in less["reduction_ci95"])),
-            )
-        )
+    for of in sorted(totals, key=lambda of: float(of["rmse_deg"])):
+        reduced = ("-", "-")
+        if less := against.get(of["controller"]):
+            low, high = (100 * end for end in less["reduction_ci95"])
+            reduced = f"{100 * less['reduction']:.0f} %", f"{low:.0f} to {high:.0f} %"
+        rows.append((of["controller"], f"{of['rmse_deg']:.2f}", f"{of['worst_twin_rmse_deg']:.2f}", *reduced))
     ours = next((of["controller"] for of in comparisons), "this project's own")
-    head = (
-        "controller",
-        "RMSE [deg]",
-        "worst endoscope [deg]",
-        f"less error by {ours}",
-        "95 % interval",
-    )
+    head = ("controller", "RMSE [deg]", "worst endoscope [deg]", f"less error by {ours}", "95 % interval")
     note = (
         "The least error first; an oracle is the limit. Paired: all met the same endoscopes, references and "
         "noise. Intervals by a bootstrap over endoscopes, and trials within each."
     )
-    return table(head, rows, title=condition, note=note, cards=True, numbers=True)
+    return html.table(head, rows, title=condition, note=note, cards=True, numbers=True)
 
 
 def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
-    """Three tables with a row for each controller and a column for each condition."""
     conditions = list(dict.fromkeys(of["condition"] for of in totals))
     names = list(dict.fromkeys(of["controller"] for of in totals))
     cells = {(of["controller"], of["condition"]): of for of in totals}
 
-    def by_condition(title: str, note: str, show: Callable[[Total], Cell]) -> Markup:
-        found = [[cells.get((name, condition)) for condition in conditions] for name in names]
-        rows = [
-            (name, *("-" if of is None else show(of) for of in row))
-            for name, row in zip(names, found, strict=True)
-        ]
+    def by_condition(title: str, note: str, show: Callable[[Total], html.Cell]) -> Markup:
+        rows = []
+        for name in names:
+            row = [cells.get((name, condition)) for condition in conditions]
+            rows.append((name, *("-" if of is None else show(of) for of in row)))
         head, cards = ("controller", *conditions), len(conditions) > 3
-        return table(head, rows, title=title, note=note, cards=cards, numbers=True)
+        return html.table(head, rows, title=title, note=note, cards=cards, numbers=True)
+
+    def travel(of: Total) -> html.Cell:
+        share = of["fallback_share"]
+        return html.Cell(f"{of['travel_mm']:.0f}", (f"fallback {100 * share:.1f} %",) if share > 0 else ())
 
     return (
         by_condition(
             "Complete references",
             "RMSE of tracking [deg] of all trials; below it, that of the worst endoscope.",
-            lambda of: Cell(f"{of['rmse_deg']:.2f}", (f"{of['worst_twin_rmse_deg']:.2f}",)),
+            lambda of: html.Cell(f"{of['rmse_deg']:.2f}", (f"{of['worst_twin_rmse_deg']:.2f}",)),
         ),
         by_condition(
             "Last 20 s",
             "RMSE [deg], and below it the largest error. A disturbance is over two seconds before.",
-            lambda of: Cell(f"{of['late_rmse_deg']:.2f}", (f"{of['late_worst_deg']:.1f}",)),
+            lambda of: html.Cell(f"{of['late_rmse_deg']:.2f}", (f"{of['late_worst_deg']:.1f}",)),
         ),
         by_condition(
             "Travel of the command",
             "Mean of a trial [mm]: it wears the sheath. Below it, the share of time under the fallback.",
-            lambda of: Cell(
-                f"{of['travel_mm']:.0f}",
-                (f"fallback {100 * of['fallback_share']:.1f} %",) if of["fallback_share"] > 0 else (),
-            ),
+            travel,
         ),
     )
 
 
-def _facts(control: Mapping[str, Any]) -> Facts:
+def _facts(control: Mapping[str, Any]) -> html.Facts:
     limits = control["limits"]
     spans = " or ".join(f"{of['low_mm']:g} to {of['high_mm']:g} mm" for of in limits)
     drawn = f"{control['twins']} drawn from the ranges of {control['preset']}, in {control['physics']}"
@@ -179,21 +147,15 @@ def _facts(control: Mapping[str, Any]) -> Facts:
 
 
 def _tuned(tuned: Sequence[Mapping[str, Any]]) -> Markup:
-    rows = [
-        (
-            of["controller"],
-            f"{of['noise_variance_deg2']:.3g}",
-            f"{of['sample_time_s']:g}",
-            f"{of['tried']}",
-            f"{of['rmse_deg']:.2f}",
-            ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in of["settings"].items())
-            or "none",
-        )
-        for of in tuned
-    ]
+    rows = []
+    for of in tuned:
+        found = (f"{name.replace('_', ' ')} {value:.3g}" for name, value in of["settings"].items())
+        sensor = f"{of['noise_variance_deg2']:.3g}", f"{of['sample_time_s']:g}"
+        settings = ", ".join(found) or "none"
+        rows.append((of["controller"], *sensor, f"{of['tried']}", f"{of['rmse_deg']:.2f}", settings))
     error = "RMSE on the tuning's own, geometric mean [deg]"
     head = ("controller", "R [deg²]", "T [s]", "tried", error, "settings")
-    return table(head, rows, title="What was tuned", cards=True)
+    return html.table(head, rows, title="What was tuned", cards=True)
 
 
 def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:

@@ -10,22 +10,11 @@ from twin.dataset.recipe_file import load_recipe
 from twin.files.bounded import sha256_of
 from twin.files.dataset_json import Dataset, MeasuredDataset, SimulatedDataset, read_contents
 from twin.recording import read_episode
-from twin.report.page import (
-    Facts,
-    Page,
-    bullets,
-    commands,
-    facts,
-    figure,
-    flat_facts,
-    folded,
-    table,
-    text,
-)
+from twin.report import page as html
+from twin.report.page import text
 from twin.report.player import player
 
-MOST_FILES = 200
-"""Files that the page lists: `dataset.json` has all."""
+MOST_FILES = 200  # files that the page lists: `dataset.json` has all
 _LOOPS = "Loops of some of the episodes. Dark: the true bending angle; grey: what the sensor saw."
 _LOADING = """import twin
 for episode in twin.read_dataset({folder!r}):
@@ -39,12 +28,14 @@ _SOURCES = {
 }
 
 
-def dataset_page(path: Path) -> Page:
+def dataset_page(path: Path) -> html.Page:
     """Return the page of a dataset, from its `dataset.json` and its first file."""
     folder = path.parent
     contents = read_contents(folder)
     first = contents.files[0]
-    page = Page("EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope", folder.resolve().name)
+    page = html.Page(
+        "EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope", folder.resolve().name
+    )
     size = [
         ("source", _SOURCES[contents.source]),
         ("episodes", f"{contents.episodes}"),
@@ -52,16 +43,16 @@ def dataset_page(path: Path) -> Page:
     ]
     if bend := contents.statistics.get("truth_deg"):
         size.append(("bending angle", _signed(f"{bend.min:z.0f} to {bend.max:z.0f} deg")))
-    shown = [facts({"": size}), player(read_episode(folder / first.name), first.name)]
+    shown = [html.facts({"": size}), player(read_episode(folder / first.name), first.name)]
     if (folder / FIGURE).is_file():
-        shown.append(figure(folder / FIGURE, _LOOPS))
+        shown.append(html.figure(folder / FIGURE, _LOOPS))
     page.add("What it looks like", *shown)
-    page.add("What varies", bullets(_varying(folder, contents)))
+    page.add("What varies", html.bullets(_varying(folder, contents)))
     page.add("What each file holds", _features(contents))
     page.add("Files", *_files(contents))
     lines = _LOADING.format(folder=str(folder), name=folder.name).splitlines()
-    page.add("How to load it", text("In Python, or as a LeRobot dataset:"), commands(lines))
-    page.add("What was run", facts(_facts(path, contents)))
+    page.add("How to load it", text("In Python, or as a LeRobot dataset:"), html.commands(lines))
+    page.add("What was run", html.facts(_facts(path, contents)))
     page.add_commands(_commands(folder, contents))
     return page
 
@@ -87,7 +78,7 @@ def _features(contents: Dataset) -> Markup:
         numbers = (_signed(f"{number:.4g}") for number in (of.min, of.max, of.mean, of.std))
         rows.append((name, feature.meaning, feature.unit, feature.topic, shape, *numbers, f"{of.count}"))
     head = ("quantity", "what", "unit", "topic", "per sample", "min", "max", "mean", "std", "count")
-    return table(head, rows, note="A missing measurement is not counted.", cards=True)
+    return html.table(head, rows, note="A missing measurement is not counted.", cards=True)
 
 
 def _files(contents: Dataset) -> Sequence[Markup]:
@@ -96,14 +87,14 @@ def _files(contents: Dataset) -> Sequence[Markup]:
         (file.name, f"{file.samples}", f"{file.seconds:g}", f"{file.bytes / 1e6:.2f}", file.sha256)
         for file in files[:MOST_FILES]
     ]
-    listed = table(("file", "samples", "s", "MB", "SHA-256"), rows, cards=True)
+    listed = html.table(("file", "samples", "s", "MB", "SHA-256"), rows, cards=True)
     if len(files) > MOST_FILES:
         return [text(f"The first {MOST_FILES} of {len(files)}; dataset.json lists all."), listed]
-    return [listed] if len(files) <= 10 else [folded(f"All {len(files)} files", listed)]
+    return [listed] if len(files) <= 10 else [html.folded(f"All {len(files)} files", listed)]
 
 
-def _facts(path: Path, contents: Dataset) -> dict[str, Facts]:
-    groups: dict[str, Facts] = {
+def _facts(path: Path, contents: Dataset) -> dict[str, html.Facts]:
+    groups: dict[str, html.Facts] = {
         "Versions": [("endotwin", contents.endotwin)],
         "Data, by SHA-256": [(path.name, sha256_of(path))],
     }
@@ -111,7 +102,7 @@ def _facts(path: Path, contents: Dataset) -> dict[str, Facts]:
         groups["Versions"] = [*groups["Versions"], ("mujoco", contents.mujoco)]
         recipe = contents.recipe.model_dump(mode="json", exclude_unset=True)
         preset = recipe.pop("preset")
-        groups |= {"Recipe": flat_facts(recipe), "Preset, in SI units": flat_facts(preset)}
+        groups |= {"Recipe": html.flat_facts(recipe), "Preset, in SI units": html.flat_facts(preset)}
     return groups
 
 

@@ -24,53 +24,23 @@ from twin.evaluation.protocol import Condition
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.score import Score
 from twin.files.atomic import MADE_BY
-from twin.report.tables import (
-    by_error,
-    chosen_scores,
-    group_name,
-    groups_of,
-    has_limit,
-    interval_scores,
-    is_limit,
-    mean_of,
-    ordered,
-    protocol_scores,
-    times_the_limit,
-)
+from twin.report import tables
 
 Array = NDArray[np.float64]
-
 INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
 MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
 FIT_COLOUR, LOOP_COLOUR = "#6f3fa0", "#a9b1ba"
 TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
 START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
-PAPER_FIGURES = (
-    (5, "gaussian", 1.0),
-    (6, "gaussian", 1.0),
-    (7, "gaussian", 5.0),
-    (8, "poisson", 0.1),
-    (9, "poisson", 1.0),
-    (10, "poisson", 2.0),
-)
-"""Number in the paper, noise and level; a method declares in which it is shown."""
-_OTHER = tuple(
-    Style(colour, (0, (2, 1)), marker)
-    for colour, marker in (
-        ("#30363d", "X"),
-        ("#868f99", "<"),
-        ("#52606d", ">"),
-        ("#a2703f", "h"),
-        ("#3b6d6d", "*"),
-    )
-)
-MOST_COLUMNS = 6
-"""Noises side by side."""
-_PANELS = 3
-"""Groups side by side, as there are strokes; one more fits where there is one line of them."""
-_HONEST = (0.93, 0.97)
-"""Coverage of a 95 % interval that is as sure as it states."""
+PAPER_FIGURES = {5: ("gaussian", 1.0), 6: ("gaussian", 1.0), 7: ("gaussian", 5.0)}
+PAPER_FIGURES |= {8: ("poisson", 0.1), 9: ("poisson", 1.0), 10: ("poisson", 2.0)}
+"""Noise and level by number in the paper; a method declares in which it is shown."""
+_GREYS = {"#30363d": "X", "#868f99": "<", "#52606d": ">", "#a2703f": "h", "#3b6d6d": "*"}
+_OTHER = tuple(Style(colour, (0, (2, 1)), marker) for colour, marker in _GREYS.items())
+MOST_COLUMNS = 6  # noises side by side
+_PANELS = 3  # groups side by side, as there are strokes; one more fits where there is one line of them
+_HONEST = (0.93, 0.97)  # coverage of a 95 % interval that is as sure as it states
 
 
 def style_of(method: str, methods: Sequence[str] = ()) -> Style:
@@ -164,15 +134,10 @@ def tracking_figure(
 def paper_figures(
     tracks: Mapping[Condition, Record], scores: Sequence[Score] = ()
 ) -> dict[int, tuple[Figure, str]]:
-    """Return the paper's Figs. 5 to 10 with captions, by number; those that the tracks lack are left out.
-
-    Args:
-        tracks: one for each noise, from `evaluate`.
-        scores: of the episodes that the tracks are from; their RMSE and the published one go into the legend.
-    """
-    by_method = {(*score.condition, score.method): score for score in protocol_scores(scores)}
+    """Return the paper's Figs. 5 to 10 with captions, by number; those that the tracks lack are left out."""
+    by_method = {(*score.condition, score.method): score for score in tables.protocol_scores(scores)}
     figures = {}
-    for number, noise, level in PAPER_FIGURES:
+    for number, (noise, level) in PAPER_FIGURES.items():
         track = tracks.get((noise, level))
         wanted = [spec.name for spec in method_specs() if number in spec.presentation.paper_figures]
         methods = [method for method in wanted if track is not None and method in track.estimates]
@@ -200,7 +165,7 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
     """
     figure = Figure(figsize=(5.6, 3.2), layout="constrained")
     axes = clean_axes(figure.subplots())
-    agents = ordered(curves)
+    agents = tables.ordered(curves)
     for agent in agents:
         samples, cost = np.asarray(curves[agent]["samples"]), -np.asarray(curves[agent]["return"])
         style = style_of(agent, agents)
@@ -227,11 +192,11 @@ def rmse_figure(scores: Sequence[Score]) -> Figure:
 
     Of an evaluation, the scores of the paper's protocol are drawn.
     """
-    scores = protocol_scores(scores)
+    scores = tables.protocol_scores(scores)
     if not scores:
         raise InputError("no rows of evaluation.json: nothing to draw")
     noises = sorted({score.condition for score in scores})
-    methods = ordered(score.label for score in scores)
+    methods = tables.ordered(score.label for score in scores)
     styles = {method: style_of(method, methods) for method in methods}
     slot = 0.8 / len(methods)
     figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
@@ -308,14 +273,14 @@ def comparison_figures(
     scores: Sequence[Score], tracks: Mapping[Condition, Record], rankings: Sequence[Ranking] = ()
 ) -> dict[str, bytes]:
     """Return PNG files by name; tracks are of the first group of episodes at the longest sample time."""
-    longest, first = max(score.sample_time_s for score in scores), groups_of(scores)[0]
-    shown, ranked = chosen_scores(scores, longest, first), rankings_to_draw(rankings)
+    longest, first = max(score.sample_time_s for score in scores), tables.groups_of(scores)[0]
+    shown, ranked = tables.chosen_scores(scores, longest, first), rankings_to_draw(rankings)
     figures = {"rmse_by_noise.png": noise_figure(shown)}
-    if has_limit(scores):
+    if tables.has_limit(scores):
         figures["times_the_limit.png"] = limit_figure(scores)
     if ranked:
         figures["ranks.png"] = rank_figure(ranked)
-    if interval_scores(shown):
+    if tables.interval_scores(shown):
         figures["intervals.png"] = interval_figure(shown)
     for number, (figure, _) in paper_figures(tracks, shown).items():
         figures[f"figure_{number:02d}.png"] = figure
@@ -324,11 +289,10 @@ def comparison_figures(
 
 def _colour(method: str) -> str:
     own = own_style(method)
-    return INK if is_limit(method) else MUTED if own is None else own.colour
+    return INK if tables.is_limit(method) else MUTED if own is None else own.colour
 
 
 def _list_methods(axes: Axes, methods: Sequence[str]) -> None:
-    """Name a method at each line of axes."""
     axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
     axes.tick_params(labelsize=7.5, labelbottom=True)
     axes.set_ylim(-0.6, len(methods) - 0.4)
@@ -337,14 +301,14 @@ def _list_methods(axes: Axes, methods: Sequence[str]) -> None:
 def noise_figure(scores: Sequence[Score]) -> Figure:
     """Draw the RMSE of every method on one group, a panel for each noise, the best on top, and the limit."""
     noises = list(dict.fromkeys(score.condition for score in scores))
-    ratios = times_the_limit(scores, [scores[0].sample_time_s], [scores[0].group])
+    ratios = tables.times_the_limit(scores, [scores[0].sample_time_s], [scores[0].group])
     methods = list(reversed(ratios or dict.fromkeys(score.method for score in scores)))
     lines = -(-len(noises) // MOST_COLUMNS)
     columns = -(-len(noises) // lines)
     figure = Figure(figsize=(12, 0.22 * len(methods) * lines + 1.4), layout="constrained")
     grid = figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False).ravel()
     values = {(score.condition, score.method): score for score in scores}
-    limits = {score.condition: score.rmse_deg for score in scores if is_limit(score.method)}
+    limits = {score.condition: score.rmse_deg for score in scores if tables.is_limit(score.method)}
     for axes, noise in zip(grid, noises, strict=False):
         clean_axes(axes)
         if noise in limits:
@@ -370,13 +334,13 @@ def noise_figure(scores: Sequence[Score]) -> Figure:
 def limit_figure(scores: Sequence[Score]) -> Figure:
     """Draw the ratio of each method's RMSE to the limit, for every group of episodes and sample time."""
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
-    groups = groups_of(scores)
-    methods = list(times_the_limit(scores, times, groups))
+    groups = tables.groups_of(scores)
+    methods = list(tables.times_the_limit(scores, times, groups))
     size = 3.2 + 0.62 * len(groups) * len(times), 0.27 * len(methods) + 1.9
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(1, len(times), sharey=True, squeeze=False)[0]
     for axes, T in zip(panels, times, strict=True):
-        columns = [times_the_limit(scores, [T], [group]) for group in groups]
+        columns = [tables.times_the_limit(scores, [T], [group]) for group in groups]
         cells = np.array([[column.get(method, np.nan) for column in columns] for method in methods])
         axes.imshow(np.log(cells), cmap="Greys", vmin=0, vmax=np.log(40), aspect="auto")
         for (line, column), value in np.ndenumerate(cells):
@@ -407,7 +371,7 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
     """
     columns = len(rankings) if len(rankings) <= _PANELS + 1 else _PANELS
     rows = -(-len(rankings) // columns)
-    methods = [of.method for of in by_error(rankings[0])][::-1]
+    methods = [of.method for of in tables.by_error(rankings[0])][::-1]
     size = 2.4 + 2.1 * columns, rows * (0.2 * len(methods) + 0.7) + 0.4
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
@@ -428,7 +392,9 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
             axes.plot(of.rmse_deg / first, line, shape, markersize=4.2, color=colour, markerfacecolor=face)
         axes.set_xscale("log")
         log_ticks(axes.xaxis, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100))
-        axes.set_title(group_name((ranking.stroke_mm, ranking.twin)), fontsize=8.5, color=INK, loc="left")
+        axes.set_title(
+            tables.group_name((ranking.stroke_mm, ranking.twin)), fontsize=8.5, color=INK, loc="left"
+        )
         _list_methods(axes, methods)
     for axes in grid[len(rankings) :]:
         axes.set_visible(False)
@@ -447,7 +413,7 @@ def is_level(of: MethodRank) -> bool:
 
 def interval_figure(scores: Sequence[Score]) -> Figure:
     """Draw the coverage of each method's 95 % interval, a dot for each noise, and next to it the CRPS."""
-    stated = interval_scores(scores)
+    stated = tables.interval_scores(scores)
     methods = list(reversed(stated))
     figure = Figure(figsize=(8.5, 0.24 * len(methods) + 1.5), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
@@ -461,7 +427,7 @@ def interval_figure(scores: Sequence[Score]) -> Figure:
         style = {"color": MUTED if own is None else own.colour, "markeredgewidth": 0}
         left.plot([score.coverage95 for score in of], [line] * len(of), "o", markersize=4, alpha=0.7, **style)
         right.plot([score.crps_deg for score in of], [line] * len(of), "o", markersize=3, alpha=0.4, **style)
-        right.plot(mean_of(of, "crps_deg"), line, "|", markersize=9, markeredgewidth=1.6, color=INK)
+        right.plot(tables.mean_of(of, "crps_deg"), line, "|", markersize=9, markeredgewidth=1.6, color=INK)
     left.set_yticks(range(len(methods)), methods, fontsize=7.5)
     left.set_xlim(-0.02, 1.02)
     left.xaxis.set_major_formatter(PercentFormatter(1.0))

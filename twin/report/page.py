@@ -24,35 +24,22 @@ from twin.files.origin import Origin
 from twin.files.shown import cut
 from twin.report.figures import to_svg
 
-LARGEST_PICTURE = 16 * MEBIBYTE
-"""Size that is read of a picture [bytes]."""
+LARGEST_PICTURE = 16 * MEBIBYTE  # size that is read of a picture [bytes]
 WIDE = 6.7
 """Width from which letters of a figure are too small on a narrow screen, which then scrolls it [inches]."""
-MOST_FACTS = 200
-"""Facts that a page lists of one file."""
-
-Facts = Sequence[tuple[str, str]]
-"""Names and values."""
+MOST_FACTS = 200  # facts that a page lists of one file
+Facts = Sequence[tuple[str, str]]  # names and values
 
 
 @dataclasses.dataclass
 class Page:
-    """A page: parts under headings, with a table of contents.
+    """A page: parts under headings, with a table of contents."""
 
-    Attributes:
-        kind: what is reported, in a line above the title.
-        title: heading of the page.
-        verb: command that writes it.
-        verdict: word in large letters above the title; empty for none.
-        intro: parts between the title and the table of contents.
-        sections: (heading, parts), see `add`.
-    """
-
-    kind: str
-    title: str
-    verb: str = "report"
-    verdict: str = ""
-    intro: tuple[Markup, ...] = ()
+    kind: str  # what is reported, in a line above the title
+    title: str  # heading of the page
+    verb: str = "report"  # command that writes it
+    verdict: str = ""  # word in large letters above the title; empty for none
+    intro: tuple[Markup, ...] = ()  # parts between the title and the table of contents
     sections: list[tuple[str, tuple[Markup, ...]]] = dataclasses.field(default_factory=list)
 
     def add(self, heading: str, *parts: Markup) -> None:
@@ -110,16 +97,7 @@ def table(
     cards: bool = False,
     numbers: bool = False,
 ) -> Markup:
-    """Return a table.
-
-    Args:
-        head: names of the columns.
-        rows: text or a `Cell` for each column; the first one is the heading of its row.
-        title: above the table.
-        note: below the table.
-        cards: on a narrow screen each row becomes a card: for many or wordy columns.
-        numbers: cells but the first are aligned to the right.
-    """
+    """Return a table; `cards` turns its rows into cards on a narrow screen, `numbers` aligns to the right."""
     style = f"{'numbers' if numbers else ''} {'cards' if cards else ''}".strip()
     lines = (
         Markup("<tr>{}</tr>\n").format(
@@ -168,12 +146,7 @@ def facts(groups: Mapping[str, Facts]) -> Markup:
 
 
 def figure(image: Figure | Path | bytes, caption: str, alternative: str = "") -> Markup:
-    """Return a matplotlib figure, or a PNG or SVG picture or file, with its caption; a wide one scrolls.
-
-    Raises:
-        ValueError: the file is not a PNG picture, or too large.
-        FileNotFoundError: there is no such file.
-    """
+    """Return a matplotlib figure, or a PNG or SVG picture or file, with its caption; a wide one scrolls."""
     if isinstance(image, Figure):
         address, wide = data_address("image/svg+xml", to_svg(image).encode()), image.get_figwidth() > WIDE
     else:

@@ -20,16 +20,7 @@ KINDS: dict[str, tuple[str, str]] = {
 
 
 def write_report(path: Path, out: Path) -> Path:
-    """Write the page of a run folder, or of a single result of any kind.
-
-    Args:
-        path: its folder, the file by which it is known, or a calibrated preset.
-        out: the HTML file to write.
-
-    Raises:
-        FileNotFoundError: there is no such folder or file.
-        ValueError: nothing there belongs to a result.
-    """
+    """Write the page of a run folder, or of a single result of any kind."""
     known = known_file(path)
     if known is None:
         return run_page(path).write(out)
@@ -40,12 +31,7 @@ def write_report(path: Path, out: Path) -> Path:
 
 
 def known_file(path: Path) -> tuple[Path, str] | None:
-    """Return the file by which a result is known, and its kind; None for a run folder.
-
-    Raises:
-        FileNotFoundError: there is no such folder or file.
-        ValueError: nothing there belongs to a result.
-    """
+    """Return the file by which a result is known, and its kind; None for a run folder."""
     if path.is_file():
         return _of_file(path)
     if not path.is_dir():

@@ -26,32 +26,16 @@ from twin.files.yaml_text import read_yaml
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
 from twin.recording import read_dataset
+from twin.report import page as html
 from twin.report.evaluation_page import result_parts, tracking_parts
 from twin.report.figures import loop_figure, training_figure
-from twin.report.page import (
-    Facts,
-    Page,
-    facts,
-    figure,
-    film,
-    flat_facts,
-    gap,
-    side_by_side,
-    table,
-    text,
-)
-from twin.report.player import player
-from twin.report.schematics import bending_schematic
+from twin.report.player import bending_schematic, player
 
 Value = TypeVar("Value")
-
-MOST_TEXT = MEBIBYTE
-"""Size that is read of files of settings and curves [bytes]."""
-LARGEST_FILM = 32 * MEBIBYTE
-"""Size of a film that a page holds [bytes]: larger pages open slowly."""
+MOST_TEXT = MEBIBYTE  # size that is read of files of settings and curves [bytes]
+LARGEST_FILM = 32 * MEBIBYTE  # size of a film that a page holds [bytes]: larger pages open slowly
 DIAGRAMS = assets_folder() / "diagrams"
-_DRAWN = 2
-"""Loops that are drawn over each other: more cannot be distinguished."""
+_DRAWN = 2  # loops that are drawn over each other: more cannot be distinguished
 _FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
 """Errors of reading what is missing or damaged."""
 _POSES = (
@@ -91,14 +75,14 @@ class DemoFile(BaseModel):
     commands: Annotated[list[Annotated[str, Field(max_length=2000)]], Field(max_length=100)]
 
 
-def run_page(folder: Path) -> Page:
+def run_page(folder: Path) -> html.Page:
     """Return the page of a run folder; a missing part is named with the command that makes it."""
     train, test = (
         functools.cache(functools.partial(read_dataset, folder / "data" / of)) for of in ("train", "test")
     )
     model = functools.cache(functools.partial(_coleman_hodgdon, folder / "coleman_hodgdon.json"))
     shown = functools.partial(_shown, folder)
-    page = Page(
+    page = html.Page(
         "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
         "Hysteresis, and how well it is estimated",
     )
@@ -106,13 +90,13 @@ def run_page(folder: Path) -> Page:
         "The bending",
         *_endoscope(_known(train)),
         *([player(episodes[0], "First test record")] if (episodes := _known(test)) else []),
-        *shown("bend.png", lambda path: [figure(path, _POSES)]),
+        *shown("bend.png", lambda path: [html.figure(path, _POSES)]),
         *shown("bend.mp4", _film),
     )
     page.add(
         "The loop, and the Coleman-Hodgdon model",
         *shown("coleman_hodgdon.json", lambda _: _equation(model())),
-        side_by_side(
+        html.side_by_side(
             *shown("data/train", lambda path: _loop(path, train(), _known(model))),
             *shown("data/test", lambda path: _loop(path, test(), _known(model))),
         ),
@@ -122,7 +106,10 @@ def run_page(folder: Path) -> Page:
     page.add("Tracking", *shown("results/tracks.npz", tracking_parts))
     page.add("Training", *shown("runs", _curves))
     stated = _run_facts(folder)
-    page.add("What was run", facts(stated) if stated else gap("No file of this run states how it was made."))
+    page.add(
+        "What was run",
+        html.facts(stated) if stated else html.gap("No file of this run states how it was made."),
+    )
     page.add_commands(_commands_run(folder), "`make demo` runs all of it. Step by step:")
     return page
 
@@ -138,27 +125,26 @@ def _shown(folder: Path, name: str, show: Callable[[Path], Sequence[Markup]]) ->
     """Return what shows a part of the run, or what is wrong with it and the command that makes it."""
     command = f"endotwin {run_commands()[name]}"
     if not (folder / name).exists():
-        return [gap(f"This run has no {name}.", command)]
+        return [html.gap(f"This run has no {name}.", command)]
     try:
         return show(folder / name)
     except _FAULTS as error:
         reason = cut(str(error).replace(f"{folder}/", ""), 300) or type(error).__name__
-        return [gap(f"{name} cannot be shown: {reason}.", command)]
+        return [html.gap(f"{name} cannot be shown: {reason}.", command)]
 
 
 def _endoscope(train: list[Episode] | None) -> list[Markup]:
-    """The endoscope and its platform, as the paper's Figs. 1 and 3, where an episode states its preset."""
     parameters = train[0].metadata.get("preset") if train and train[0].joint_angle.size else None
     if train is None or not isinstance(parameters, dict):
         return []
     preset = preset_of(str(parameters.get("name", "")), {k: v for k, v in parameters.items() if k != "name"})
     return [
-        figure(
+        html.figure(
             bending_schematic(preset, train[0]),
             "As the paper's Fig. 1: the endoscope straight, and at the largest bend of the first training "
             "record. Drawn to scale from the twin's own hinges.",
         ),
-        figure(
+        html.figure(
             DIAGRAMS / "platform.svg",
             "As the paper's Fig. 3: the platform, here simulated. The backlash of the gear and the friction "
             "of the sheath, between command and angle, make the hysteresis.",
@@ -170,7 +156,7 @@ def _film(path: Path) -> Sequence[Markup]:
     content = read_limited(path, LARGEST_FILM)
     if content[4:8] != b"ftyp":
         raise InputError("it is no MP4 film")
-    return [film(content, "The record replayed, and its loop as it is drawn.")]
+    return [html.film(content, "The record replayed, and its loop as it is drawn.")]
 
 
 def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
@@ -181,7 +167,6 @@ def _coleman_hodgdon(path: Path) -> ColemanHodgdon:
 
 
 def _equation(model: ColemanHodgdon) -> Sequence[Markup]:
-    """The identified model: its equation and parameters."""
     a, b, c = (float(np.asarray(of)) for of in (model.a_per_mm, model.b_deg_per_mm, model.c_deg_per_mm))
     equation = (
         '<span class="formula">dθ/dt = <i>a</i> |<i>v</i>| (<i>b</i> δ<i>l</i> &minus; θ) + <i>c v</i></span>'
@@ -198,8 +183,8 @@ def _equation(model: ColemanHodgdon) -> Sequence[Markup]:
         (ratio, f"{c / b:.2f}"),
     )
     return [
-        text(Markup("{}, with δ<i>l</i> the pull and <i>v</i> its speed.").format(Markup(equation))),
-        facts({"Identified model": values}),
+        html.text(Markup("{}, with δ<i>l</i> the pull and <i>v</i> its speed.").format(Markup(equation))),
+        html.facts({"Identified model": values}),
     ]
 
 
@@ -210,18 +195,17 @@ def _loop(path: Path, episodes: list[Episode], model: HysteresisModel | None) ->
     if model is not None:
         error = np.concatenate([fit - bend for (_, bend), fit in zip(loops, fits, strict=True)])
         caption += f", and the identified model. Over all: RMSE {np.sqrt(np.mean(error**2)):.2f} deg"
-    return [figure(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")]
+    return [html.figure(loop_figure(loops[:_DRAWN], fits[:_DRAWN]), f"{caption}.")]
 
 
 def _schemes() -> list[Markup]:
-    """The structures of RAM and of direct RL, as the paper's Figs. 2 and 4."""
     return [
-        figure(
+        html.figure(
             DIAGRAMS / "ram.svg",
             "As the paper's Fig. 2: RAM. A Kalman filter predicts by the identified model and corrects "
             "itself by the measurement; the policy sets the gain on the remaining residual.",
         ),
-        figure(
+        html.figure(
             DIAGRAMS / "direct.svg",
             "As the paper's Fig. 4: direct RL. The policy takes the place of model and filter.",
         ),
@@ -243,7 +227,7 @@ def _curves(path: Path) -> Sequence[Markup]:
     curves = {agent: read_progress(file) for agent, file in files.items() if file.is_file()}
     if not curves:
         raise InputError(f"no agent in it has a {CURVE_FILE}")
-    return [figure(training_figure(curves), _LEARNING)]
+    return [html.figure(training_figure(curves), _LEARNING)]
 
 
 def _commands_run(folder: Path) -> list[str]:
@@ -254,8 +238,7 @@ def _commands_run(folder: Path) -> list[str]:
     return [*made, "endotwin report . --out report.html"]
 
 
-def _run_facts(folder: Path) -> dict[str, Facts]:
-    """Return what the files of a run state, by title."""
+def _run_facts(folder: Path) -> dict[str, html.Facts]:
     sources: dict[str, tuple[str, Callable[[Path], Any]]] = {
         "Run": ("demo.json", _without_commands),
         "Training records": ("data/train/dataset.json", _recipe),
@@ -268,7 +251,7 @@ def _run_facts(folder: Path) -> dict[str, Facts]:
     stated = {}
     for title, (name, read) in sources.items():
         with contextlib.suppress(*_FAULTS):  # a damaged file is reported by the part that needs it
-            stated[title] = flat_facts(read(folder / name))
+            stated[title] = html.flat_facts(read(folder / name))
     return {title: entries for title, entries in stated.items() if entries}
 
 
@@ -291,7 +274,7 @@ def _recipe(path: Path) -> dict[str, Any]:
     return stated | {"mujoco": contents.mujoco} | to_json_values(contents.recipe)
 
 
-def training_page(path: Path) -> Page:
+def training_page(path: Path) -> html.Page:
     """Return the page of a run folder of `endotwin train`, from its `config.yaml`."""
     folder, values = path.parent, read_yaml(path, MOST_TEXT)
     known, inner = trainings(), [part for part in values.values() if isinstance(part, dict)]
@@ -300,20 +283,23 @@ def training_page(path: Path) -> Page:
     if agent is None:
         raise InputError(f"{path} names no agent of `endotwin train`; valid: {', '.join(known)}")
     trained = folder / known[agent].file
-    page = Page("EndoTwin training: how an estimator learned", f"{agent}: {known[agent].purpose}")
+    page = html.Page("EndoTwin training: how an estimator learned", f"{agent}: {known[agent].purpose}")
     try:
         curve = read_progress(folder / CURVE_FILE)
         cost, ends = -curve["return"], ("at the start", "at the end")
         rows = [(ends[k], f"{curve['samples'][k] / 1e3:.4g}", f"{cost[k]:.3g}") for k in (0, -1)]
         head = ("", "samples [thousands]", "cost per step [deg²]")
-        learned = [table(head, rows, numbers=True), figure(training_figure({agent: curve}), _LEARNING)]
+        learned = [
+            html.table(head, rows, numbers=True),
+            html.figure(training_figure({agent: curve}), _LEARNING),
+        ]
     except (OSError, ValueError) as error:
-        learned = [gap(f"The learning curve cannot be shown: {error}.")]
+        learned = [html.gap(f"The learning curve cannot be shown: {error}.")]
     if not trained.is_file():
-        learned.insert(0, gap(f"This training run is not finished: it has left no {trained.name} yet."))
+        learned.insert(0, html.gap(f"This training run is not finished: it has left no {trained.name} yet."))
     page.add("Learning curve", *learned)
     hashes = {"Trained file, by SHA-256": ((trained.name, sha256_of(trained)),)} if trained.is_file() else {}
-    page.add("What was run", facts({**hashes, "Configuration": flat_facts(values)}))
+    page.add("What was run", html.facts({**hashes, "Configuration": html.flat_facts(values)}))
     page.add_commands(
         (
             f"endotwin train --agent {agent} --help",

@@ -29,8 +29,7 @@ INDEX_LABELS = {
     "var_deg2": "Var [deg²]",
     "bias_deg": "bias [deg]",
 }
-Row = dict[str, Any]
-"""A bound or an interval, as `evaluation.json` holds it."""
+Row = dict[str, Any]  # a bound or an interval, as `evaluation.json` holds it
 
 
 def ordered(methods: Iterable[str]) -> list[str]:
@@ -62,15 +61,11 @@ def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None)
 def clear_best(scores: Iterable[Score]) -> str | None:
     """Return the label of the least RMSE where the paired 95 % intervals of all others exclude it.
 
-    Args:
-        scores: of one noise on one group of episodes. Oracles and ensembles do not compete.
-
     Returns:
         None where another is level with it, or no interval is known.
     """
-    racing = sorted(
-        (score for score in scores if competes(score.method, score.oracle)), key=lambda score: score.rmse_deg
-    )
+    racing = [score for score in scores if competes(score.method, score.oracle)]
+    racing.sort(key=lambda score: score.rmse_deg)
     if not racing or any(score.to_best_ci95 is None or score.to_best_ci95[0] <= 1 for score in racing[1:]):
         return None
     return racing[0].label
@@ -162,6 +157,15 @@ def paper_table(
     chosen = [score for score in protocol_scores(scores, sample_time_s) if score.noise == noise]
     cells = {(score.level, score.label): score for score in chosen}
     methods = ordered(score.label for score in chosen)
+
+    def cell(score: Score | None, index: str, bold: str | None) -> str:
+        if score is None:
+            return "-"
+        ours = f"{getattr(score, index):.3f}"
+        ours = f"**{ours}**" if score.label == bold else ours
+        published = published_value(score, index)
+        return ours if published is None else f"{ours} (paper {paper_figure(published)})"
+
     lines = []
     for level in sorted({level for level, _ in cells} & set(table.values)):
         rows = [cells.get((level, method)) for method in methods]
@@ -169,18 +173,8 @@ def paper_table(
         for place, (index, label) in enumerate(INDEX_LABELS.items()):
             bold = best if index == "rmse_deg" and fmt == "markdown" else None
             name = "" if place else f"{table.symbol} = {level:g}"
-            lines.append([name, label, *(_cell(score, index, bold) for score in rows)])
+            lines.append([name, label, *(cell(score, index, bold) for score in rows)])
     return aligned_table(lines, ["noise", "index", *methods], left=2, fmt=fmt) if lines else ""
-
-
-def _cell(score: Score | None, index: str, bold: str | None) -> str:
-    if score is None:
-        return "-"
-    ours = f"{getattr(score, index):.3f}"
-    if score.label == bold:
-        ours = f"**{ours}**"
-    published = published_value(score, index)
-    return ours if published is None else f"{ours} (paper {paper_figure(published)})"
 
 
 def paper_tables(scores: Sequence[Score], fmt: str = "plain", *, sample_time_s: float | None = None) -> str:
@@ -195,15 +189,10 @@ def paper_tables(scores: Sequence[Score], fmt: str = "plain", *, sample_time_s: 
 
 def score_table(scores: Sequence[Score], fmt: str = "plain") -> str:
     """Return every score as a line: group of episodes, noise, method and indices."""
-    lines = [
-        [
-            group_name(score.group),
-            noise_label(*score.condition),
-            score.label,
-            *(f"{getattr(score, index):.3f}" for index in INDEX_LABELS),
-        ]
-        for score in scores
-    ]
+    lines = []
+    for score in scores:
+        figures = (f"{getattr(score, index):.3f}" for index in INDEX_LABELS)
+        lines.append([group_name(score.group), noise_label(*score.condition), score.label, *figures])
     return aligned_table(lines, ["records", "noise", "method", *INDEX_LABELS.values()], left=3, fmt=fmt)
 
 
@@ -235,15 +224,11 @@ def by_error(ranking: Ranking) -> list[MethodRank]:
 
 def rank_table(ranking: Ranking) -> str:
     """Return the methods of a group in Markdown, the least error first: error, rank, ratio to the first."""
-    lines = [
-        [
-            of.method,
-            f"{of.rmse_deg:.3f}" + in_brackets(of.rmse_ci95_deg, ".3f"),
-            "-" if of.rank is None else f"{of.rank}" + in_brackets(of.rank_ci95, "d"),
-            "-" if of.to_best_ci95 is None else f"{of.to_best_ci95[0]:.2f} to {of.to_best_ci95[1]:.2f}",
-        ]
-        for of in by_error(ranking)
-    ]
+    lines = []
+    for of in by_error(ranking):
+        error = f"{of.rmse_deg:.3f}" + in_brackets(of.rmse_ci95_deg, ".3f")
+        rank = "-" if of.rank is None else f"{of.rank}" + in_brackets(of.rank_ci95, "d")
+        lines.append([of.method, error, rank, _ends(of.to_best_ci95)])
     return aligned_table(lines, ["method", "RMSE [deg]", "rank", "times the first"])
 
 
@@ -262,11 +247,8 @@ def comparison_tables(
     longest, first = times[0], groups_of(scores)[0]
     trainings = training_table(scores, "markdown")
     over = f"95 % interval over noise seeds{' and trainings' if trainings else ''}"
-    parts = {}
-    for T in times:
-        parts[f"RMSE [deg], geometric mean over noises and strokes, T = {T:g} s"] = overall_table(
-            scores, T, costs
-        )
+    overall = "RMSE [deg], geometric mean over noises and strokes, T = {:g} s"
+    parts = {overall.format(T): overall_table(scores, T, costs) for T in times}
     for T in times:
         title = f"RMSE [deg] ± half its {over}, {group_name(first)}, T = {T:g} s"
         parts[title] = _noise_table(chosen_scores(scores, T, first), "rmse_deg")
@@ -308,19 +290,12 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
     lines = []
     for method in sorted(methods, key=lambda name: mean[name]):
         coverage, cost = mean_coverage(methods[method]), costs.get(method, Cost())
-        lines.append(
-            [
-                methods[method][0].label,
-                *(_figure(found[method].get(twin), ".2f") for twin in twins),
-                f"{mean[method]:.2f}",
-                *([f"{limits[method]:.2f}"] if limits else []),
-                _figure(None if coverage is None else 100 * coverage, ".0f"),
-                str(methods[method][0].trainings),
-                _figure(None if cost.training_s is None else cost.training_s / 60, ".1f"),
-                _figure(cost.parameters, "d"),
-                _figure(cost.sample_us, ".0f"),
-            ]
-        )
+        errors = [found[method].get(twin) for twin in twins] + [mean[method]]
+        errors += [limits[method]] if limits else []
+        minutes = None if cost.training_s is None else cost.training_s / 60
+        figures = ((minutes, ".1f"), (cost.parameters, "d"), (cost.sample_us, ".0f"))
+        line = [methods[method][0].label, *(_figure(error, ".2f") for error in errors), _percent(coverage)]
+        lines.append([*line, str(methods[method][0].trainings), *(_figure(*of) for of in figures)])
     headers = ["method", *map(twin_name, twins), "all", *(["times the limit"] if limits else [])]
     headers += ["coverage [%]", "trainings", "a training [min]", "parameters", "a sample [µs]"]
     return aligned_table(lines, headers)
@@ -330,24 +305,28 @@ def _figure(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
+def _percent(share: float | None) -> str:
+    return _figure(None if share is None else 100 * share, ".0f")
+
+
+def _ends(interval: tuple[float, float] | None) -> str:
+    return "-" if interval is None else f"{interval[0]:.2f} to {interval[1]:.2f}"
+
+
 def _noise_table(scores: Sequence[Score], index: str) -> str:
-    """Return an index of every method under every noise; RMSE with half its interval, the clear best bold."""
     noises = list(dict.fromkeys(score.condition for score in scores))
     cells = {(score.method, score.condition): score for score in scores}
-    is_rmse = index == "rmse_deg"
-    best = {
-        noise: clear_best(of for of in scores if of.condition == noise) if is_rmse else None
-        for noise in noises
-    }
+    best = {noise: clear_best(of for of in scores if of.condition == noise) for noise in noises}
+
+    def cell(of: Score) -> str:
+        if index != "rmse_deg":
+            return f"{getattr(of, index):.3f}"
+        return f"**{_rmse(of)}**" if best[of.condition] == of.label else _rmse(of)
+
     lines = []
     for method in dict.fromkeys(score.method for score in scores):
         own = [cells[method, noise] for noise in noises]
-        texts = [_rmse(of) if is_rmse else f"{getattr(of, index):.3f}" for of in own]
-        bold = [
-            f"**{text}**" if best[of.condition] == of.label else text
-            for of, text in zip(own, texts, strict=True)
-        ]
-        lines.append([own[0].label, *bold])
+        lines.append([own[0].label, *map(cell, own)])
     return aligned_table(lines, ["method", *(noise_label(*noise) for noise in noises)])
 
 
@@ -389,16 +368,10 @@ def interval_table(scores: Sequence[Score]) -> str:
     for method, of in stated.items():
         coverage = {score.condition: 100 * (score.coverage95 or 0.0) for score in of}
         nis = mean_of(of, "nis")
-        lines.append(
-            [
-                method,
-                *(_figure(coverage.get(noise), ".0f") for noise in noises),
-                f"{np.mean([score.width95_deg or 0.0 for score in of]):.2f}",
-                f"{mean_of(of, 'nees'):.2f}",
-                "-" if np.isnan(nis) else f"{nis:.2f}",
-                f"{mean_of(of, 'crps_deg'):.3f}",
-            ]
-        )
+        width = np.mean([score.width95_deg or 0.0 for score in of])
+        figures = [f"{width:.2f}", f"{mean_of(of, 'nees'):.2f}", "-" if np.isnan(nis) else f"{nis:.2f}"]
+        shares = [_figure(coverage.get(noise), ".0f") for noise in noises]
+        lines.append([method, *shares, *figures, f"{mean_of(of, 'crps_deg'):.3f}"])
     headers = ["method", *(noise_label(*of) for of in noises), "width [deg]", "NEES", "NIS", "CRPS [deg]"]
     return aligned_table(lines, headers) if lines else ""
 
@@ -456,18 +429,17 @@ def page_names() -> list[str]:
 
 def condition_pages(scores: Sequence[Score]) -> dict[str, str]:
     """Return a page in Markdown for each noise, by its name: every method on every group of episodes."""
-    conditions = list(dict.fromkeys(score.condition for score in scores))
-    return {page_name(condition): _page(scores, condition) for condition in conditions}
+    return {page_name(of): _page(scores, of) for of in dict.fromkeys(score.condition for score in scores)}
 
 
 def _page(scores: Sequence[Score], condition: Condition) -> str:
     kind, level = condition
     variance = level if kind == RECORDED else noise_variance(kind, level)
-    parts = [
-        f"# {noise_label(*condition)}",
-        f"Filters are given R = {variance:.3g} deg^2. A figure in bold is below that of every other method "
-        "that competes, beyond its paired 95 % interval.",
-    ]
+    filters = f"Filters are given R = {variance:.3g} deg^2."
+    bold = (
+        "A figure in bold is below that of every other method that competes, beyond its paired 95 % interval."
+    )
+    parts = [f"# {noise_label(*condition)}", f"{filters} {bold}"]
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     for group in groups_of(scores):
         for T in times:
@@ -478,22 +450,18 @@ def _page(scores: Sequence[Score], condition: Condition) -> str:
 
 
 def _condition_table(scores: Sequence[Score]) -> str:
-    """Return the methods under one noise on one group of episodes, the least error on top."""
     best = clear_best(scores)
     lines = []
     for score in sorted(scores, key=lambda of: of.rmse_deg):
-        spec, to_best = method_spec(score.method), score.to_best_ci95
-        lines.append(
-            [
-                score.label,
-                spec.noise_information if spec else "-",
-                f"**{_rmse(score)}**" if score.label == best else _rmse(score),
-                f"{to_best[0]:.2f} to {to_best[1]:.2f}" if to_best else "-",
-                f"{score.rmse_steady_deg:.3f}",
-                _figure(None if score.coverage95 is None else 100 * score.coverage95, ".0f"),
-                _figure(score.width95_deg, ".2f"),
-            ]
-        )
+        spec, error = method_spec(score.method), _rmse(score)
+        line = [score.label, spec.noise_information if spec else "-"]
+        line += [f"**{error}**" if score.label == best else error, _ends(score.to_best_ci95)]
+        line += [
+            f"{score.rmse_steady_deg:.3f}",
+            _percent(score.coverage95),
+            _figure(score.width95_deg, ".2f"),
+        ]
+        lines.append(line)
     headers = ["method", "knows of the noise", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
 
@@ -505,29 +473,24 @@ def scores_csv(scores: Sequence[Score]) -> str:
 
 def _score_row(score: Score) -> Row:
     """`times_best` is the paired interval to the best method."""
-    low_mm, high_mm = score.stroke_mm if len(score.stroke_mm) == 2 else (None, None)
-    best_low, best_high = score.to_best_ci95 or (None, None)
-    return {
-        "method": score.method,
-        "oracle": str(score.oracle).lower(),
-        "noise": score.noise,
-        "level": score.level,
-        "sample_time_s": score.sample_time_s,
-        "stroke_low_mm": low_mm,
-        "stroke_high_mm": high_mm,
-        "twin": score.twin,
-        "rmse_deg": score.rmse_deg,
-        "rmse_low_deg": score.rmse_ci95_deg[0],
-        "rmse_high_deg": score.rmse_ci95_deg[1],
-        "rmse_steady_deg": score.rmse_steady_deg,
-        "times_best_low": best_low,
-        "times_best_high": best_high,
-        "coverage95": score.coverage95,
-        "width95_deg": score.width95_deg,
-        "crps_deg": score.crps_deg,
-        "seeds": score.seeds,
-        "trainings": score.trainings,
-    }
+
+    def of(*names: str) -> Row:
+        return {name: getattr(score, name) for name in names}
+
+    def ends(low: str, high: str, interval: Sequence[float] | None) -> Row:
+        return dict(zip((low, high), interval or (None, None), strict=True))
+
+    return (
+        of("method")
+        | {"oracle": str(score.oracle).lower()}
+        | of("noise", "level", "sample_time_s")
+        | ends("stroke_low_mm", "stroke_high_mm", score.stroke_mm)
+        | of("twin", "rmse_deg")
+        | ends("rmse_low_deg", "rmse_high_deg", score.rmse_ci95_deg)
+        | of("rmse_steady_deg")
+        | ends("times_best_low", "times_best_high", score.to_best_ci95)
+        | of("coverage95", "width95_deg", "crps_deg", "seeds", "trainings")
+    )
 
 
 def costs_csv(costs: Mapping[str, Cost]) -> str:
@@ -536,7 +499,6 @@ def costs_csv(costs: Mapping[str, Cost]) -> str:
 
 
 def _csv(rows: Sequence[Row]) -> str:
-    """Return rows under the names of their columns, numbers to four digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(rows[0])

@@ -10,26 +10,95 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.mechanics.kinematics import Frames, link_frames
-from twin.physics.drawing.drawn import AWAY, DrawnEndoscope, add_plate, add_rod
+from twin.physics.drawing.drawn import AWAY, OUTER, DrawnEndoscope, Plate, add_plate, add_rod
 from twin.physics.drawing.surfaces import sheath_frames
 from twin.preset.preset import Preset
 from twin.rendering.actor import hinge_angles_of
 from twin.vision.optics import Lens, cv2, mounted_cameras
 from twin.vision.rig import StereoRig
-from twin.vision.targets import board_plate, board_square, marker_plates
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-"""(height, width) grey levels."""
-Grey = NDArray[np.float32]
-Pair = tuple[Picture, Picture]
-"""Left and right picture."""
+DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+BASE, TIP = 0, 1  # numbers of the markers on the shaft and on the tip
+_MODULES, _MARGIN = 6, 1  # of a marker across, its black border included; white ones around it
+_MODULE_PIXELS = 32  # printed
+_SQUARES, _SQUARE_PIXELS, _SQUARE = (9, 7), 64, 0.125  # of the board; the last in lengths of the section
+_INK, _PAPER = 25, 235  # grey levels of print
+_FIRST_OF_BOARD = 10  # number of the board's first marker
+_STANDOFF = OUTER + 0.35  # of the markers in front of the axis, in distances of the wires
 
+
+def marker_side(preset: Preset, rig: StereoRig) -> float:
+    """Return the side of a marker's black border [m]."""
+    return rig.marker_size * preset.section_length
+
+
+def marker_corners(side: float) -> Array:
+    """Return the corners of a marker in its own axes (4, 3), from the upper left one clockwise [m].
+
+    Its axes are x to the right, y down and z into it.
+    """
+    return side / 2 * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+
+
+def marker_plates(preset: Preset, rig: StereoRig) -> list[Plate]:
+    """Return the plates of the markers of a rig's method, in front of the shaft and of the tip.
+
+    In a straight endoscope both look alike: rows along the shaft, columns towards wire b.
+    """
+    link = preset.section_length / preset.vertebrae
+    side = marker_side(preset, rig)
+    size = side * (_MODULES + 2 * _MARGIN) / _MODULES
+    before = -_STANDOFF * preset.wire_offset
+    places = {
+        BASE: ("base", (-0.7 * size, before, 0.0)),
+        TIP: (f"link_{preset.vertebrae - 1}", (link - 0.1 * size, before, 0.0)),
+    }
+    return [
+        Plate(f"marker_{number}", _printed_marker(number), (size, size), body, centre)
+        for number, (body, centre) in places.items()
+        if number == BASE or rig.method == "markers"
+    ]
+
+
+def board_square(preset: Preset) -> float:
+    """Return the side of a square of the calibration board [m]."""
+    return _SQUARE * preset.section_length
+
+
+def charuco_board(square: float) -> "cv2.aruco.CharucoBoard":
+    """Return the calibration board of OpenCV: a chessboard of squares [m] with markers in the white ones."""
+    count = _SQUARES[0] * _SQUARES[1] // 2
+    numbers = np.arange(_FIRST_OF_BOARD, _FIRST_OF_BOARD + count)
+    return cv2.aruco.CharucoBoard(_SQUARES, square, 0.72 * square, DICTIONARY, numbers)
+
+
+def board_plate(square: float) -> Plate:
+    """Return the plate of the calibration board, on a body of its own: `board`."""
+    across, down = _SQUARES
+    size = across * _SQUARE_PIXELS, down * _SQUARE_PIXELS
+    picture = charuco_board(square).generateImage(size)
+    margin = _SQUARE_PIXELS // 2
+    framed = np.pad(picture, margin, constant_values=255)
+    return Plate("board", _in_print(framed), ((across + 1) * square, (down + 1) * square))
+
+
+def _printed_marker(number: int) -> NDArray[np.uint8]:
+    marker = cv2.aruco.generateImageMarker(DICTIONARY, number, _MODULES * _MODULE_PIXELS)
+    return _in_print(np.pad(marker, _MARGIN * _MODULE_PIXELS, constant_values=255))
+
+
+def _in_print(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.where(picture > 127, _PAPER, _INK).astype(np.uint8)
+
+
+Picture = NDArray[np.uint8]  # (height, width) grey levels
+Grey = NDArray[np.float32]
+Pair = tuple[Picture, Picture]  # left and right picture
 _BACKDROP = 190.0  # grey level of the background
 _ROD = (0.06, 4.0)  # radius and length, in lengths of the section
 _LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
-MOST_INSTANTS = 12
-"""Most instants at which a moving scene is drawn for one picture."""
+MOST_INSTANTS = 12  # most instants at which a moving scene is drawn for one picture
 _STILL_PX = 0.25  # motion that is not seen
 _SHOT_SHARE = 0.7  # of the variance at mid-grey that grows with the light; the rest is that of reading
 _SECONDS = (0.4, 2.5)  # that a pass takes
@@ -39,18 +108,9 @@ _OFF_TARGET = 0.12  # by which it misses the middle of what it hides, likewise
 
 
 class Bench:
-    """Scene of a rig, which its two cameras take pictures of.
-
-    Attributes:
-        optics: the true cameras, left and right.
-    """
+    """Scene of a rig, which its two cameras take pictures of; `optics` are the true ones, left and right."""
 
     def __init__(self, preset: Preset, rig: StereoRig) -> None:
-        """Build the scene and mount the cameras; the seed of the rig draws the tolerances of the mounting.
-
-        Raises:
-            OSError: nothing on this system can draw without a screen.
-        """
         self.rig, self.preset = rig, preset
         self.optics = mounted_cameras(preset, rig)
         self._lenses = [Lens(one) for one in self.optics]
@@ -67,12 +127,9 @@ class Bench:
         self._drawn.open_canvas(self._lenses[0].width, self._lenses[0].height)
 
     def take(self, scene: Callable[[float], None], speed: float, rng: np.random.Generator) -> Pair:
-        """Take a picture with each camera, at the same time.
+        """Take a picture with each camera, at the same time, of a motion at a speed [pixels / s].
 
-        Args:
-            scene: places everything as at a time relative to that of the picture [s].
-            speed: of the motion in the picture [pixels / s].
-            rng: of the noise of the pixels.
+        `scene` places everything as at a time relative to that of the picture [s].
         """
         when = instants(self.rig, speed)
         weights = row_weights(self.rig, when)
@@ -109,7 +166,6 @@ class Bench:
         self._drawn.place("board", position, rotation)
 
     def _light(self, lens: Lens) -> Grey:
-        """Return the grey picture of a pinhole, on the backdrop."""
         layer = self._drawn.draw(lens.view)
         through = 1 - layer[..., 3].astype(np.float32) / 255
         picture = layer[..., :3].astype(np.float32) @ _LUMA + np.float32(_BACKDROP) * through
@@ -168,14 +224,9 @@ def develop(picture: Grey, rig: StereoRig, rng: np.random.Generator) -> NDArray[
 
 
 class Motion:
-    """Poses of an episode at any time, linear between samples; without hinge angles, an even arc.
-
-    Attributes:
-        tip: (N, 3) place of the tip at each sample [m].
-    """
+    """Poses of an episode at any time, linear between samples; `tip` (N, 3) is its place at each [m]."""
 
     def __init__(self, episode: Episode, preset: Preset) -> None:
-        """Compute the path of the tip."""
         self._time, self._length = episode.time, preset.section_length
         self._own, self._lateral = hinge_angles_of(episode), episode.lateral_joint_angle
         self.tip = link_frames(self._own, self._lateral, self._length).position[:, -1]
@@ -203,21 +254,13 @@ class Motion:
 
 @dataclasses.dataclass(frozen=True)
 class Pass:
-    """Pass of the rod.
+    """Pass of the rod."""
 
-    Attributes:
-        start: when it comes into sight [s].
-        end: when it is gone [s].
-        entry: (3,) place of its middle at the start [m].
-        exit: (3,) place of its middle at the end [m].
-        along: (3,) unit vector along it.
-    """
-
-    start: float
-    end: float
-    entry: Array
-    exit: Array
-    along: Array
+    start: float  # when it comes into sight [s]
+    end: float  # when it is gone [s]
+    entry: Array  # (3,) place of its middle at the start [m]
+    exit: Array  # (3,) place of its middle at the end [m]
+    along: Array  # (3,) unit vector along it
 
     def middle(self, time: float) -> Array | None:
         """Return the place of its middle at a time [s]; None where it is not in sight."""
@@ -233,12 +276,7 @@ def draw_passes(
 ) -> list[Pass]:
     """Draw the passes of an episode, a Poisson process; each crosses in front of the tip or of the shaft.
 
-    Args:
-        rig: rate of passes, and distance of the cameras.
-        time: (N,) time of the samples [s].
-        tip: (N, 3) place of the tip [m].
-        section_length: of the bending section [m].
-        rng: source of random numbers.
+    `time` (N,) is that of the samples [s], `tip` (N, 3) the place of the tip and `section_length` in [m].
     """
     seconds = float(time[-1] - time[0])
     count = int(rng.poisson(rig.occlusions_per_minute * seconds / 60))

@@ -7,12 +7,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from twin.errors import InputError
-from twin.vision.bench import Bench, Picture
+from twin.vision.bench import Bench, Picture, board_square, charuco_board
 from twin.vision.optics import Optics, cv2
-from twin.vision.targets import board_square, charuco_board
 
 Array = NDArray[np.float64]
-
 _LEAST_CORNERS, _LEAST_VIEWS = 12, 6
 _TILT_DEG, _ASIDE, _DEEP = 32.0, 0.22, 0.45  # of the board: how far it is turned and moved [section lengths]
 _CENTRE, _UPRIGHT = 0.43, np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # as the cameras see it
@@ -21,28 +19,18 @@ _FLAGS = cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_ASPECT_RATIO
 
 @dataclasses.dataclass(frozen=True)
 class StereoCalibration:
-    """Calibrated cameras in the axes of the left one.
+    """Calibrated cameras in the axes of the left one."""
 
-    Attributes:
-        left: camera, at the origin.
-        right: camera.
-        rms_px: root mean square of the reprojection of the board's corners [pixels].
-        views: pairs of pictures in which the board was found.
-    """
-
-    left: Optics
-    right: Optics
-    rms_px: float
-    views: int
+    left: Optics  # camera, at the origin
+    right: Optics  # camera
+    rms_px: float  # root mean square of the reprojection of the board's corners [pixels]
+    views: int  # pairs of pictures in which the board was found
 
 
 def calibrate(bench: Bench) -> StereoCalibration:
     """Calibrate the cameras of a bench: take pictures of the board in many poses, and find its corners.
 
     Each camera is calibrated alone, then the pair (Zhang 2000, as in OpenCV).
-
-    Raises:
-        ValueError: the board is found in too few pictures.
     """
     rig, preset = bench.rig, bench.preset
     rng = np.random.default_rng([rig.seed, 1])

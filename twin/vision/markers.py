@@ -6,27 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.vision.bench import Pair, Picture
+from twin.vision.bench import BASE, DICTIONARY, TIP, Pair, Picture, marker_corners
 from twin.vision.calibration import StereoCalibration
 from twin.vision.optics import cv2
-from twin.vision.targets import BASE, DICTIONARY, TIP, marker_corners
 
 Array = NDArray[np.float64]
-
-LARGEST_RESIDUAL = 0.4
-"""Largest reprojection of a marker that is used, root mean square [pixels]."""
+LARGEST_RESIDUAL = 0.4  # largest reprojection of a marker that is used, root mean square [pixels]
 
 
 class Pose(NamedTuple):
-    """Pose of a known shape.
+    """Pose of a known shape."""
 
-    Attributes:
-        rotation: (3, 3) its axes, as columns.
-        position: (3,) its origin [m].
-    """
-
-    rotation: Array
-    position: Array
+    rotation: Array  # (3, 3) its axes, as columns
+    position: Array  # (3,) its origin [m]
 
 
 def triangulate(left: Array, right: Array, calibration: StereoCalibration) -> Array:

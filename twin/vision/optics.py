@@ -21,7 +21,6 @@ cv2: Any = _cv2  # its own annotations are of arrays of every type, ours of floa
 _cv2.setNumThreads(1)  # a worker has one core
 
 Array = NDArray[np.float64]
-
 _UP = np.array([-1.0, 0.0, 0.0])  # of the pictures: the endoscope hangs into them, its tip below
 _CENTRE = 0.43  # of what is seen, ahead of the base [section lengths]
 _TURN_DEG, _PLACE, _FOCUS, _AXIS_PX, _TANGENTIAL = 0.5, 0.005, 0.01, 3.0, 3e-4  # tolerances
@@ -30,23 +29,14 @@ _K1, _K2 = -0.10, 0.05
 
 @dataclasses.dataclass(frozen=True)
 class Optics:
-    """Camera.
+    """Camera."""
 
-    Attributes:
-        matrix: K (3, 3) [pixels].
-        distortion: (5,) k1, k2, p1, p2, k3.
-        rotation: R (3, 3) from the world to the camera.
-        translation: t (3,) [m].
-        width: of a picture [pixels].
-        height: of a picture [pixels].
-    """
-
-    matrix: Array
-    distortion: Array
-    rotation: Array
-    translation: Array
-    width: int
-    height: int
+    matrix: Array  # K (3, 3) [pixels]
+    distortion: Array  # (5,) k1, k2, p1, p2, k3
+    rotation: Array  # R (3, 3) from the world to the camera
+    translation: Array  # t (3,) [m]
+    width: int  # of a picture [pixels]
+    height: int  # of a picture [pixels]
 
     @property
     def position(self) -> Array:
@@ -74,16 +64,9 @@ class Optics:
 
 
 class Lens:
-    """Lens of a camera: it distorts the picture of a pinhole, which the renderer draws.
-
-    Attributes:
-        view: of the pinhole, a little wider than what is kept.
-        width: of the pinhole's picture [pixels].
-        height: of it [pixels].
-    """
+    """Lens of a camera: it distorts the picture of a pinhole, a little wider, which the renderer draws."""
 
     def __init__(self, optics: Optics, margin: float = 0.06) -> None:
-        """Compute the direction of each pixel; the pinhole sees more by `margin`, in shares of the width."""
         focal = float(optics.matrix[0, 0])
         extra = round(margin * optics.width)
         self.width, self.height = optics.width + 2 * extra, optics.height + 2 * extra

@@ -59,7 +59,6 @@ class StereoRig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse an unknown method, and a number out of range."""
         if self.method not in METHODS:
             raise InputError(f"stereo method {self.method!r}: must be one of {', '.join(METHODS)}")
         for name, (low, high) in LIMITS.items():
@@ -78,9 +77,8 @@ def stereo_rig(parameters: Mapping[str, Any]) -> StereoRig:
             raise InputError(f"stereo: unknown parameter {shown(name)}{suggestion(name, fields)}")
         kind: type = type(getattr(usual, name))
         if isinstance(value, bool) or isinstance(value, str) != (kind is str):
-            raise InputError(
-                f"stereo {name} = {shown(value)}: must be {'a name' if kind is str else 'a number'}"
-            )
+            wanted = "a name" if kind is str else "a number"
+            raise InputError(f"stereo {name} = {shown(value)}: must be {wanted}")
         if kind is int and value != int(value):
             raise InputError(f"stereo {name} = {shown(value)}: must be a whole number")
         values[name] = kind(value)

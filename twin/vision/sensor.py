@@ -3,7 +3,7 @@
 import functools
 import io
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,53 +16,27 @@ from twin.mechanics.kinematics import link_frames
 from twin.preset.preset import Preset
 from twin.recording.camera import STEREO_SIDES, calibration_message, picture_message, stereo_topics
 from twin.rendering.actor import shape_of
-from twin.vision.bench import Bench, Motion, Pair, Pass, draw_passes
+from twin.vision.bench import Bench, Motion, Pair, Pass, draw_passes, marker_side
 from twin.vision.calibration import StereoCalibration, calibrate
 from twin.vision.markers import MarkerMeter
 from twin.vision.optics import cv2
 from twin.vision.rig import StereoRig
 from twin.vision.silhouette import SilhouetteMeter
-from twin.vision.targets import marker_side
 
 Array = NDArray[np.float64]
-
-QUALITY = 92
-"""JPEG quality of recorded pictures, out of 100."""
-_ZERO_PICTURES = 20
-"""Pairs of pictures of the straight endoscope, before an episode."""
+QUALITY = 92  # JPEG quality of recorded pictures, out of 100
+_ZERO_PICTURES = 20  # pairs of pictures of the straight endoscope, before an episode
 _MOST_CALIBRATIONS = 16
-_SEEN_OF_BOARD = [
-    "width",
-    "height",
-    "distance",
-    "angle_deg",
-    "half_height",
-    "blur_px",
-    "brightness",
-    "pixel_noise",
-    "distortion",
-    "calibration_views",
-    "seed",
-]
-"""Parameters of a rig that pictures of the still calibration board depend on."""
+# Parameters of a rig that pictures of the still calibration board depend on.
+_SEEN_OF_BOARD = ["width", "height", "distance", "angle_deg", "half_height", "blur_px", "brightness"]
+_SEEN_OF_BOARD += ["pixel_noise", "distortion", "calibration_views", "seed"]
 _PASSES, _PIXELS = 0, 1  # children of an episode's seed: passes, and the noise of each picture
 
 
 class StereoSensor:
-    """Two cameras in front of an endoscope, calibrated, and zeroed on the straight endoscope.
-
-    Attributes:
-        rig: the cameras.
-        calibration: of them.
-    """
+    """Two cameras in front of an endoscope, calibrated, and zeroed on the straight endoscope."""
 
     def __init__(self, preset: Preset, rig: StereoRig) -> None:
-        """Set up the rig: calibrate the cameras, and take pictures of the straight endoscope.
-
-        Raises:
-            ValueError: board or endoscope are not seen well enough.
-            OSError: nothing on this system can draw without a screen.
-        """
         self.rig, self._preset = rig, preset
         self._bench = Bench(preset, rig)
         self.calibration = _calibrated(self._bench)
@@ -90,13 +64,7 @@ class StereoSensor:
         seed: np.random.SeedSequence,
         on_progress: Callable[[int, int], None] | None = None,
     ) -> Array:
-        """Return the measured bending angle (N,) [rad], NaN where there is no picture or no angle in it.
-
-        Args:
-            episode: to measure.
-            seed: of the passing instruments, and of the noise of each picture.
-            on_progress: called with the number of measured pairs of pictures, and of all.
-        """
+        """Return the measured bending angle (N,) [rad], NaN where there is no picture or no angle in it."""
         measured = np.full(len(episode.time), np.nan)
         count = len(frame_samples(episode.time, self.rig.frames_per_second))
         self._meter.forget()
@@ -131,18 +99,12 @@ class StereoSensor:
 
             def scene(instant: float, time: float = time) -> None:
                 bench.stand(motion.links_at(time + instant), 0)
-                _pass_by(bench, passes, time + instant)
+                for one in passes:
+                    if (middle := one.middle(time + instant)) is not None:
+                        bench.pass_rod(middle, one.along)
 
             rng = np.random.default_rng(_child(seed, _PIXELS, sample))
             yield sample, bench.take(scene, scale * motion.speed(sample), rng)
-
-
-def _pass_by(bench: Bench, passes: Sequence[Pass], time: float) -> None:
-    """Place the rod as at a time, if it is in sight."""
-    for one in passes:
-        middle = one.middle(time)
-        if middle is not None:
-            bench.pass_rod(middle, one.along)
 
 
 def _child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
@@ -170,8 +132,6 @@ class _Ready(threading.local):
 
 
 _READY = _Ready()
-
-
 _CALIBRATIONS: dict[tuple[float, ...], StereoCalibration] = {}
 
 
@@ -197,10 +157,8 @@ def calibration_messages(calibration: StereoCalibration, nanoseconds: int) -> It
     rectified = cv2.stereoRectify(*optics, size, right.rotation, right.translation.reshape(3, 1))
     for place, (side, camera) in enumerate(zip(STEREO_SIDES, (left, right), strict=True)):
         parts = camera.distortion, camera.matrix, rectified[place], rectified[place + 2]
-        message = calibration_message(
-            size, [np.ravel(part).tolist() for part in parts], nanoseconds, _frame(side)
-        )
-        yield stereo_topics(side)[1], message
+        rows = [np.ravel(part).tolist() for part in parts]
+        yield stereo_topics(side)[1], calibration_message(size, rows, nanoseconds, f"camera_{side}")
 
 
 def picture_messages(
@@ -214,15 +172,7 @@ def picture_messages(
         return
     for sample, pair in sensor.pictures(episode, seed, sensor.rig.pictures_per_second):
         for side, picture in zip(STEREO_SIDES, pair, strict=True):
-            time = nanoseconds[sample]
-            yield stereo_topics(side)[0], picture_message(_jpeg(picture), time, _frame(side)), time
-
-
-def _frame(side: str) -> str:
-    return f"camera_{side}"
-
-
-def _jpeg(picture: NDArray[np.uint8]) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=QUALITY)
-    return buffer.getvalue()
+            buffer, time = io.BytesIO(), nanoseconds[sample]
+            Image.fromarray(picture).save(buffer, "JPEG", quality=QUALITY)
+            message = picture_message(buffer.getvalue(), time, f"camera_{side}")
+            yield stereo_topics(side)[0], message, time

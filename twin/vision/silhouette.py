@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from twin.mechanics.kinematics import link_frames
 from twin.physics.drawing.drawn import OUTER, Plate
 from twin.preset.preset import Preset
-from twin.vision.bench import Pair
+from twin.vision.bench import BASE, Pair, marker_plates, marker_side
 from twin.vision.calibration import StereoCalibration
 from twin.vision.markers import MarkerFinder, Pose, mean_rotation
 from twin.vision.optics import Optics, cv2
 from twin.vision.rig import StereoRig
-from twin.vision.targets import BASE, marker_plates, marker_side
 
 Array = NDArray[np.float64]
 Smooth = NDArray[np.float32]
-
 LARGEST_RESIDUAL = 0.6
 """Largest root mean square by which the line may miss the middle of the silhouettes [pixels]."""
 _DEGREE = 4  # of the polynomial
@@ -38,17 +36,11 @@ _BLUR = 0.8  # of the pictures, before edges are sought [pixels]
 
 @dataclasses.dataclass(frozen=True)
 class _Fit:
-    """Line fitted to the silhouettes.
+    """Line fitted to the silhouettes."""
 
-    Attributes:
-        coefficients: of its angle in each plane, (planes, degree) [rad].
-        residual: root mean square by which it misses their middle [pixels].
-        seen: share of its places where the worse camera sees both edges; 0 if the tip is hidden.
-    """
-
-    coefficients: Array
-    residual: float
-    seen: float
+    coefficients: Array  # of its angle in each plane, (planes, degree) [rad]
+    residual: float  # root mean square by which it misses their middle [pixels]
+    seen: float  # share of its places where the worse camera sees both edges; 0 if the tip is hidden
 
     @property
     def is_good(self) -> bool:
@@ -59,7 +51,6 @@ class SilhouetteMeter:
     """Meter of the bending angle by the silhouette of the section; it starts from the last picture."""
 
     def __init__(self, calibration: StereoCalibration, preset: Preset, rig: StereoRig) -> None:
-        """Prepare the line for the section of a preset."""
         self._cameras = calibration.left, calibration.right
         self._length, self._radius = preset.section_length, OUTER * preset.wire_offset
         self._planes = preset.bending_planes
@@ -103,7 +94,6 @@ class SilhouetteMeter:
         return float(fit.coefficients[0].sum()) - self._offset
 
     def _sought(self, smooth: list[Smooth]) -> _Fit:
-        """Fit the line from one arc after the other, until the fit is good."""
         best: _Fit | None = None
         for bend in np.radians(_STARTS_DEG):
             fit = self._laid(smooth, self._arc(bend), _FIRST_ROUNDS)
